@@ -34,10 +34,10 @@ def noise(p):
 
 def start(workload):
     """strapdown's Start of the workload: its perturbed state and standard deviations."""
-    from strapdown.core.loop.contract import Start
+    from strapdown.core.loop.contract import InitialState
 
     lla, v, rph = workload.start
-    return Start(
+    return InitialState(
         float(workload.t[0]),
         tuple(lla),
         tuple(v),

@@ -6,7 +6,12 @@ from .calibration.fitting import Calibration as Calibration, calibrate as calibr
 from .calibration.installation.calibrate import calibrate_installation as calibrate_installation
 from .calibration.installation.findings import Installation as Installation
 from .checks import DataError as DataError
-from .core.loop.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
+from .core.loop.contract import (
+    FilterState as FilterState,
+    Imu as Imu,
+    InitialState as InitialState,
+    Noise as Noise,
+)
 from .data.recording import Recording as Recording
 from .data.solution import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory
 from .data.vehicle import Vehicle as Vehicle

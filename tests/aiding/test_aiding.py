@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.loop.contract import Belief, Kind, compile_kernel
+from strapdown.core.loop.contract import FilterState, Kind, compile_kernel
 from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.short
@@ -132,7 +132,7 @@ def belief_at(name):
     C = Rotation.from_euler("ZYX", rph[::-1], degrees=True).as_matrix()
     ba, bg = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
     f = np.array([0.3, -1.0, -9.7])
-    return Belief(
+    return FilterState(
         np.array(lla) * [DEG, DEG, 1],
         np.array(v),
         C,
@@ -172,7 +172,7 @@ def observe(name, b, y):
     source.parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
     measured = np.full(3, np.nan)
     measured[: np.size(y)] = y
-    b = Belief(*(np.ascontiguousarray(part) for part in b))
+    b = FilterState(*(np.ascontiguousarray(part) for part in b))
     before = [part.copy() for part in b]
     rows = kernel(b, measured, source, innovation, H)
     assert all(np.array_equal(part, was) for part, was in zip(b, before)), (

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from strapdown import aiding
 from strapdown.core.compile.records import copied
 from strapdown.core.loop.contract import (
-    Belief,
+    FilterState,
     compile_kernel,
 )
 from strapdown.core.loop.stages.clock import followed_back, keep
@@ -92,7 +92,7 @@ def truth(kind, error, r):
 def believed(change=np.zeros(STATES)):
     """The belief now, moved by `change`; rate and force are the last ones less the biases."""
     dp, dv, theta, ba, bg = change[:15].reshape(5, 3)
-    return Belief(
+    return FilterState(
         np.array(pymap3d.ned2geodetic(*dp, *LLA, deg=False)),
         V + dv,
         (Rotation.from_rotvec(theta) * C).as_matrix(),

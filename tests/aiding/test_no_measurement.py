@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from strapdown import aiding
 from strapdown.aiding.course import MIN_SPEED, SURELY
 from strapdown.aiding.pressure import pressure_altitude
-from strapdown.core.loop.contract import Belief, compile_kernel
+from strapdown.core.loop.contract import FilterState, compile_kernel
 from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.short
@@ -18,7 +18,7 @@ def course(v, sd=(0.01, 0.01), omega=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0)):
     P = np.diag(np.r_[np.ones(3), np.square(sd), np.ones(10)])
     C = Rotation.from_euler("ZYX", [0.7, 0.2, -0.1]).as_matrix()
     zero = np.zeros(3)
-    belief = Belief(
+    belief = FilterState(
         np.array([0.8, 0.1, 5.0]),
         np.array([*v, 0.0]),
         C,

@@ -40,7 +40,7 @@ def departing():
 
 
 def scores(recording, start):
-    """Errors of a Start in its own standard deviations (15,), and of position, velocity (m, m/s)
+    """Errors of an InitialState in its own standard deviations (15,), and of position, velocity (m, m/s)
     and attitude (deg)."""
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - start.t)))

@@ -122,7 +122,7 @@ def test_a_verdict_is_on_the_run_to_the_end_with_rows_by_the_second(monkeypatch,
     ((label, verdict),), (solution,) = found.verdicts.items(), judged
     assert (label, verdict) == ("closed-loop", TRUSTED)
     seen = recording if found.sweep else recording.hidden(found.windows)
-    whole = sd.fuse(seen, start=sd.Start(**found.settings["start"]))
+    whole = sd.fuse(seen, start=sd.InitialState(**found.settings["start"]))
     np.testing.assert_array_equal(solution.innovations.nis, whole.innovations.nis)
     assert solution.t[-1] == recording.span[1] and 0.9 < np.diff(solution.t[:-1]).max() < 1.1
     assert len(solution.recording.aidings) == len(recording.aidings)

@@ -340,7 +340,7 @@ def test_names(filter, ahrs, text):
 @pytest.mark.parametrize(
     "wrong, text",
     [
-        ("foo", "start is 'foo'; it must be a Start"),
+        ("foo", "start is 'foo'; it must be an InitialState"),
         ({"sd": (1.0,) * 3}, "start: sd is .* it must be 15 finite numbers"),
         ({"t": None}, "start: t is None"),
         ({"rph": None}, "start: rph is None"),

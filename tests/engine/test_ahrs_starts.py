@@ -14,7 +14,7 @@ from strapdown.sim.trajectory import static
 
 
 def off(start):
-    """Angle (rad) between the attitude of a Start and the truth."""
+    """Angle (rad) between the attitude of an InitialState and the truth."""
     truth = recording().reference
     row = int(np.argmin(np.abs(truth.t - start.t)))
     return (truth.rotation[row] * Rotation.from_euler("ZYX", start.rph[::-1]).inv()).magnitude()

@@ -320,7 +320,7 @@ def test_options_may_be_any_real_number():
 @short
 def test_a_start_that_is_none():
     for wrong in ((0.0, 0.0, 0.0), {"rph": (0.0, 0.0, 0.0)}):
-        with pytest.raises(DataError, match="it must be a Start, such as `align` gives"):
+        with pytest.raises(DataError, match="it must be an InitialState, such as `align` gives"):
             sd.fuse(flight(), start=wrong)
 
 
@@ -427,8 +427,8 @@ def test_a_source_is_left_out_where_lifting_did_not_help(kind, fixes, lifted, in
     recording, begin = alike(40.0, 5.0)
     nis = [{".": 1.0, "x": 100.0, "?": np.nan}[each] for each in fixes]
     solution = sd.fuse(replace(recording, aidings=(scripted(nis, kind),)), SCRIPTED, start=begin)
-    text = "script: gate lifted after 5 or more rejections in a row over 3 s"
-    assert said(solution, "gate lifted") == [(t, text) for t in lifted]
+    text = "script: gate opened after 5 or more rejections in a row over 3 s"
+    assert said(solution, "gate opened") == [(t, text) for t in lifted]
     assert [t for t, _ in said(solution, "did not help")] == in_vain
 
 

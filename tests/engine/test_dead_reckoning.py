@@ -9,7 +9,7 @@ from recordings import start
 
 import strapdown as sd
 from strapdown.core.compile.records import rows
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.core.loop.cursor import Work
 from strapdown.core.loop.reacquisition import make_room
 from strapdown.core.mathematics.source import new_source
@@ -95,7 +95,7 @@ def test_a_recorded_robot_comes_home(heading, data_folder):
     recording = replace(recording, aidings=(*recording.aidings, *constraints(t)))
     first = recording.imu.t[0] - recording.imu.dt[0]
     lla = (0.8, 0.1, 100.0)
-    begin = Start(float(first), lla, (0.0,) * 3, (np.nan, np.nan, np.radians(heading)))
+    begin = InitialState(float(first), lla, (0.0,) * 3, (np.nan, np.nan, np.radians(heading)))
     solution = sd.fuse(recording, start=begin)
     moved = sd.geodesy.displacement(solution.trajectory.lla[-1:], np.array([lla]))
     assert np.linalg.norm(moved) < 15.0

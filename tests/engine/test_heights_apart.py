@@ -180,7 +180,7 @@ def test_smoothing_runs_over_it_twice_alike():
 
 
 def test_altitude_alone_bends_neither_attitude_nor_biases():
-    """Its gate is lifted where nothing else tells the height; it moves the height."""
+    """Its gate is opened where nothing else tells the height; it moves the height."""
     recording = simulated()
     velocity = tuple(a for a in recording.aidings if a.kind != "position")
     recording = replace(recording, aidings=velocity)

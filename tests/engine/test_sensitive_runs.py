@@ -100,7 +100,7 @@ def test_the_clock_changes_innovations_as_said():
 @pytest.fixture(scope="module")
 def troubled():
     """A short flight with gaps, with fixes inside them, positions that err for long, and velocities
-    that are rejected until their gate is lifted."""
+    that are rejected until their gate is opened."""
     gnss = Gnss(interval=0.43, lever_arm=(0.3, -0.2, -0.5))  # fixes split samples
     made = without_samples(flight(gnss=gnss), (5.0, 5.4), (9.0, 12.5))
     made = told(made, (1.0, 1.0, 2.0), 20.0)

@@ -395,7 +395,7 @@ def test_a_lifted_gate(longer):
     body = Rotation.from_quat(recording.reference.q_nb[rows][:, [1, 2, 3, 0]])
     y = np.where((field.t > 8)[:, None], (body.inv() * turned * body).apply(field.y), field.y)
     smoothed, filtered = both(replace(recording, aidings=(replace(field, y=y),)), given, **WHITE)
-    assert [t for t, _ in said(smoothed, "gate lifted")] == [pytest.approx(11.1, abs=0.11)]
+    assert [t for t, _ in said(smoothed, "gate opened")] == [pytest.approx(11.1, abs=0.11)]
     assert (
         np.isfinite(smoothed.trajectory.q_nb).all() and (smoothed.trajectory.sd[:, SIX] > 0).all()
     )

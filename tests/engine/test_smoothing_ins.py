@@ -447,7 +447,7 @@ def test_a_lifted_gate(flight):
     fix = recording.aidings[0]
     y = fix.y + (fix.t > 8)[:, None] * np.array([200 / 6.38e6, 0.0, 0.0])
     smoothed, filtered = both(replace(recording, aidings=(replace(fix, y=y, gate=None),)), given)
-    assert [t for t, _ in said(smoothed, "gate lifted")] == [pytest.approx(14.0)]
+    assert [t for t, _ in said(smoothed, "gate opened")] == [pytest.approx(14.0)]
     assert np.isfinite(smoothed.trajectory.lla).all() and (smoothed.trajectory.sd > 0).all()
     assert smoothed.trajectory.sd[300, 0] < filtered.trajectory.sd[300, 0]
 

@@ -48,7 +48,7 @@ def test_only_a_start_of_fixes_is_correlated_and_only_with_what_is_estimated():
     np.testing.assert_array_equal(P, covariance(recording, start))
     assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P)))).min() > 0
     assert np.all(np.diag(P) >= np.diag(diagonal))
-    given = sd.Start(start.t, lla=start.lla, v=start.v)
+    given = sd.InitialState(start.t, lla=start.lla, v=start.v)
     completed = covariance(recording, given)
     assert not completed[:STATES, STATES:].any()
     plain = begin(with_estimates(recording, {}), "closed-loop", run_options()).belief.P

@@ -1,4 +1,4 @@
-"""Where a stream starts: by itself from its first samples and fixes, from a Start with few fields, as
+"""Where a stream starts: by itself from its first samples and fixes, from an InitialState with few fields, as
 does fuse."""
 
 import numpy as np
@@ -9,7 +9,7 @@ from test_stream import events_of, play, stream_of
 import strapdown as sd
 from strapdown.alignment.missing_fields import missing_fields
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.data.solution.solution import INVALID
 from strapdown.engine.stream import Fix, Stream
 
@@ -109,13 +109,13 @@ def test_a_short_stream_starts_where_it_is_finished():
     assert np.isfinite(stream.finish().lla).all() and stream.started
 
 
-# ---- a Start with few fields
+# ---- an InitialState with few fields
 
 
 def test_a_stream_waits_for_what_is_left_open():
     recording = flight()
     truth = start(recording, 5.0)
-    few = Start(truth.t, lla=truth.lla, rph=truth.rph)
+    few = InitialState(truth.t, lla=truth.lla, rph=truth.rph)
     stream = stream_of(recording, few)
     for event in events_of(recording):
         stream.step(event)
@@ -124,7 +124,7 @@ def test_a_stream_waits_for_what_is_left_open():
         )
     assert missing_fields(stream.start) == [] and stream.start.t == truth.t
     batch = sd.fuse(recording.between(stop=15.0), start=few)
-    assert stream.start == Start(**batch.meta["start"])
+    assert stream.start == InitialState(**batch.meta["start"])
     whole = sd.fuse(recording, start=stream.start)
     assert np.array_equal(stream.belief.lla, whole.trajectory.lla[-1])
 
@@ -157,7 +157,7 @@ def test_a_stream_waits_for_what_is_left_open():
     ],
 )
 def test_parts_that_no_filter_can_begin_with_are_refused(wrong, text):
-    few = Start(2.0)._replace(**wrong)
+    few = InitialState(2.0)._replace(**wrong)
     with pytest.raises(DataError, match=f"^{text}"):
         sd.fuse(flight(), start=few)
     if "t" not in wrong:

@@ -144,7 +144,7 @@ def test_a_lasting_jump_is_taken_in_the_end():
     own = found.innovations.source == 0
     assert (found.innovations.weight[own][8:13] < 0.02).all()
     assert found.innovations.accepted[own][-3:].all()
-    assert any("gate was lifted" in text or "lifted" in text for _, text in found.events)
+    assert any("gate was opened" in text or "lifted" in text for _, text in found.events)
 
 
 def test_sources_by_name_and_what_is_refused():

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Aiding
@@ -40,7 +40,7 @@ def ideal(motion, duration, fixes=True):
     at = slice(RATE, None, RATE)
     aiding = Aiding("position", t[at], truth.lla[at], np.tile(FIX_SD, (duration, 1)))
     heading, pitch, roll = truth.rotation[0].as_euler("ZYX")
-    start = Start(
+    start = InitialState(
         0.0,
         tuple(truth.lla[0]),
         tuple(truth.v_n[0]),

@@ -108,7 +108,7 @@ def test_a_right_fix_is_compared_with_the_truth(tau):
     """On an exact INS with the right estimate of the clock there is no innovation."""
     made, _, truth = flight(4.0, 100.0, noisy=False)
     at = made.reference
-    start = sd.Start(
+    start = sd.InitialState(
         0.0,
         tuple(at.lla[0]),
         tuple(at.v_n[0]),

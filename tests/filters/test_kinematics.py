@@ -4,7 +4,7 @@ against two mechanizations and against hand-made products."""
 import numpy as np
 import pytest
 
-from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.earth import radii
 from strapdown.core.mathematics.error_state import X
 from strapdown.core.mathematics.mechanization import mechanize
@@ -35,7 +35,7 @@ def ins_behind(lla, error):
 def left_out(kinematics):
     """True position and velocity less those of the open loop after SECONDS, and the error state
     halfway."""
-    start = Start(
+    start = InitialState(
         0.0,
         (48 * DEG, 0.2, 3000.0),
         (60.0, -50.0, 2.0),
@@ -93,7 +93,7 @@ def test_an_unknown_kinematics_is_refused():
         ValueError, match="kinematics is 'exact'; it must be one of second-order, metres, geodetic"
     ):
         find("open-loop").start(
-            Start(
+            InitialState(
                 0.0, (0.8, 0.2, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
             ),
             NOISE,

@@ -664,7 +664,7 @@ BAD = {
     "a wind of 24 m/s is too fast": dict(wind=(0, 24.0, 0), told_wind=(0, 0, 0)),
     "seed is -1": dict(seed=-1),
     "the start is at 3 s; a flight begins at 0 s": dict(
-        start=sd.Start(3.0, DEFAULT_PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)
+        start=sd.InitialState(3.0, DEFAULT_PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)
     ),
     "cannot fly 0.001 s at 100 Hz": dict(duration=0.001),
     "estimates no position, and the autopilot flies by one": dict(filter="attitude-mekf"),

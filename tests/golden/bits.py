@@ -23,7 +23,7 @@ import numpy as np
 import strapdown as sd
 from strapdown import filters
 from strapdown.core.compile import library
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 
 FILE = Path(__file__).with_name("bits.json")
 SAMPLES, DT = 600, 1 / 64
@@ -72,7 +72,7 @@ def recording():
 
 def begin():
     """Where every filter begins."""
-    return Start(
+    return InitialState(
         0.0, (0.75, 0.125, 512.0), (0.0,) * 3, (2**-5, -(2**-6), 0.5), (0.0,) * 3, (0.0,) * 3, SD
     )
 

@@ -14,7 +14,7 @@ import strapdown
 from strapdown.aiding import position
 from strapdown.checks import DataError
 from strapdown.core.compile import c_calls, jit, kernel_cache, library, machine_code, signatures
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.core.mathematics import elementary
 from strapdown.core.mathematics.source import new_source
 from strapdown.native import build
@@ -80,7 +80,7 @@ def test_the_manifest_says_what_the_library_is(small):
 def state():
     """The arguments of an observation of a position, with a lever arm and an attitude."""
     place, v, rph, zero = (0.8, 0.2, 310.0), (30.0, -4.0, 1.5), (0.3, -0.2, 2.1), (0.0, 0.0, 0.0)
-    start = Start(0.0, place, v, rph, zero, zero, (1.0,) * 15)
+    start = InitialState(0.0, place, v, rph, zero, zero, (1.0,) * 15)
     source = new_source()
     source.parameters[:3] = 0.3, -0.7, 1.1
     y = np.array([0.8000002, 0.1999999, 312.5])

@@ -131,7 +131,7 @@ def test_the_moved_imu_navigates_the_moved_point():
     omega = np.vstack([imu.dtheta[:1], imu.dtheta]) / 0.01
     edges = np.vstack([omega[0], 0.5 * (omega[1:-1] + omega[2:]), omega[-1]])
     point = truth.displaced(ARM, edges)
-    start = sd.Start(
+    start = sd.InitialState(
         0.0,
         tuple(point.lla[0]),
         tuple(point.v_n[0]),

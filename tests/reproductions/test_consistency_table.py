@@ -144,7 +144,7 @@ def test_the_twin_forgets_an_error_as_the_closed_loop_does(moved):
 
 
 def shifted(start, error):
-    """A Start whose estimate has this error, true - estimate."""
+    """An InitialState whose estimate has this error, true - estimate."""
     from scipy.spatial.transform import Rotation
 
     rotation = Rotation.from_euler("ZYX", start.rph[::-1])

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.alignment.static_attitude import level, static_attitude
-from strapdown.core.loop.contract import Belief, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import FilterState, InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.rotation import matrix_to_quaternion, rotate_left
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution.recording import Recording
@@ -37,7 +37,7 @@ def observed(kind, C, y, f=np.zeros(3)):
     force."""
     sensor = aiding.find(kind)
     compile_kernel(sensor.observe)
-    b = Belief(
+    b = FilterState(
         np.array([1.1, 0.2, 0.0]),
         np.zeros(3),
         np.ascontiguousarray(C),
@@ -166,7 +166,7 @@ def test_c_a_field_between_position_fixes_is_used(name):
     field = Aiding(
         "magnetic-field", t[1::2], np.tile(FIELD, (100, 1)), np.full((100, 3), 2e-6), tuple(FIELD)
     )
-    start = Start(
+    start = InitialState(
         0.0,
         (1.1, 0.2, 0.0),
         (0.0,) * 3,
@@ -214,7 +214,7 @@ def our_covariance(h, noise):
     still = Recording.from_arrays(
         t, np.zeros((len(t), 3)), np.tile([0.0, 0.0, -9.8188], (len(t), 1))
     )
-    start = Start(
+    start = InitialState(
         0.0, (1.1, 0.2, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1e-9,) * 15, ""
     )
     keep = [3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14]

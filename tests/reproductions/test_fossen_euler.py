@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Noise, compile_kernel
 from strapdown_reproductions.fossen import euler_filters
 from strapdown_reproductions.fossen.euler_filters import DIRECT, INDIRECT, SLOTS
 
@@ -44,7 +44,7 @@ def model(x):
 def jacobian(filter, angles, ba, bg, **options):
     """F that the kernel makes of the state."""
     compile_kernel(filter.predict)
-    begin = Start(
+    begin = InitialState(
         0.0, (1.1, 0.2, 0.0), (0.0,) * 3, tuple(angles), tuple(ba), tuple(bg), (1.0,) * 15
     )
     belief = filter.begin(begin, NOISE, **options)

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution.solution import Trajectory
 from strapdown.io import read
@@ -74,9 +74,9 @@ def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
     fixes = Ahrs(rate=None, sd=sd).measure(path, np.random.default_rng(4))
     observe, belief = (
         aiding.find("attitude").observe.py_func,
-        Start(0.0, PLACE, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15).belief(
-            np.zeros(1)
-        ),
+        InitialState(
+            0.0, PLACE, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
+        ).belief(np.zeros(1)),
     )
     innovations = np.zeros((len(fixes.t), 3))
     for row, y in enumerate(fixes.y):

@@ -203,7 +203,7 @@ def test_at_the_truth_the_filters_innovation_is_the_noise_stated(kind, change):
 
 
 def scenario_belief(made):
-    """A Belief with one further state, to be filled with the truth."""
+    """A FilterState with one further state, to be filled with the truth."""
     start = draw_start(made.reference, np.ones(15), np.random.default_rng(0))
     return start._replace(sd=(*start.sd, 1.0)).belief(np.zeros(1))
 

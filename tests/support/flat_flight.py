@@ -5,7 +5,7 @@ import numpy as np
 import pyins.earth
 from scipy.spatial.transform import Rotation
 
-from strapdown import Start, Trajectory
+from strapdown import InitialState, Trajectory
 from strapdown.core.loop.contract import Imu, Noise
 from strapdown.core.mathematics.earth import gravity
 from strapdown.data.solution.recording import Recording
@@ -100,7 +100,7 @@ def flight(
         Aiding("velocity", t[fixed], fixes[:, 3:], np.full((len(fixed), 3), sd[1])),
     )
     off = np.r_[np.full(3, 2.0), np.full(3, 0.3)] * rng.standard_normal(6)
-    start = Start(
+    start = InitialState(
         0.0,
         tuple(geodetic(off[None, :3])[0]),
         tuple(truth[0, 3:] + off[3:]),

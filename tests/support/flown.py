@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from flat_flight import ORIGIN, flat, geodetic
 
-from strapdown import Start
+from strapdown import InitialState
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Imu
 from strapdown.data.solution.recording import Recording
@@ -22,7 +22,7 @@ class Flown(NamedTuple):
     """A flight of n samples."""
 
     recording: Recording  # with fixes of position and velocity, if any
-    start: Start  # the truth
+    start: InitialState  # the truth
     truth: np.ndarray  # (n + 1, 17) states of the aircraft
     inputs: np.ndarray  # (n, 9) what the filters are told: 1, controls at mid-sample, wind, seconds
 
@@ -64,7 +64,7 @@ def flown(seconds, dt=0.01, wind=(3.0, -2.0, 0.5), fixes=()):
         ),
         Aiding("velocity", dt * rows, seen[:, 3:], np.full((len(rows), 3), 0.1), gate=np.inf),
     )
-    start = Start(
+    start = InitialState(
         0.0,
         tuple(states[0, :3]),
         tuple(states[0, 3:6]),

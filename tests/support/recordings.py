@@ -9,7 +9,7 @@ import numpy as np
 import strapdown as sd
 from strapdown import filters
 from strapdown.core.compile.jit import COMPILED
-from strapdown.core.loop.contract import Imu, Start
+from strapdown.core.loop.contract import Imu, InitialState
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Aiding
 from strapdown.engine.stream import Fix, Sample
@@ -54,11 +54,11 @@ def flight(
 
 
 def start(recording, t=0.0):
-    """A Start at the truth of a simulated flight, a little off."""
+    """An InitialState at the truth of a simulated flight, a little off."""
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - t)))
     roll, pitch, heading = truth.rph[row]
-    return Start(
+    return InitialState(
         float(truth.t[row]),
         tuple(truth.lla[row] + [1e-7, -1e-7, 1.0]),
         tuple(truth.v_n[row] + [0.1, -0.1, 0.1]),
@@ -80,7 +80,7 @@ def alike(seconds=10.0, rate=20.0):
         np.tile([0.002, -0.001, 0.005], (n, 1)),
         np.tile([0.01, 0.02, -9.8 * dt], (n, 1)),
     )
-    return Recording(imu, meta={"grade": "tactical"}), Start(
+    return Recording(imu, meta={"grade": "tactical"}), InitialState(
         0.0, (0.8, 0.2, 300.0), (10.0, 5.0, 0.0), (0.05, 0.02, 1.0), (0.0,) * 3, (0.0,) * 3, SD
     )
 

@@ -35,7 +35,7 @@ def simulated() -> float:
     """Simulate, align, stream."""
     recording = sd.simulate(demo_flight(), 60.0, "tactical", seed=1)
     start = sd.align(recording, sd.grade("tactical"))
-    assert_type(start, sd.Start)
+    assert_type(start, sd.InitialState)
     stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=recording.aidings)
     print(stream)
     campaign = sd.Study(("demo",), ("closed-loop",), runs=2).run("study")
@@ -43,7 +43,7 @@ def simulated() -> float:
     return float(recording.imu.dt.sum())
 
 
-def wrong(recording: sd.Recording, start: sd.Start) -> None:
+def wrong(recording: sd.Recording, start: sd.InitialState) -> None:
     """Each of these is an error before anything runs."""
     sd.fuse(42)  # type: ignore[arg-type]
     sd.fuse(recording, filtre=3)  # type: ignore[call-arg]

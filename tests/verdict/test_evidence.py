@@ -245,7 +245,7 @@ def test_missing_samples_are_a_reason_and_end_what_the_course_says():
 @pytest.mark.parametrize(
     ("said", "cause", "source"),
     [
-        ("GNSS: gate lifted after 5 or more rejections", "outliers", "GNSS"),
+        ("GNSS: gate opened after 5 or more rejections", "outliers", "GNSS"),
         ("GNSS north: fixes are 2 standard deviations off", "outliers", "GNSS"),
         ("gyro x is stuck at 0 deg/s", "gyro", ""),
         ("accelerometer z reads 1e+06 m/s^2, which cannot be", "accelerometer", ""),

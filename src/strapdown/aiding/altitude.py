@@ -1,12 +1,14 @@
 """Ellipsoidal height of a point of the body: y = m."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, helper, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, helper, kernel
 from ..core.mathematics.rotation import turned
 from ..typing import Array
 
 
 @helper
-def height(belief: Belief, measured: float, source: SourceRow, innovation: Array, H: Array) -> int:
+def height(
+    belief: FilterState, measured: float, source: SourceRow, innovation: Array, H: Array
+) -> int:
     """One row, down: estimated height of the point at the lever arm source.parameters[0:3] (m, body) -
     measured, m."""
     north, east, down = turned(
@@ -19,7 +21,7 @@ def height(belief: Belief, measured: float, source: SourceRow, innovation: Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row from y = height above the ellipsoid, m."""
     return height(belief, y[0], source, innovation, H)
 

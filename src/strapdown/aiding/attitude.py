@@ -8,13 +8,13 @@ pitch and heading of a body that is not steep, and no pitch is singular.
 
 import math
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.rotation import euler_terms, measured_heading, rotation_between
 from ..typing import Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: rotation vector forward, right, down, rad."""
     heading = measured_heading(y, belief.C)
     ch, sh = math.cos(heading), math.sin(heading)

@@ -9,7 +9,7 @@ is left out.
 
 import math
 
-from ..core.loop.contract import STATES, Belief, SourceRow, helper
+from ..core.loop.contract import STATES, FilterState, SourceRow, helper
 from ..core.mathematics.rotation import turned
 from ..typing import Array, Ints
 
@@ -43,20 +43,20 @@ def turned_back(C: Array, a: Three) -> Three:
 
 
 @helper
-def any_of(belief: Belief, source: SourceRow) -> bool:
+def any_of(belief: FilterState, source: SourceRow) -> bool:
     """True where any parameter of the installation of a source is a state. Tests the filter first,
     because firmware has no such states, and skips the rest then."""
     return belief.extra_states.size > 0 and source.estimated > 0
 
 
 @helper
-def error(belief: Belief, state: int) -> float:
+def error(belief: FilterState, state: int) -> float:
     """The estimated error of a parameter; 0 of one that is no state."""
     return belief.extra_states[state - STATES] if state > 0 else 0.0
 
 
 @helper
-def errors(belief: Belief, states: Ints) -> Three:
+def errors(belief: FilterState, states: Ints) -> Three:
     """Those of three parameters."""
     return error(belief, states[0]), error(belief, states[1]), error(belief, states[2])
 
@@ -69,14 +69,14 @@ def column(H: Array, state: int, by: Three) -> None:
 
 
 @helper
-def arm_of_vehicle(belief: Belief, source: SourceRow) -> Three:
+def arm_of_vehicle(belief: FilterState, source: SourceRow) -> Three:
     """The lever arm with its error, in axes of the vehicle."""
     d = errors(belief, source.arm_state)
     return source.parameters[0] + d[0], source.parameters[1] + d[1], source.parameters[2] + d[2]
 
 
 @helper
-def arm_of_body(belief: Belief, source: SourceRow) -> Three:
+def arm_of_body(belief: FilterState, source: SourceRow) -> Three:
     """The same in axes of the body."""
     l = arm_of_vehicle(belief, source)
     by = cross(errors(belief, source.mounting_state), l)
@@ -94,7 +94,7 @@ def axis(k: int) -> Three:
 
 
 @helper
-def axis_of_vehicle(k: int, belief: Belief, source: SourceRow) -> Three:
+def axis_of_vehicle(k: int, belief: FilterState, source: SourceRow) -> Three:
     """The unit vector along axis k of the vehicle, in the body: exp(-mu x) u, to second order."""
     u, mu = axis(k), errors(belief, source.mounting_state)
     once = cross(u, mu)
@@ -107,7 +107,7 @@ def axis_of_vehicle(k: int, belief: Belief, source: SourceRow) -> Three:
 
 
 @helper
-def axis_by_mounting(k: int, i: int, belief: Belief, source: SourceRow) -> Three:
+def axis_by_mounting(k: int, i: int, belief: FilterState, source: SourceRow) -> Three:
     """The derivative of `axis_of_vehicle` by component i of the mounting."""
     mu, turn = errors(belief, source.mounting_state), cross(axis(k), axis(i))
     more, again = cross(turn, mu), cross(cross(axis(k), mu), axis(i))
@@ -119,7 +119,7 @@ def axis_by_mounting(k: int, i: int, belief: Belief, source: SourceRow) -> Three
 
 
 @helper
-def along_arm(belief: Belief, source: SourceRow, H: Array, swings: bool, rate: Three) -> None:
+def along_arm(belief: FilterState, source: SourceRow, H: Array, swings: bool, rate: Three) -> None:
     """Columns of the lever arm and of the mounting, which turns it, of a position or, where the
     arm `swings` at a rate (rad/s, body), of a velocity."""
     C, M, l = belief.C, source.turn, arm_of_vehicle(belief, source)
@@ -133,7 +133,7 @@ def along_arm(belief: Belief, source: SourceRow, H: Array, swings: bool, rate: T
 
 
 @helper
-def bias_since(belief: Belief, source: SourceRow) -> Three:
+def bias_since(belief: FilterState, source: SourceRow) -> Three:
     """The accelerometer bias less that of which `force`, `lag` and `force_then` are free, m/s^2: not zero at
     the points of a filter that tries some."""
     b = belief.ba
@@ -160,7 +160,7 @@ def by_attitude(H: Array, x: Three) -> None:
 
 
 @helper
-def position(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> None:
+def position(belief: FilterState, source: SourceRow, innovation: Array, H: Array) -> None:
     """Correct an innovation y - p (m, NED) of an antenna's position, and its H, for the states of
     the installation."""
     C, M, v = belief.C, source.turn, belief.v
@@ -204,14 +204,14 @@ def position(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> 
 
 
 @helper
-def rate_then(belief: Belief, source: SourceRow) -> Three:
+def rate_then(belief: FilterState, source: SourceRow) -> Three:
     """The angular rate at the instant of the fix, rad/s, body."""
     w = belief.omega
     return w[0] + source.rate[0], w[1] + source.rate[1], w[2] + source.rate[2]
 
 
 @helper
-def velocity(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> None:
+def velocity(belief: FilterState, source: SourceRow, innovation: Array, H: Array) -> None:
     """Correct an innovation y - v (m/s, NED) of an antenna's velocity, and its H, for the states of
     the installation."""
     C, M = belief.C, source.turn
@@ -257,7 +257,9 @@ def velocity(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> 
 
 
 @helper
-def along(k: int, belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> None:
+def along(
+    k: int, belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
+) -> None:
     """One row: y - velocity of a point along axis k of the vehicle, times 1 + scale."""
     C, M, v, r = belief.C, source.turn, belief.v, source.gravity
     later = error(belief, source.clock_state) - source.clock
@@ -326,7 +328,7 @@ def acceleration_then(C: Array, source: SourceRow, bias: Three) -> Three:
 
 
 @helper
-def heading(belief: Belief, source: SourceRow, H: Array) -> float:
+def heading(belief: FilterState, source: SourceRow, H: Array) -> float:
     """Heading of the x axis of the vehicle, rad, and its row of H."""
     C, u = belief.C, axis_of_vehicle(0, belief, source)
     n, e, d = turned(C, u[0], u[1], u[2])

@@ -4,14 +4,14 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, helper, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, helper, kernel
 from ..typing import Array
 from . import augmented as estimated
 
 
 @helper
 def along(
-    axis: int, belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
+    axis: int, belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: y - velocity of the point `source.parameters[0:3]` (m, body, from the IMU) along body
     axis 0, 1 or 2."""
@@ -35,14 +35,16 @@ def along(
 
 
 @kernel(OBSERVE)
-def observe_speed(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe_speed(
+    belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
+) -> int:
     """One row: forward speed, m/s."""
     return along(0, belief, y, source, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_lateral(
-    belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
+    belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed to the right, m/s."""
     return along(1, belief, y, source, innovation, H)
@@ -50,7 +52,7 @@ def observe_lateral(
 
 @kernel(OBSERVE)
 def observe_vertical(
-    belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
+    belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed downwards in the body, m/s."""
     return along(2, belief, y, source, innovation, H)

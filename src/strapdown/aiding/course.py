@@ -9,7 +9,7 @@ standard deviations.
 import math
 
 from ..core.compile.selection import all_of, where
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
@@ -18,7 +18,7 @@ MIN_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: y - course, wrapped, rad; NaN where there is none."""
     C, w = belief.C, belief.omega
     l0, l1, l2 = source.parameters[0], source.parameters[1], source.parameters[2]

@@ -6,14 +6,14 @@ the estimated C and f, m/s^2 in n: three rows, the third for the bias alone. An 
 body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
 """
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.earth import gravity, gravity_north, place
 from ..core.mathematics.rotation import turned
 from ..typing import Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
     C, f = belief.C, belief.f
     n0, n1, n2 = turned(C, f[0], f[1], f[2])

@@ -1,7 +1,7 @@
 """Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at
 every heading (the published compass row is not)."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import wrap
 from ..typing import Array
@@ -9,7 +9,7 @@ from . import augmented as estimated
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
     if estimated.any_of(belief, source):
         innovation[0] = wrap(y[0] - estimated.heading(belief, source, H))

@@ -6,12 +6,12 @@ right: where only its direction in the horizontal plane is to be trusted, the at
 that.
 """
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..typing import Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: y - field in the body, T; source.parameters[0:3] is the reference, T NED."""
     C, m0, m1, m2 = belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
     for i in range(3):

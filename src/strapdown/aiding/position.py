@@ -1,6 +1,6 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.earth import radii
 from ..core.mathematics.elementary import cosine
 from ..core.mathematics.rotation import turned, wrap
@@ -9,7 +9,7 @@ from . import augmented as estimated
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: antenna position y - h, m NED."""
     R_M, R_N = radii(belief.lla[0])
     innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2])

@@ -8,7 +8,15 @@ metres, and drift. So each source brings a bias along, in m: what the barometer 
 import math
 from typing import Any
 
-from ..core.loop.contract import OBSERVE, STATES, Belief, Measurement, SourceRow, helper, kernel
+from ..core.loop.contract import (
+    OBSERVE,
+    STATES,
+    FilterState,
+    Measurement,
+    SourceRow,
+    helper,
+    kernel,
+)
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from .altitude import height
@@ -35,7 +43,9 @@ def pressure_altitude(p: float) -> float:
 
 
 @helper
-def biased(belief: Belief, measured: float, source: SourceRow, innovation: Array, H: Array) -> int:
+def biased(
+    belief: FilterState, measured: float, source: SourceRow, innovation: Array, H: Array
+) -> int:
     """One row, down: estimated height of the point + bias - measured, m."""
     bias = source.first_state
     H[0, bias] = -1.0
@@ -43,14 +53,14 @@ def biased(belief: Belief, measured: float, source: SourceRow, innovation: Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row from y = pressure, Pa."""
     return biased(belief, pressure_altitude(y[0]), source, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_altitude(
-    belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
+    belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row from y = barometric height, m."""
     return biased(belief, y[0], source, innovation, H)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ..checks import DataError
-from ..core.loop.contract import STATES, Belief, Measurement, Observe
+from ..core.loop.contract import STATES, FilterState, Measurement, Observe
 from ..core.mathematics.source import new_source
 from ..typing import Array
 
@@ -55,14 +55,14 @@ def tried(sensor: Measurement, observe: Observe) -> list[str]:
     return list(dict.fromkeys(said))
 
 
-def _belief(turn: tuple[float, float, float], extra: int, dx: Array | None = None) -> Belief:
+def _belief(turn: tuple[float, float, float], extra: int, dx: Array | None = None) -> FilterState:
     """A belief at an attitude, moved by the error dx (15 + extra,), SI."""
     from scipy.spatial.transform import Rotation
 
     dx = np.zeros(STATES + extra) if dx is None else dx
     lat = 0.8
     C = Rotation.from_rotvec(dx[6:9]) * Rotation.from_euler("ZYX", turn[::-1])
-    return Belief(
+    return FilterState(
         np.array([lat, 0.2, 400.0]) + dx[:3] / (EARTH_RADIUS, EARTH_RADIUS * math.cos(lat), -1.0),
         np.array([12.0, -7.0, 1.5]) + dx[3:6],
         np.ascontiguousarray(C.as_matrix()),
@@ -77,7 +77,7 @@ def _belief(turn: tuple[float, float, float], extra: int, dx: Array | None = Non
 
 
 def _called(
-    sensor: Measurement, observe: Observe, belief: Belief, measured: Array
+    sensor: Measurement, observe: Observe, belief: FilterState, measured: Array
 ) -> tuple[Array, Array]:
     """(H, innovation) of its rows, of which there may be none. Raises DataError."""
     n, rows = len(belief.P), len(sensor.quantities)
@@ -107,7 +107,7 @@ def _called(
     return H[: int(found)].copy(), innovation[: int(found)].copy()
 
 
-def _nearest(sensor: Measurement, observe: Observe, belief: Belief) -> Array:
+def _nearest(sensor: Measurement, observe: Observe, belief: FilterState) -> Array:
     """Measured values whose innovation is as good as 0, by Newton's method: H belongs to small
     ones."""
     y = np.array([TYPICAL.get(quantity, 1.0) for quantity in sensor.quantities])

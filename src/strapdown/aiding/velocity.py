@@ -1,13 +1,13 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
 lever-arm term (7e-5 rad/s) is left out."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..typing import Array
 from . import augmented as estimated
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: antenna velocity y - h, m/s NED."""
     if estimated.any_of(belief, source):
         for i in range(3):

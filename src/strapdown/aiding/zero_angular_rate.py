@@ -1,14 +1,14 @@
 """Zero angular rate over ground while the vehicle is at rest: what the gyro reads then is its bias
 and the Earth's rate. y = its mean reading over the step before, rad/s, body."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.earth import RATE
 from ..core.mathematics.elementary import cosine, sine
 from ..typing import Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: y - (bg + C' w), w the Earth's rate in n; with true C = exp(theta) C the
     derivative by theta is C' [w x]."""
     north, down = RATE * cosine(belief.lla[0]), -RATE * sine(belief.lla[0])

@@ -5,13 +5,13 @@ y is the height of mean sea level above the ellipsoid, m: the undulation of the 
 are ellipsoidal, 0 where heave is all that is wanted.
 """
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..typing import Array
 from .altitude import height
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row, down: estimated height of the point of the waterline at source.parameters[0:3] (m, body)
     - y, m."""
     return height(belief, y[0], source, innovation, H)

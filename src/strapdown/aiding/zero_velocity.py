@@ -1,12 +1,12 @@
 """Zero velocity over ground while the vehicle is at rest;
 `strapdown.preprocessing.stationary.at_rest` finds when."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..typing import Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: 0 - velocity, m/s NED."""
     for i in range(3):
         innovation[i] = -belief.v[i]

@@ -1,9 +1,9 @@
-"""From the first seconds of a Recording to a filter's Start: position and velocity from fixes,
+"""From the first seconds of a Recording to a filter's InitialState: position and velocity from fixes,
 level from specific force, heading from what there is.
 
 The start is the first position fix; where the heading can only come from the course, the fix that is
 best for that (course.py). A filter of attitude alone needs no fix and starts with the record. Everything
-found is stated in `Start.note` and can be overridden with `Start._replace`. Source: Groves (2013)
+found is stated in `InitialState.note` and can be overridden with `InitialState._replace`. Source: Groves (2013)
 section 5.6.
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..checks import DataError, brief
-from ..core.loop.contract import Imu, Start
+from ..core.loop.contract import Imu, InitialState
 from ..core.mathematics.earth import GRAVITY_EQUATOR, gravity
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data.recording import Recording
@@ -63,8 +63,8 @@ def align(
     heading_sd: float = np.radians(2.0),
     at: float | None = None,
     position: bool = True,
-) -> Start:
-    """A Start for `recording`, whose IMU is the ImuSpec `imu`.
+) -> InitialState:
+    """An InitialState for `recording`, whose IMU is the ImuSpec `imu`.
 
     heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another
     instant (then the fixes next to it are used). position: False for a filter that estimates
@@ -107,10 +107,10 @@ def align(
 
 def starts_around(
     recording: Recording, imu: StatesBiases, t: float, headings: Iterable[HeadingFound]
-) -> list[Start]:
+) -> list[InitialState]:
     """Starts at t (s), one for each of these headings."""
     fixes, velocity = position_and_velocity(recording)
-    assert fixes is not None  # whoever tries headings has a Start, and so a fix
+    assert fixes is not None  # whoever tries headings has an InitialState, and so a fix
     moment = _moment(recording, imu, fixes, velocity, t)
     return [_start_heading(recording, moment, heading) for heading in headings]
 
@@ -170,8 +170,8 @@ def _moment(
     return moment._replace(felt=_felt(recording, moment))
 
 
-def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound) -> Start:
-    """The Start at that moment and heading."""
+def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound) -> InitialState:
+    """The InitialState at that moment and heading."""
     t, fixes, k = moment.t, moment.fixes, moment.nearest
     psi = heading.heading
     roll, pitch, level_sd, level_note = (
@@ -206,7 +206,7 @@ def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound)
 
 
 def _motion(moment: _Moment, C: Array, lla: Array, v: Array) -> tuple[float, ...]:
-    """`Start.motion`."""
+    """`InitialState.motion`."""
     down, omega = np.array([0.0, 0.0, gravity(np.sin(lla[0]), lla[2])]), moment.omega
     swing = np.cross(omega, _arm(moment.fixes))
     arm = _arm(moment.velocity)
@@ -222,12 +222,12 @@ def _start(
     bg: Array,
     sd: Iterable[float],
     note: str,
-) -> Start:
+) -> InitialState:
 
     def numbers(values: Iterable[float]) -> tuple[float, ...]:
         return tuple(float(value) for value in values)
 
-    return Start(
+    return InitialState(
         float(t),
         numbers(lla),
         numbers(v),
@@ -241,8 +241,8 @@ def _start(
 
 def _attitude_start(
     recording: Recording, imu: StatesBiases, given: HeadingFound | None, t: float
-) -> Start:
-    """A Start for a filter of attitude alone: level from rest or else the mean specific force;
+) -> InitialState:
+    """An InitialState for a filter of attitude alone: level from rest or else the mean specific force;
     place and velocity as far as they are known."""
     fixes, velocity = position_and_velocity(recording)
     lla, lla_sd, place_note = _place(recording, fixes, t)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..core.loop.contract import ATT, POS, VEL, Start
+from ..core.loop.contract import ATT, POS, VEL, InitialState
 from ..data.recording import Recording
 from .fixes import source
 from .initial import align
@@ -11,19 +11,19 @@ from .location import GIVEN_SD
 from .rest import rests
 
 PARTS = {"lla": 3, "v": 3, "rph": 3, "ba": 3, "bg": 3, "sd": 15}
-"""Fields of a Start that may be left open, and their length."""
+"""Fields of an InitialState that may be left open, and their length."""
 MAX_HEADING = 4 * np.pi  # rad: more is in degrees
 GIVEN_SPEED_SD = 0.5  # m/s, of a velocity that was given without its standard deviation
 GIVEN_ANGLE_SD = np.radians(2.0)  # the same of roll, pitch and heading
 REST_SPEED_SD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
 
 
-def missing_fields(start: Start) -> list[str]:
+def missing_fields(start: InitialState) -> list[str]:
     """Names of the parts that are not given; `rph` where roll and pitch are NaN."""
     return [name for name in PARTS if not _given(start, name)]
 
 
-def _given(start: Start, name: str) -> bool:
+def _given(start: InitialState, name: str) -> bool:
     values = getattr(start, name)
     return np.size(values) > 0 and not _heading_alone(name, values)
 
@@ -41,7 +41,9 @@ def _heading_alone(name: str, values: object) -> bool:
     )
 
 
-def filled(start: Start, recording: Recording, imu: StatesBiases, position: bool = True) -> Start:
+def filled(
+    start: InitialState, recording: Recording, imu: StatesBiases, position: bool = True
+) -> InitialState:
     """`start` with what it leaves open, `()` or roll and pitch NaN, found from what `recording`
     holds around its time; position: False for a filter that estimates attitude alone.
 

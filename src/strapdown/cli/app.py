@@ -401,8 +401,8 @@ def _start(
     imu: "str | sd.ImuSpec | dict[str, Any]",
     heading: float | None,
     filter: str,
-) -> "sd.Start | None":
-    """The Start of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
+) -> "sd.InitialState | None":
+    """The InitialState of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
     if heading is None:
         return None
     from ..engine.prepare import positioned

@@ -40,7 +40,7 @@ RELATIVE = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.filters,
-        help="The closed loop or one of its relatives.",
+        help="The closed loop or another filter of the closed-loop family.",
     ),
 ]
 AHRS = Annotated[

@@ -23,7 +23,7 @@ from .console import (
 )
 
 if TYPE_CHECKING:
-    from ..core.loop.contract import Start
+    from ..core.loop.contract import InitialState
 
 
 def diagnose(
@@ -49,7 +49,7 @@ def show(
     filter: str,
     imu: Any,
     vehicle: str | None,
-    start: "Start | None",
+    start: "InitialState | None",
     options: dict[str, Any],
 ) -> None:
     """Diagnose, and print what was found."""

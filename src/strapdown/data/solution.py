@@ -297,7 +297,7 @@ class SolutionMeta(TypedDict, total=False):
     read: list[str]  # what was taken from the files
     imu: str  # name of the grade
     vehicle: str  # its name
-    start: dict[str, Any]  # fields of the Start
+    start: dict[str, Any]  # fields of the InitialState
     noise: dict[str, float]  # fields of the Noise
     kinds: dict[str, str]  # {source: kind}
     bias_sd: Sequence[float] | None  # what the description of the IMU allows, m/s^2 and rad/s

@@ -1,4 +1,4 @@
-"""The alignment buffer of a stream: samples and measurements before its start, and the Start that
+"""The alignment buffer of a stream: samples and measurements before its start, and the InitialState that
 they give."""
 
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..alignment.missing_fields import filled
 from ..checks import DataError
-from ..core.loop.contract import Filter, Imu, Start
+from ..core.loop.contract import Filter, Imu, InitialState
 from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Aiding
 from ..preprocessing.plausible import refuse_mistakes
@@ -93,18 +93,18 @@ class Gathering:
         """Raise DataError where the samples contradict gravity."""
         refuse_mistakes(self.recording().imu, "IMU", "increment", self._meta.get("vehicle"))
 
-    def start(self) -> Start:
-        """The Start that what was gathered tells. Raises DataError where it tells none."""
+    def start(self) -> InitialState:
+        """The InitialState that what was gathered tells. Raises DataError where it tells none."""
         if self._spec is None:
             raise DataError(
-                "to find a start the stream must know its IMU: give imu=, or a whole Start"
+                "to find a start the stream must know its IMU: give imu=, or a whole InitialState"
             )
         recording, position = self.recording(), positioned(self._filter)
         if self._given is not None:
             return filled(self._given, recording, self._spec, position)
         return aligned(recording, self._spec, position, self._noise, self._say)
 
-    def worth(self, start: Start) -> bool:
+    def worth(self, start: InitialState) -> bool:
         """True where a start need not wait for a better one: its heading is known, or given, or the
         filter estimates no position."""
         return (

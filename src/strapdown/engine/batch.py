@@ -4,7 +4,7 @@ from typing import Unpack
 
 from .. import filters
 from ..alignment.missing_fields import filled, missing_fields
-from ..core.loop.contract import Filter, Start
+from ..core.loop.contract import Filter, InitialState
 from ..data.recording import Recording, check_recording
 from ..data.solution import Solution
 from ..data.vehicle import find as find_vehicle
@@ -71,7 +71,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
         recording = recording.knowing(vehicle=find_vehicle(asked["vehicle"]))
     recording = with_estimates(recording, asked["estimate"])
     imu, start = asked["imu"], asked["start"]
-    whole = isinstance(start, Start) and not missing_fields(start)
+    whole = isinstance(start, InitialState) and not missing_fields(start)
     noise, spec = assumed_noise(
         recording.meta.get("grade") if imu is None else imu, asked["noise"], needed=not whole
     )
@@ -81,7 +81,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
         if said:
             recording = recording.noting(said).knowing(estimate=axes)
     if start is not None:  # before an AHRS or anything else takes it for one
-        check_start(start, noise, missing_fields(start) if isinstance(start, Start) else ())
+        check_start(start, noise, missing_fields(start) if isinstance(start, InitialState) else ())
     known: RunOptions = {
         **asked,
         "imu": spec,

@@ -308,7 +308,7 @@ WORDS: dict[int, Words] = {
     Code.BRIDGED_GAP: lambda e, row, s, value: _gap(e, row, value, "bridged"),
     Code.HELD_GAP: lambda e, row, s, value: _gap(e, row, value, e.held),
     Code.LIFTED: lambda e, row, s, value: (
-        f"{e.name(s)}: gate lifted after {REJECTED} or more rejections in a row over "
+        f"{e.name(s)}: gate opened after {REJECTED} or more rejections in a row over "
         f"{LIFT_AFTER:g} s"
     ),
     Code.LEFT_OUT: lambda e, row, s, value: (

@@ -18,7 +18,7 @@ from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, HeadingFound
 from ..alignment.rest import rests
-from ..core.loop.contract import Noise, Start
+from ..core.loop.contract import InitialState, Noise
 from ..data.recording import Recording
 from ..geometry.geodesy import wrap
 from ..sensor_models.imu import ImuSpec
@@ -50,8 +50,8 @@ def aligned(
     position: bool = True,
     noise: Noise | None = None,
     say: Say | None = None,
-) -> Start:
-    """The Start that `align` finds; for a filter of positions, where that heading is unknown or
+) -> InitialState:
+    """The InitialState that `align` finds; for a filter of positions, where that heading is unknown or
     that of a slow course, the one that the fixes decide for.
 
     Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
@@ -72,7 +72,7 @@ def aligned(
     return starts_around(recording, imu, start.t, [found])[0]
 
 
-def _doubtful(start: Start) -> bool:
+def _doubtful(start: InitialState) -> bool:
     """True where the heading is unknown, or from the course of a slow vehicle, which may be carried
     by hand."""
     if "heading from the course" not in start.note:
@@ -124,7 +124,7 @@ class _Peak(NamedTuple):
     sd: float
 
 
-def _found(trials: _Trials, start: Start) -> HeadingFound:
+def _found(trials: _Trials, start: InitialState) -> HeadingFound:
     """The heading that the innovations decide for; else their mean over all headings, of which that
     of `start` is as likely before as all others together."""
     headings = SPACING * np.arange(HEADINGS)

@@ -15,8 +15,8 @@ from ..core.loop.contract import (
     STATES,
     VEL,
     Filter,
+    InitialState,
     SourceRow,
-    Start,
 )
 from ..core.mathematics.coupling import Coupling
 from ..core.mathematics.error_dynamics import cross_matrix
@@ -291,7 +291,7 @@ def errors_of_start(v: Array, C: Array, omega: Array, acceleration: Array) -> tu
 
 
 def correlate(
-    P: Array, start: Start, found: Sequence[StateParameter], kinds: Sequence[str]
+    P: Array, start: InitialState, found: Sequence[StateParameter], kinds: Sequence[str]
 ) -> None:
     """Add to P at the start what the first fixes err by with the parameters `found`, whose states
     are the last; `kinds` of all sources."""

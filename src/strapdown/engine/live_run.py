@@ -13,13 +13,13 @@ from ..core.compile.records import place
 from ..core.loop import loop
 from ..core.loop.contract import (
     STATES,
-    Belief,
     Cursor,
     Filter,
+    FilterState,
     Imu,
+    InitialState,
     Kernels,
     Noise,
-    Start,
     Use,
     bound,
 )
@@ -66,7 +66,7 @@ class _Room:
         self,
         of: SetUp,
         kernels: Kernels,
-        belief: Belief,
+        belief: FilterState,
         cursor: Cursor,
         rows: int,
         covariance: bool = False,
@@ -111,7 +111,7 @@ class LiveRun:
     def __init__(
         self,
         set_up: SetUp,
-        start: Start,
+        start: InitialState,
         rows: int,
         covariance: bool = False,
         say: Say | None = None,
@@ -323,13 +323,13 @@ class LiveRun:
     def _changing(self) -> list[Any]:
         return [*self.belief, *self.cursor]
 
-    def copy(self) -> Belief:
+    def copy(self) -> FilterState:
         """The belief in arrays of its own."""
-        return Belief(*(column.copy() for column in self.belief))
+        return FilterState(*(column.copy() for column in self.belief))
 
 
-def start_at(row: Array) -> Start:
-    """The Start that a row of the output tells; correlations are left out."""
+def start_at(row: Array) -> InitialState:
+    """The InitialState that a row of the output tells; correlations are left out."""
     t, rph_now = (
         float(row[solution_row.T]),
         quaternion_to_euler(row[solution_row.Q : solution_row.BIASES]),
@@ -341,4 +341,4 @@ def start_at(row: Array) -> Start:
     ].tolist()
     lla, v, rph, ba, bg = (tuple(parts[k : k + 3]) for k in range(0, 15, 3))
     note = f"what the filter knew at {t:.2f} s"
-    return Start(t, lla, v, rph, ba, bg, tuple(parts[15:]), note)
+    return InitialState(t, lla, v, rph, ba, bg, tuple(parts[15:]), note)

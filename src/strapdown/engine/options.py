@@ -8,7 +8,7 @@ from inspect import Parameter, getdoc, signature
 from typing import Any, Final, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
 from ..checks import DataError, check_flag, check_number
-from ..core.loop.contract import Filter, Noise, Start
+from ..core.loop.contract import Filter, InitialState, Noise
 from ..data.vehicle import GivenVehicle
 from ..sensor_models.imu import ImuSpec
 from ..typing import File, Say
@@ -26,7 +26,7 @@ class SetUpOptions(TypedDict, total=False):
     """The options of every function that runs a filter over a recording."""
 
     imu: GivenImu | None
-    start: Start | None
+    start: InitialState | None
     vehicle: GivenVehicle | None
     say: Say | None
 
@@ -66,7 +66,7 @@ OPTIONS: Final[dict[str, Option]] = {
     ),
     "start": Option(
         None,
-        "Start",
+        "InitialState",
         "Position, velocity, attitude and biases to begin with, with their standard "
         "deviations; default: by alignment. Parts left open are found as `align` finds them. "
         "Fixes at its time belong to it and are not used again.",

@@ -23,17 +23,17 @@ from ..core.loop.contract import (
     POS,
     STATES,
     VEL,
-    Belief,
     Cursor,
     Filter,
+    FilterState,
     Fixes,
     Imu,
+    InitialState,
     Kernels,
     Measurement,
     Noise,
     Output,
     SourceRow,
-    Start,
     address,
     compile_together,
 )
@@ -311,10 +311,10 @@ class Run(NamedTuple):
     samples: Imu
     filter: Filter
     kernels: Kernels
-    start: Start
+    start: InitialState
     noise: Noise
     spec: ImuSpec | None  # None where a Noise was given
-    belief: Belief
+    belief: FilterState
     fixes: Fixes
     cursor: Cursor
     out: Output
@@ -361,7 +361,7 @@ class Run(NamedTuple):
 def ready(
     recording: Recording,
     filter: Filter,
-    start: Start,
+    start: InitialState,
     noise: Noise,
     spec: ImuSpec | None,
     asked: RunOptions,
@@ -428,7 +428,7 @@ def ready(
 
 def new_output(
     filter: Filter,
-    belief: Belief,
+    belief: FilterState,
     rows: int,
     covariance: bool = False,
     fixes: int = 0,
@@ -474,7 +474,7 @@ def assumed_noise(
 
 
 def _check_part(name: str, value: object, size: int) -> None:
-    """Raise DataError where a field of a Start has not `size` numbers or is out of range."""
+    """Raise DataError where a field of an InitialState has not `size` numbers or is out of range."""
     try:
         values = np.atleast_1d(np.asarray(value))
         values = values.astype(float) if values.dtype.kind in "iuf" else np.empty(0)
@@ -493,11 +493,13 @@ def _check_part(name: str, value: object, size: int) -> None:
         raise DataError(f"{what}; each number is at most {most:g} {hint}")
 
 
-def check_start(start: Start, noise: Noise, missing: Collection[str] = ()) -> None:
-    """Raise DataError naming the first field of a Start or a Noise that no filter can begin
+def check_start(start: InitialState, noise: Noise, missing: Collection[str] = ()) -> None:
+    """Raise DataError naming the first field of an InitialState or a Noise that no filter can begin
     with; `missing` are those that are to be found."""
-    if not isinstance(start, Start):
-        raise DataError(f"start is {brief(start)}; it must be a Start, such as `align` gives")
+    if not isinstance(start, InitialState):
+        raise DataError(
+            f"start is {brief(start)}; it must be an InitialState, such as `align` gives"
+        )
     for name, size in {"t": 1, **PARTS}.items():
         if name in missing:
             continue
@@ -518,12 +520,12 @@ def check_start(start: Start, noise: Noise, missing: Collection[str] = ()) -> No
 
 def new_belief(
     filter: Filter,
-    start: Start,
+    start: InitialState,
     noise: Noise,
     options: dict[str, Any],
     aidings: Sequence[Aiding],
     of_imu: OfImu | None = None,
-) -> Belief:
+) -> FilterState:
     """The belief that `filter` begins with on these sources; raises DataError for a start, a
     noise or an option that it cannot use."""
     check_start(start, noise)

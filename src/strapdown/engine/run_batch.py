@@ -12,7 +12,7 @@ from ..core.compile.c_calls import aligned
 from ..core.compile.records import rows
 from ..core.compile.signatures import LANES
 from ..core.loop import lane_loop
-from ..core.loop.contract import COMPILED, Belief, Filter, Start, address, side_by_side
+from ..core.loop.contract import COMPILED, Filter, FilterState, InitialState, address, side_by_side
 from ..core.loop.lane_loop import LaneCursor, LaneOutput, LaneState
 from ..core.loop.loop import SAME_TIME
 from ..data.recording import Recording
@@ -67,7 +67,7 @@ class RunBatch:
     def __init__(
         self,
         first: Run,
-        starts: Sequence[Start],
+        starts: Sequence[InitialState],
         recordings: Sequence[Recording],
         keep: Keeper,
     ) -> None:
@@ -81,7 +81,7 @@ class RunBatch:
             for start in starts
         ]
         self.filter = filter
-        self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
+        self.belief = FilterState(*(alongside(parts) for parts in zip(*beliefs)))
         y = alongside(_readings(filter, recordings, first))
         sd = np.maximum(fixes.sd, cursor.books["floor"][fixes.source])
         self.fixes = fixes._replace(y=y, sd=sd)

@@ -12,7 +12,7 @@ import numpy as np
 from .. import filters
 from ..alignment.missing_fields import missing_fields
 from ..checks import DataError, check_number
-from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Start
+from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
 from ..core.loop.loop import SAME_TIME
 from ..data.recording import RecordingMeta
 from ..data.solution import Aiding, Solution
@@ -130,7 +130,7 @@ class Stream:
         aidings = weighed(checked_aidings(aidings), asked["robust"], asked["adaptive"])
         aidings, of_imu = _estimated(aidings, asked["estimate"])
         start, vehicle = asked["start"], asked["vehicle"]
-        whole = isinstance(start, Start) and not missing_fields(start)
+        whole = isinstance(start, InitialState) and not missing_fields(start)
         self.noise, self._spec = assumed_noise(
             asked["imu"], asked["noise"], needed=not whole, without=""
         )
@@ -164,7 +164,7 @@ class Stream:
         self._nothing_yet()
         if start is not None:
             check_start(
-                start, self.noise, missing_fields(start) if isinstance(start, Start) else ()
+                start, self.noise, missing_fields(start) if isinstance(start, InitialState) else ()
             )
         check_options(filter, asked["options"] or {})
         self._make_ready(aidings, tries=start is None and self._spec is not None)
@@ -231,16 +231,16 @@ class Stream:
         return self._live is not None
 
     @property
-    def start(self) -> Start | None:
+    def start(self) -> InitialState | None:
         """Where its history begins: its start, until it forgets older samples; None before."""
         return self._live.start if self._live else None
 
-    def align(self) -> Start:
-        """The Start that the samples and fixes so far tell, for `begin`; of a stream that has
+    def align(self) -> InitialState:
+        """The InitialState that the samples and fixes so far tell, for `begin`; of a stream that has
         started the one it has. Raises DataError where they tell none."""
         return self._found() if self._live is None else self._live.start
 
-    def _found(self) -> Start:
+    def _found(self) -> InitialState:
         """Return the start from the buffered data. Raises DataError, on the clock where that is why
         they lack a position."""
         try:
@@ -253,8 +253,8 @@ class Stream:
                     raise DataError(events.text(row)) from None
             raise
 
-    def begin(self, start: Start | None = None) -> Belief:
-        """Start now, from this Start or the one of `align`, and run over what was gathered since.
+    def begin(self, start: InitialState | None = None) -> FilterState:
+        """Start now, from this InitialState or the one of `align`, and run over what was gathered since.
         Raises DataError."""
         if self._live is not None:
             raise DataError(f"the stream has started at {self._began:.3f} s; begin a new one")
@@ -328,7 +328,7 @@ class Stream:
 
     # ---- going on
 
-    def step(self, event: Sample | Fix) -> Belief:
+    def step(self, event: Sample | Fix) -> FilterState:
         """Take a Sample or a Fix, use what has waited long enough, and return the belief
         (updated in place). Raises DataError for what is neither, which changes nothing, and
         where the stream stopped."""
@@ -510,7 +510,7 @@ class Stream:
         raise DataError(text)
 
     @property
-    def now(self) -> Belief:
+    def now(self) -> FilterState:
         """The belief at the newest sample: a copy, propagated through what still waits."""
         with self._ahead() as live:
             if live is None:
@@ -540,7 +540,7 @@ class Stream:
             self._samples, self._waiting, self._before = plain
             self._late, self._late_fix = late
 
-    def finish(self) -> Belief:
+    def finish(self) -> FilterState:
         """Use all that waits and return the belief; one that has not started does so. Raises
         DataError where there is nothing to start from."""
         if self._ahrs is not None and not self._ahrs.stream._stopped:
@@ -739,12 +739,12 @@ class _Ahrs:
         self._count, self.valid = count, valid
 
 
-def _nothing_known() -> Belief:
+def _nothing_known() -> FilterState:
     def unknown(*shape: int) -> Array:
         return np.full(shape, nan)
 
     three = (unknown(3) for _ in range(7))
     lla, v, ba, bg, omega, f, _ = three
-    return Belief(
+    return FilterState(
         lla, v, unknown(3, 3), ba, bg, unknown(STATES, STATES), omega, f, unknown(0), unknown(0)
     )

@@ -16,7 +16,7 @@ import numpy as np
 from .. import filters
 from ..alignment.initial import align
 from ..checks import DataError
-from ..core.loop.contract import ATT, VALID, Filter, Imu, Start
+from ..core.loop.contract import ATT, VALID, Filter, Imu, InitialState
 from ..data.recording import Recording
 from ..data.solution import Aiding, Trajectory
 from ..preprocessing.stationary import motionless
@@ -208,8 +208,8 @@ def _silence(ahrs: Filter, given: Array, t: Array, rate: float) -> list[str]:
     ]
 
 
-def _motion(ahrs: Filter, start: Start, imu: Imu) -> list[str]:
-    """Notes on an AHRS that began where the vehicle did not stand, by its Start: what moves it,
+def _motion(ahrs: Filter, start: InitialState, imu: Imu) -> list[str]:
+    """Notes on an AHRS that began where the vehicle did not stand, by its InitialState: what moves it,
     specific force alone takes for tilt."""
     if "level from specific force alone" not in start.note or motionless(imu, start.t):
         return []
@@ -249,8 +249,8 @@ def _check(ahrs: Filter, filter: Filter) -> None:
         )
 
 
-def _start(recording: Recording, spec: ImuSpec, given: Start | None) -> Start:
-    """The Start of the AHRS: where the record begins, or at the `given` Start of the other
+def _start(recording: Recording, spec: ImuSpec, given: InitialState | None) -> InitialState:
+    """The InitialState of the AHRS: where the record begins, or at the `given` Start of the other
     filter where that knows the heading better."""
     start = align(recording, spec, position=False)
     if (

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..checks import DataError
-from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise, Start
+from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, InitialState, Noise
 from ..data.recording import Recording
 from ..data.solution import Solution, Trajectory
 from ..engine.batch import fuse
@@ -61,7 +61,7 @@ class Bound(NamedTuple):
         return np.sqrt(np.square(self.sd[:, states]).sum(axis=1))
 
 
-def cramer_rao(recording: Recording, start: Start, noise: Noise, every: int = 1) -> Bound:
+def cramer_rao(recording: Recording, start: InitialState, noise: Noise, every: int = 1) -> Bound:
     """The posterior Cramer-Rao Bound at every `every`-th IMU sample of an ideal recording.
 
     recording: error-free IMU samples, fixes at the truth that carry the standard deviations of the

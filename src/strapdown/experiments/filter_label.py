@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from .. import filters
 from ..checks import DataError, check_choice
-from ..core.loop.contract import STATES, Filter, Noise, Start
+from ..core.loop.contract import STATES, Filter, InitialState, Noise
 from ..data import calibration_parameters as estimable
 from ..engine.prepare import check_options, new_belief
 
@@ -14,7 +14,9 @@ ESTIMATE, NOTHING = "estimate", "none"
 """The option of a label that names parameters of the installation, which become states, and what it
 says where there shall be none."""
 ANYWHERE, NOISELESS = (
-    Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES),
+    InitialState(
+        0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES
+    ),
     Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 """A start and a noise that any filter takes, to try its options with."""

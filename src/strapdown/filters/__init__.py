@@ -102,7 +102,7 @@ def check(filter: Filter) -> None:
         plugins.check_kernel(smoother.save_step, SAVE_STEP, 2, what + "save_step")
         plugins.check_kernel(smoother.adjoint_step, ADJOINT_STEP, 4, what + "adjoint_step")
     if not callable(filter.start) or len(inspect.signature(filter.start).parameters) < 2:
-        raise DataError(f"{what}start must be a function of a Start, a Noise and options")
+        raise DataError(f"{what}start must be a function of an InitialState, a Noise and options")
     if filter.bias:
         check_choice(filter.bias, what + BIAS, BIAS_MODELS)
         if BIAS in inspect.signature(filter.start).parameters:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..checks import DataError
-from ..core.loop.contract import Noise, Start
+from ..core.loop.contract import InitialState, Noise
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.imu import ImuSpec
@@ -65,7 +65,7 @@ class Loop(NamedTuple):
     # samples of the filter per second, which gets the increments of a whole number of steps as one
     # sample and whose last estimate the autopilot flies by; None: the rate of the sensors
     filter_rate: float | None = None
-    start: Start | None = None  # at 0 s; None: drawn around the truth with `start_sd`
+    start: InitialState | None = None  # at 0 s; None: drawn around the truth with `start_sd`
     start_sd: Sequence[float | None] = START_SD  # 15 numbers; None: the IMU's own biases
     noise: Noise | None = None  # in place of the IMU's
     covariance: bool = False  # whether the whole covariance is kept

@@ -25,8 +25,8 @@ from ..core.compile.records import Table, rows_of
 from ..core.compile.signatures import WHOLE, reals, record, signature, wholes
 from ..core.loop import loop
 from ..core.loop.contract import (
-    Belief,
     Cursor,
+    FilterState,
     Fixes,
     Imu,
     Kernels,
@@ -251,7 +251,7 @@ run_at, step_at, evaluate_at, gust_at = (
 def fly(
     calls: Calls,
     kernels: Kernels,
-    belief: Belief,
+    belief: FilterState,
     imu: Imu,
     fixes: Fixes,
     noise: Noise,
@@ -300,7 +300,7 @@ def fly(
 
 @helper
 def _begin_sample(
-    vehicle: FlightVehicle, belief: Belief, dtheta: Array, dv: Array, imagined: bool
+    vehicle: FlightVehicle, belief: FilterState, dtheta: Array, dv: Array, imagined: bool
 ) -> None:
     """Nothing is measured of a sample before its first step; the model, where it predicts, begins
     at the belief."""
@@ -335,7 +335,7 @@ def _add(measured: Array, dtheta: Array, dv: Array) -> None:
 
 
 @helper
-def _imagine(step: int, vehicle: FlightVehicle, belief: Belief, h: float) -> None:
+def _imagine(step: int, vehicle: FlightVehicle, belief: FilterState, h: float) -> None:
     """What the IMU would measure aboard the model in a step, biases included."""
     imaginary, measured = vehicle.work[MODEL_INCREMENTS], vehicle.work[STEP_INCREMENTS]
     step_at(step)(
@@ -353,7 +353,7 @@ def _imagine(step: int, vehicle: FlightVehicle, belief: Belief, h: float) -> Non
 
 @helper
 def _steer(
-    steering: Steering, vehicle: FlightVehicle, belief: Belief, by_truth: int, h: float
+    steering: Steering, vehicle: FlightVehicle, belief: FilterState, by_truth: int, h: float
 ) -> None:
     """Commands for the next step, from the truth or the estimate."""
     state, commands = vehicle.state, vehicle.commands
@@ -402,7 +402,7 @@ def _attitude(q: Array, C: Array) -> None:
 
 
 @helper
-def _set_model(model: Array, belief: Belief) -> None:
+def _set_model(model: Array, belief: FilterState) -> None:
     """Position, velocity and attitude of the model from the belief; its rates and its controls
     go on."""
     for i in range(3):
@@ -411,7 +411,7 @@ def _set_model(model: Array, belief: Belief) -> None:
 
 
 @helper
-def _learn(model: Array, state: Array, belief: Belief) -> None:
+def _learn(model: Array, state: Array, belief: FilterState) -> None:
     """Rates of the model from the belief, as long as gyros are used; controls from the commands,
     which the model follows as the aircraft does."""
     for i in range(3):

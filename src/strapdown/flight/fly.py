@@ -12,7 +12,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.compile.jit import address, bound
 from ..core.compile.records import Table, copied, rows
-from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
+from ..core.loop.contract import Filter, Fixes, Imu, InitialState, Noise
 from ..core.loop.loop import SAME_TIME, run as run_samples
 from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Aiding, Solution, Trajectory
@@ -130,7 +130,7 @@ class Flight:
     solution: Solution  # what the filter made of it on the way
     log: dict[str, Array]  # columns of LOG and "t, s" -> (n,)
     stopped: Stop | None  # None: it was flown to its end
-    start: Start  # of the filter
+    start: InitialState  # of the filter
     plan: FlightPlan
     trim: Trim
     gains: Gains
@@ -370,10 +370,10 @@ def _journal(
     return journal
 
 
-def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: RandomStream) -> Start:
-    """The filter's Start: as given, or drawn around the truth."""
+def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: RandomStream) -> InitialState:
+    """The filter's InitialState: as given, or drawn around the truth."""
     if asked.start is not None:
-        if isinstance(asked.start, Start) and asked.start.t != 0:
+        if isinstance(asked.start, InitialState) and asked.start.t != 0:
             raise DataError(f"the start is at {asked.start.t:g} s; a flight begins at 0 s")
         return asked.start
     return draw_start(truth, start_deviations(asked.start_sd, spec), of_start)

@@ -67,7 +67,7 @@ def diagnose(
     recording : Recording
         With a source of position.
     filter : str or Filter
-        The closed loop or one of its relatives.
+        The closed loop or another filter of the closed-loop family.
     options : dict
         Options of the filter's own, {name: value}.
     progress : bool or callable

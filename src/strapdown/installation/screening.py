@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import filters
-from ..core.loop.contract import POS, STATES, VEL, Noise, Start
+from ..core.loop.contract import POS, STATES, VEL, InitialState, Noise
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..data.recording import Recording
@@ -64,10 +64,10 @@ class Suspect(NamedTuple):
         return self.explained * (ARM_SHARE if self.of is LEVER_ARM else 1.0)
 
 
-def window(solution: Solution) -> tuple[Recording, Start]:
-    """The part of the recording to look at, and the Start that the solution has there."""
+def window(solution: Solution) -> tuple[Recording, InitialState]:
+    """The part of the recording to look at, and the InitialState that the solution has there."""
     assert solution.recording is not None
-    recording, start = solution.recording, Start(**solution.meta["start"])
+    recording, start = solution.recording, InitialState(**solution.meta["start"])
     made, seconds = solution.trajectory, recording.span[1] - start.t
     if seconds <= WINDOW or made.v_n is None or made.sd is None:
         return recording, start
@@ -84,9 +84,9 @@ def window(solution: Solution) -> tuple[Recording, Start]:
     return recording.between(there.t, end), there
 
 
-def started(solution: Solution, row: int) -> Start:
-    """A Start at a row of a solution of all states, from what it says there."""
-    start, made = Start(**solution.meta["start"]), solution.trajectory
+def started(solution: Solution, row: int) -> InitialState:
+    """An InitialState at a row of a solution of all states, from what it says there."""
+    start, made = InitialState(**solution.meta["start"]), solution.trajectory
     assert made.v_n is not None and made.sd is not None
     return start._replace(
         t=float(made.t[row]),
@@ -99,7 +99,9 @@ def started(solution: Solution, row: int) -> Start:
     )
 
 
-def as_found(solution: Solution, recording: Recording, start: Start) -> tuple[Recording, Start]:
+def as_found(
+    solution: Solution, recording: Recording, start: InitialState
+) -> tuple[Recording, InitialState]:
     """A recording and a start of it, set up as the filter of the solution estimated; as they are
     where it estimated nothing of the installation."""
     known, names = (

@@ -18,7 +18,7 @@ from ..aiding import compiled, find
 from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import (
     STATES,
-    Belief,
+    FilterState,
     Imu,
     Measurement,
     bound,
@@ -118,7 +118,7 @@ class SimulatedPlan(NamedTuple):
         return [said] if self.silent else []
 
 
-def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belief]:
+def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[FilterState]:
     """What a filter without any error would believe at times t (n,) s; rate and specific force are
     those between the middles of two samples."""
     from scipy.interpolate import make_interp_spline
@@ -130,12 +130,12 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belie
     attitude = np.ascontiguousarray(rotation_at(truth, t).as_matrix())
     none, P, own = np.zeros(3), np.zeros((STATES + states,) * 2), np.zeros(states)
     return [
-        Belief(lla, v, C, none, none, P, now[:3], now[3:], np.zeros(1), own)
+        FilterState(lla, v, C, none, none, P, now[:3], now[3:], np.zeros(1), own)
         for lla, v, C, now in zip(at.lla, at.v_n, attitude, felt)
     ]
 
 
-def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]:
+def _solved(sensor: Simulated, beliefs: Sequence[FilterState]) -> tuple[Array, Array]:
     """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
     method; NaN where the kind measures nothing. Raises DataError, also where it never does."""
     quantities = sensor.measurement.quantities
@@ -166,13 +166,13 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
     )
 
 
-def _innovations(sensor: Simulated, beliefs: Sequence[Belief]) -> Callable[[Array], Array]:
+def _innovations(sensor: Simulated, beliefs: Sequence[FilterState]) -> Callable[[Array], Array]:
     """The function from y (n, k) to the innovations (n, k) that they would be at beliefs (n,)."""
     kind = sensor.measurement
     source, innovation = new_source(first_state=STATES if kind.states else 0), np.zeros(3)
     source.parameters[: len(sensor.parameters)] = sensor.parameters
     H = np.zeros((3, STATES + len(kind.states)))
-    seen, measured = Belief(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
+    seen, measured = FilterState(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
     observe = bound(compiled(kind.name), seen, measured, source, innovation, H)
 
     def innovations(y: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from ..checks import DataError, check_array, check_number
-from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
+from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, InitialState
 from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Aiding, Trajectory
 from ..geometry.geodesy import displaced
@@ -148,8 +148,8 @@ class Simulator:
 
     def start(
         self, seed: SeedLike, imu: ImuSpec | dict[str, Any] | File, recording: Recording
-    ) -> Start:
-        """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0
+    ) -> InitialState:
+        """An InitialState at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0
         or, where they are known, those of `recording`."""
         biases = (
             (recording.meta["b_a"][0], recording.meta["b_g"][0])
@@ -160,7 +160,9 @@ class Simulator:
             self.truth, self.scenario.start_deviations(grade(imu)), seed, biases=biases
         )
 
-    def run(self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike) -> tuple[Recording, Start]:
+    def run(
+        self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike
+    ) -> tuple[Recording, InitialState]:
         """(Recording, Start) of one seed."""
         stream = RandomStream.of(seed)
         recording = self.recording(imu, stream)
@@ -182,8 +184,8 @@ class Simulator:
             self._meta(None, None, zeros, zeros.copy()),
         )
 
-    def exact_start(self, imu: ImuSpec | dict[str, Any] | File) -> Start:
-        """The Start at the truth with the standard deviations that `start` has with `imu`."""
+    def exact_start(self, imu: ImuSpec | dict[str, Any] | File) -> InitialState:
+        """The InitialState at the truth with the standard deviations that `start` has with `imu`."""
         return _start(
             self.truth,
             0,
@@ -277,8 +279,8 @@ def draw_start(
     seed: SeedLike,
     t: float | None = None,
     biases: tuple[ArrayLike, ArrayLike] | None = None,
-) -> Start:
-    """A Start at the truth's row at `t` (its first by default) less an error drawn from the 15
+) -> InitialState:
+    """An InitialState at the truth's row at `t` (its first by default) less an error drawn from the 15
     standard deviations `sd` (SI, radians); `seed` as of Simulator.
 
     Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est.
@@ -306,7 +308,7 @@ def _start(
     error: Array,
     biases: tuple[ArrayLike, ArrayLike] | None,
     note: str,
-) -> Start:
+) -> InitialState:
     from scipy.spatial.transform import Rotation
 
     assert truth.v_n is not None and truth.q_nb is not None
@@ -321,7 +323,7 @@ def _start(
     def numbers(values: Iterable[float]) -> tuple[float, ...]:
         return tuple(float(value) for value in values)
 
-    return Start(
+    return InitialState(
         float(truth.t[row]),
         numbers(displaced(truth.lla[row], -error[POS])),
         numbers(truth.v_n[row] - error[VEL]),

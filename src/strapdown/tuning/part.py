@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import DataError, check_number
-from ..core.loop.contract import Imu, Start
+from ..core.loop.contract import Imu, InitialState
 from ..data.recording import Recording
 from ..data.solution import Solution
 from ..engine.options import RunOptions
@@ -22,8 +22,10 @@ LEARNT = 300.0
 MIN_SECONDS, MIN_FIXES = 60.0, 100
 
 
-def part(before: Solution, start_s: float | None, stop_s: float | None) -> tuple[Recording, Start]:
-    """The part to use, thinned, of the recording of a Solution, and the Start there. Raises
+def part(
+    before: Solution, start_s: float | None, stop_s: float | None
+) -> tuple[Recording, InitialState]:
+    """The part to use, thinned, of the recording of a Solution, and the InitialState there. Raises
     DataError."""
     assert before.recording is not None
     first, last = before.t[0], before.recording.span[1]
@@ -34,13 +36,13 @@ def part(before: Solution, start_s: float | None, stop_s: float | None) -> tuple
         check_number(begin, "start_s", "s", most=last)
         check_number(end, "stop_s", "s", least=begin)
         row = int(np.searchsorted(before.t, begin))
-        start = Start(**before.meta["start"]) if begin <= first else started(before, row)
+        start = InitialState(**before.meta["start"]) if begin <= first else started(before, row)
         recording = before.recording.between(start.t, end)
     return replace(recording, imu=thinned(recording.imu)), start
 
 
-def smoothed_start(run: Run, asked: RunOptions) -> Start:
-    """The Start of a run, its values from a smoother over its first `LEARNT` s."""
+def smoothed_start(run: Run, asked: RunOptions) -> InitialState:
+    """The InitialState of a run, its values from a smoother over its first `LEARNT` s."""
     recording = run.recording.between(stop=run.start.t + LEARNT)
     solution = smooth(
         recording,
@@ -61,7 +63,7 @@ def thinned(imu: Imu) -> Imu:
     return summed(imu, np.r_[True, number[1:] != number[:-1]])
 
 
-def check_length(recording: Recording, start: Start, fixes: int) -> None:
+def check_length(recording: Recording, start: InitialState, fixes: int) -> None:
     """Refuse what is too short to tell a noise. Raises DataError."""
     seconds = recording.span[1] - start.t
     if seconds < MIN_SECONDS:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..aiding import find
 from ..checks import DataError
-from ..core.loop.contract import Filter, Start
+from ..core.loop.contract import Filter, InitialState
 from ..data.recording import Recording
 from ..data.solution import Aiding, Solution
 from ..engine.batch import begin, fuse
@@ -78,7 +78,7 @@ class Search:
         asked: RunOptions = {**self.asked, "imu": spec}
         return fuse(recording, self.filter, **asked)
 
-    def _begun(self, recording: Recording, start: Start) -> Run:
+    def _begun(self, recording: Recording, start: InitialState) -> Run:
         return begin(recording, self.filter, {**self.asked, "start": start})
 
     def _check(self, fixes: int) -> None:

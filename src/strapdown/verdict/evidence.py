@@ -34,7 +34,7 @@ whose sd was divided until it is the scatter from fix to fix to 2.3 and 3.4 and 
 SURELY = 4.0  # standard deviations of a correlation that counts
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
 MAX_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
-LIFTED = 0.03  # share of the fixes for which the gate was lifted
+LIFTED = 0.03  # share of the fixes for which the gate was opened
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
 SLOWEST, KNOWN_COURSE = 0.5, 5.0  # the same of a velocity known well: m/s, and claimed sd of it

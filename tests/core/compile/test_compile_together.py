@@ -18,7 +18,7 @@ from strapdown.core.compile import jit
 from strapdown.core.compile.jit import kernel
 from strapdown.core.compile.signatures import REAL, signature
 from strapdown.core.loop import contract
-from strapdown.core.loop.contract import IN_LANES, OBSERVE, Belief
+from strapdown.core.loop.contract import IN_LANES, OBSERVE, FilterState
 from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")
@@ -110,7 +110,9 @@ def names_in(cache):
 def innovation_of(observe):
     """The innovation of a fix, of a body at rest that points to the north."""
     zero, innovation = np.zeros(3), np.zeros(3)
-    belief = Belief(*(zero, zero, np.eye(3), zero, zero, np.eye(15), zero, zero, zero, zero[:0]))
+    belief = FilterState(
+        *(zero, zero, np.eye(3), zero, zero, np.eye(15), zero, zero, zero, zero[:0])
+    )
     observe(belief, np.array([0.25, 0.5, 0.75]), new_source(), innovation, np.zeros((3, 15)))
     return innovation.tolist()
 

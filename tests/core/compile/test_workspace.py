@@ -8,12 +8,12 @@ import pytest
 
 import strapdown
 from strapdown import filters
-from strapdown.core.loop.contract import Belief, Noise, Slots, Start
+from strapdown.core.loop.contract import FilterState, InitialState, Noise, Slots
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.open_loop import OPEN_LOOP
 
 pytestmark = pytest.mark.short
-AT = Start(
+AT = InitialState(
     0.0, (0.8, 0.1, 300.0), (1.0, 2.0, 0.1), (0.1, -0.2, 1.0), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
 )
 NOISE = Noise(1e-4, 1e-3, 1e-6, 1e-5, 0.0, 0.0)
@@ -86,7 +86,7 @@ def test_a_workspace_that_is_too_small_is_refused_before_a_kernel_sees_it():
     too_small = OPEN_LOOP._replace(start=CLOSED_LOOP.start)
     with pytest.raises(RuntimeError, match="'open-loop': its start made a workspace of 2030 numb"):
         too_small.begin(AT, NOISE)
-    assert isinstance(OPEN_LOOP.begin(AT, NOISE), Belief)
+    assert isinstance(OPEN_LOOP.begin(AT, NOISE), FilterState)
     with pytest.raises(RuntimeError, match="its slots take 20.."):
         strapdown.fuse(
             strapdown.simulate("straight", seed=1, duration=2.0), too_small, start=AT, noise=NOISE

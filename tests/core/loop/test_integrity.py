@@ -188,12 +188,12 @@ def test_a_source_that_is_further_off_than_the_vehicle_can_have_gone_is_left_out
         y[8:] = displaced(y[8:], np.tile([3e5, 0.0, 0.0], (len(y) - 8, 1)))
 
     far, near = (fused(with_fixes(flight(), jump), vehicle=name) for name in ("car", "any"))
-    assert far.counts()["GNSS position"] == (8, 12) and not said(far, "GNSS position: gate lifted")
+    assert far.counts()["GNSS position"] == (8, 12) and not said(far, "GNSS position: gate opened")
     ((t, text),) = said(far, "further than vehicle 'car' can have gone at 120 m/s: left out")
     assert t == pytest.approx(14.0) and "300 km" in text
     assert (far.status[far.t >= t] == DOUBTFUL).all()
     assert np.abs(sd.errors(far, flight().reference).position).max() < 5
-    assert not said(near, "GNSS position: gate lifted")  # 6 s at 1000 m/s are 6 km
+    assert not said(near, "GNSS position: gate opened")  # 6 s at 1000 m/s are 6 km
 
 
 # ---- innovations
@@ -277,7 +277,7 @@ def test_a_doubt_ends_with_confirming_fixes():
 
 
 def at_rest():
-    """(90 s at rest with a wild sample at 20 s and no fixes, a Start for it)."""
+    """(90 s at rest with a wild sample at 20 s and no fixes, an InitialState for it)."""
     recording = sd.simulate(static((0.8, 0.1, 100.0)), 90.0, "tactical", 1, 5.0)
     wild = with_samples(recording, gyro=lambda dtheta: dtheta.__setitem__((99, 0), 50.0))
     return replace(wild, aidings=()), start(recording)

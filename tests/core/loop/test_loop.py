@@ -249,10 +249,10 @@ def test_what_stays_away_is_reacquired(interval, rejected):
     away = i.accepted[own & (i.t > 7.9 - 1e-9)]
     assert not away[:rejected].any() and away[rejected:].all()
     lifted = first + rejected * interval
-    assert said(solution, "gate lifted") == [
+    assert said(solution, "gate opened") == [
         (
             pytest.approx(lifted),
-            "receiver: gate lifted after 5 or more rejections in a row over 3 s",
+            "receiver: gate opened after 5 or more rejections in a row over 3 s",
         ),
     ]
     [refused] = said(solution, f"{rejected} fixes rejected from {first:.1f} to")
@@ -267,7 +267,7 @@ def test_what_stays_away_is_reacquired(interval, rejected):
 
 def test_a_jump_of_the_position_moves_the_position_alone():
     jump = fused(with_position(flight(), lambda a: moved(a, 7.9, [0, 60.0, 0])))
-    [(lifted, _)] = said(jump, "gate lifted")
+    [(lifted, _)] = said(jump, "gate opened")
     assert lifted == pytest.approx(13.0) and jump.counts() == {
         "GNSS position": (15, 5),
         "GNSS velocity": (20, 0),
@@ -291,7 +291,7 @@ def test_a_filter_that_is_sure_of_a_wrong_heading_turns(sources, after, least):
     )
     assert (
         all(rejected >= 1 for _, rejected in solution.counts().values())
-        and len(said(solution, "gate lifted")) >= 1
+        and len(said(solution, "gate opened")) >= 1
     )
     error = np.degrees(np.abs(sd.errors(solution, recording.reference).rph[:, 2]))
     assert error[0] > 35 and error[solution.t > after - 0.1][0] < least
@@ -334,10 +334,10 @@ def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
         fused(replace(base, aidings=(*base.aidings, *more))) for more in ((magnetometer,), ())
     )
     given_up = [
-        (at, text.partition(":")[2][:12]) for at, text in said(solution, "gate lifted", "left out")
+        (at, text.partition(":")[2][:12]) for at, text in said(solution, "gate opened", "left out")
     ]
     assert given_up == [
-        (pytest.approx(13.1, abs=0.2), " gate lifted"),
+        (pytest.approx(13.1, abs=0.2), " gate opened"),
         (pytest.approx(19.1, abs=0.4), " left out fr"),
     ]
     accepted = solution.innovations.accepted[solution.innovations.source == 2]

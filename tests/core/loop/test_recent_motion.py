@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.loop.contract import Belief
+from strapdown.core.loop.contract import FilterState
 from strapdown.core.loop.motion import ROWS
 from strapdown.core.loop.stages.clock import AHEAD, BEHIND, followed_back, keep
 from strapdown.core.mathematics.earth import gravity
@@ -54,7 +54,7 @@ def attitude(t):
 
 
 def belief_of(motion, t):
-    return Belief(
+    return FilterState(
         LLA.copy(),
         motion.v(t),
         attitude(t).as_matrix(),

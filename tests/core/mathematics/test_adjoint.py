@@ -17,8 +17,8 @@ from strapdown.core.loop.contract import (
     CORRECT,
     OBSERVE,
     PREDICT,
+    InitialState,
     Noise,
-    Start,
     compile_kernel,
     kernel,
 )
@@ -61,7 +61,7 @@ def predict(belief, u, dt, noise):
 
 def belief(n, error_model="corrected"):
     """At 70 deg south and 190 m/s, where no block of the transition is small; P full."""
-    start = Start(
+    start = InitialState(
         0.0,
         (-1.2, 2.0, 9000.0),
         (120.0, -150.0, 8.0),

@@ -10,7 +10,7 @@ from ins_equations import DEG
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.error_dynamics import (
     BLOCKS,
     CORRECTED,
@@ -227,7 +227,8 @@ def test_prediction_of_a_filter_in_fast_rotation(turn, rate, tolerance):
     omega, dt, slices = DEG * np.array(ROTATIONS[turn]), 1 / rate, 20
     bias = np.array([0.3, -0.2, 0.1]), np.array([0.02, 0.01, -0.03])
     belief = CLOSED_LOOP.start(
-        Start(0.0, tuple(LLA), tuple(V), (-0.4, 1.2, 2.0), *map(tuple, bias), tuple(SD)), NOISE
+        InitialState(0.0, tuple(LLA), tuple(V), (-0.4, 1.2, 2.0), *map(tuple, bias), tuple(SD)),
+        NOISE,
     )
     expected, belief.P[:] = (
         covariance(np.random.default_rng(3), SD),

@@ -100,7 +100,7 @@ def test_filters_without_lanes_run_on_the_same_records(least):
 
 
 def test_what_leaves_the_lanes_is_run_alone(least, monkeypatch):
-    """A raw INS that starts far off: its gates are lifted in some runs."""
+    """A raw INS that starts far off: its gates are opened in some runs."""
     least(WHOLE)
     started = FLIGHT.replace(gate=1.0)
     made = study(scenarios=started, filters=("open-loop",), runs=8, chunk_steps=10**9)

@@ -94,7 +94,7 @@ def test_an_outage_is_bit_for_bit_a_run_without_its_fixes(solutions, outages):
         ],
     )
     found = sd.compare(recording, labels, outages=outages)
-    start = sd.Start(**found.settings["start"])
+    start = sd.InitialState(**found.settings["start"])
     for label in labels:
         name, options = label.partition(":")[0], found.settings["options"][label]
         for window in found.windows:
@@ -116,7 +116,7 @@ def test_a_filter_that_estimates_the_installation_goes_through_the_outages_of_fu
     # fixes wait for 0.3 s: some that are stamped before a window are used in it
     recording, label = sensed(interval=0.2), "closed-loop:estimate=clock+lever-arm"
     found = sd.compare(recording, [label], outages=outages, threads=3)
-    start = sd.Start(**found.settings["start"])
+    start = sd.InitialState(**found.settings["start"])
     for window in found.windows:
         hidden = recording.hidden([window] if found.sweep else found.windows, FIXES)
         whole = sd.fuse(hidden, start=start, estimate=["clock", "lever-arm"])
@@ -142,7 +142,9 @@ def test_a_few_samples_of_it(solutions, filter):
         same_rows(
             solutions[filter, window[0]],
             sd.fuse(
-                recording.hidden([window], FIXES), filter, start=sd.Start(**found.settings["start"])
+                recording.hidden([window], FIXES),
+                filter,
+                start=sd.InitialState(**found.settings["start"]),
             ),
         )
 
@@ -151,7 +153,7 @@ def test_an_ahrs_that_uses_what_is_withheld_runs_anew_for_each_outage(solutions)
     """Its output of the whole recording knows the magnetic field of the outage."""
     recording, kinds = sensed(), (*FIXES, "magnetic-field")
     found = sd.compare(recording, ["direct-ahrs", "closed-loop"], outages="8@20:50/11", kinds=kinds)
-    start = sd.Start(**found.settings["start"])
+    start = sd.InitialState(**found.settings["start"])
     for window in found.windows:
         for name in found.filters:
             same_rows(
@@ -179,7 +181,7 @@ def test_an_ahrs_that_all_outages_together_leave_nothing_runs_for_each(solutions
     hidden = late.hidden([found.windows[0]], kinds)
     same_rows(
         solutions["direct-ahrs", 22.0],
-        sd.fuse(hidden, "direct-ahrs", start=sd.Start(**found.settings["start"])),
+        sd.fuse(hidden, "direct-ahrs", start=sd.InitialState(**found.settings["start"])),
     )
 
 
@@ -188,7 +190,9 @@ def test_the_scores_are_those_of_sd_outages():
     found = sd.compare(recording, ["closed-loop", "open-loop"], outages="22:30,40:49")
     for name in found.filters:
         solution = sd.fuse(
-            recording.hidden(found.windows, FIXES), name, start=sd.Start(**found.settings["start"])
+            recording.hidden(found.windows, FIXES),
+            name,
+            start=sd.InitialState(**found.settings["start"]),
         )
         own = found.scores[found.scores["filter"] == name]
         for outage, (_, row) in zip(
@@ -376,7 +380,7 @@ REFUSED = [
     (dict(kinds=("gnss",)), "'gnss'"),
     (dict(kinds="heading"), "no fix of heading"),
     (dict(threads=0), "threads is 0"),
-    (dict(start=5.0), "must be a Start"),
+    (dict(start=5.0), "must be an InitialState"),
     (dict(imu="best"), "best"),
     (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
     (dict(ahrs="nope"), "'nope', which is no AHRS; there are: attitude-mekf"),
@@ -544,7 +548,9 @@ def test_drive_is_scored_as_fuse_scores_it(data_folder, solutions, monkeypatch):
         recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0
     )
     found = sd.compare(recording, ["closed-loop"], outages=windows)
-    whole = sd.fuse(recording.hidden(windows, FIXES), start=sd.Start(**found.settings["start"]))
+    whole = sd.fuse(
+        recording.hidden(windows, FIXES), start=sd.InitialState(**found.settings["start"])
+    )
     for window in windows:
         same_rows(solutions["closed-loop", window[0]], whole)
     assert found.scores["heading_rmse_deg"].isna().all() and isinstance(found.reference, Trajectory)
@@ -565,7 +571,7 @@ def test_what_was_said_before_an_outage_is_not_of_the_outage():
     found = sd.compare(
         without_samples(spoilt, (10.0, 10.5)), ["closed-loop"], outages=[(45.0, 50.0)]
     )
-    assert not [note for note in found.notes if "IMU gap" in note or "gate lifted" in note]
+    assert not [note for note in found.notes if "IMU gap" in note or "gate opened" in note]
     (doubtful,) = [note for note in found.notes if note.startswith("doubtful in the run")]
     assert doubtful.startswith("doubtful in the run through all outages: closed-loop ")
     assert 10 < float(doubtful.split()[-2]) < 41 and doubtful.endswith(" s")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.loop.contract import Imu, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Imu, InitialState, Noise, compile_kernel
 from strapdown.data.solution.recording import Recording
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
 from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
@@ -44,7 +44,7 @@ def predicted(x, dt, P=np.eye(15)):
     filter = filters.find("direct-euler")
     compile_kernel(filter.predict)
     at = np.array([0.8, 0.1, 500.0])
-    begin = Start(
+    begin = InitialState(
         0.0,
         tuple(displaced(at, x[:3])),
         tuple(x[3:6]),
@@ -106,7 +106,9 @@ def test_the_angles_are_those_of_the_rotation():
         filter = filters.find(name)
         compile_kernel(filter.predict)
         belief = filter.start(
-            Start(0.0, (0.8, 0.1, 500.0), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15),
+            InitialState(
+                0.0, (0.8, 0.1, 500.0), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
+            ),
             STILL,
         )
         for k in range(500):
@@ -196,7 +198,7 @@ def looping(rate=50.0, seconds=24.0):
     return (
         recording,
         C,
-        Start(
+        InitialState(
             0.0, (0.8, 0.1, 500.0), (0.0,) * 3, (0.1, 0.0, 0.3), (0.0,) * 3, (0.0,) * 3, deviations
         ),
     )
@@ -232,7 +234,8 @@ def test_a_fast_tumble_stays_finite(name):
     filter = filters.find(name)
     compile_kernel(filter.predict)
     belief = filter.start(
-        Start(0.0, (0.8, 0.1, 500.0), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE
+        InitialState(0.0, (0.8, 0.1, 500.0), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15),
+        NOISE,
     )
     for k in range(200):
         filter.predict(
@@ -268,7 +271,7 @@ def test_what_angles_err_by_at_the_known_attitude(rph, correlation):
         np.array([[1e-6, 3e-7], [3e-7, 5e-7]]),
     )
     off = record - estimate if correlation == 0 else record
-    begin = Start(
+    begin = InitialState(
         0.0, (0.8, 0.1, 300.0), (0.0,) * 3, tuple(rph), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
     )
     belief = direct_ahrs.start(begin, NOISE, correlation=correlation)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding, filters
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Kind, Noise, compile_kernel
 from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
@@ -39,7 +39,7 @@ class Standing:
         ):
             compile_kernel(kernel)
         self.belief = self.filter.start(
-            Start(0.0, tuple(LLA), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15),
+            InitialState(0.0, tuple(LLA), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15),
             NOISE,
             **gains,
         )
@@ -211,7 +211,7 @@ def test_a_turned_vehicle_has_turned_errors():
     level = Rotation.from_euler("z", yaw).as_matrix()
     for turned in (0.0, yaw):
         filter, rng = filters.find("fixed-gain"), np.random.default_rng(3)
-        truth = Start(
+        truth = InitialState(
             0.0,
             tuple(LLA),
             (0.0,) * 3,

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding, filters
-from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Kind, Noise, compile_kernel
 from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ahrs_aided.known_attitude import KNOWN, KNOWN_ATTITUDE, SINCE_TILT
@@ -21,7 +21,7 @@ def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_
     """(belief of a body at rest that is level and knows all but its attitude and gyro bias,
     function of seconds)."""
     filter = filters.find(name)
-    begin = Start(
+    begin = InitialState(
         0.0,
         (0.8, 0.1, 100.0),
         (0.0,) * 3,

@@ -9,7 +9,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.error_state import ERROR_STATE, allocate
 from strapdown.filters.attitude.attitude_error_state import (
     INVERSE,
@@ -54,7 +54,7 @@ def normalised(difference, P):
 
 
 def belief(rng):
-    start = Start(
+    start = InitialState(
         0.0,
         (0.8, 0.2, 0.0),
         (0.0,) * 3,

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.data.solution.solution import Aiding
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.sensor_models.gnss import Gnss
@@ -42,11 +42,11 @@ def hand(turning, duration=61.0):
 
 
 def far_off(truth, seed, attitude_sd, angle=170.0):
-    """A Start that is `angle` (deg) off about a random axis."""
+    """An InitialState that is `angle` (deg) off about a random axis."""
     axis = np.random.default_rng(seed).standard_normal(3)
     C = Rotation.from_rotvec(-np.radians(angle) * axis / np.linalg.norm(axis)) * truth.rotation[0]
     rph = tuple(map(float, C.as_euler("ZYX")[::-1]))
-    return Start(
+    return InitialState(
         0.0,
         tuple(map(float, truth.lla[0])),
         (0.0,) * 3,

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF, GRAVITY, MAGNETOMETERS
@@ -56,7 +56,9 @@ def begun(
         compile_kernel(kernel)
     all_sd = (1.0,) * 6 + tuple(sd[:3]) + (1.0,) * 3 + tuple(sd[3:])
     return filter.start(
-        Start(0.0, (LAT, 0.2, 500.0), (0.0,) * 3, tuple(np.radians(rph)), (0.0,) * 3, bg, all_sd),
+        InitialState(
+            0.0, (LAT, 0.2, 500.0), (0.0,) * 3, tuple(np.radians(rph)), (0.0,) * 3, bg, all_sd
+        ),
         noise,
         **options,
     )

@@ -10,10 +10,10 @@ import pytest
 import strapdown as sd
 from strapdown import aiding
 from strapdown.core.loop.contract import (
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
-    Start,
     compile_kernel,
 )
 from strapdown.core.mathematics.source import new_source
@@ -108,19 +108,21 @@ def test_without_looking_for_accelerations_they_do_not():
 # ------------------------------------------------------------------ kernels by hand
 
 
-def begun(filter: Filter, rph=(0.0, 0.0, 0.0), sd_attitude=0.01, accel_sd=0.0) -> Belief:
+def begun(filter: Filter, rph=(0.0, 0.0, 0.0), sd_attitude=0.01, accel_sd=0.0) -> FilterState:
     for each in (filter.predict, filter.correct, aiding.find("magnetic-field").observe):
         compile_kernel(each)
     all_sd = (10.0,) * 6 + (sd_attitude,) * 3 + (accel_sd,) * 3 + (1e-4,) * 3
-    start = Start(0.0, (0.8, 0.2, 0.0), (0.0,) * 3, rph, (0.0,) * 3, (0.0,) * 3, all_sd)
+    start = InitialState(0.0, (0.8, 0.2, 0.0), (0.0,) * 3, rph, (0.0,) * 3, (0.0,) * 3, all_sd)
     return filter.start(start, NOISE)
 
 
-def holding(filter: Filter, belief: Belief) -> int:
+def holding(filter: Filter, belief: FilterState) -> int:
     return int(belief.workspace[filter.condition])
 
 
-def measure(filter: Filter, belief: Belief, y: Array, magnetometer: int = 0) -> tuple[float, Array]:
+def measure(
+    filter: Filter, belief: FilterState, y: Array, magnetometer: int = 0
+) -> tuple[float, Array]:
     sensor = aiding.find("magnetic-field")
     innovation, source = np.zeros(12), new_source()
     source.parameters[:3], source.of_kind = FIELD, magnetometer
@@ -138,7 +140,12 @@ def measure(filter: Filter, belief: Belief, y: Array, magnetometer: int = 0) -> 
 
 
 def still(
-    filter: Filter, belief: Belief, seconds: float, force=(0.0, 0.0, -9.81), field=None, dt=0.02
+    filter: Filter,
+    belief: FilterState,
+    seconds: float,
+    force=(0.0, 0.0, -9.81),
+    field=None,
+    dt=0.02,
 ):
     """Let the filter run over so many seconds of that specific force and field, 10 Hz."""
     u = np.r_[np.zeros(3), force] * dt

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Belief, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import FilterState, InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.earth import RATE as EARTH_RATE
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution.recording import Recording
@@ -38,7 +38,7 @@ PLACE = (60.4 * DEG, 4.9 * DEG, 45.0)
 SPAN = (120.0, 600.0)  # s: the first two minutes settle
 NOISE = Noise(1e-4, 1e-3, 1e-6, 1e-4, 1e-3, 1e-3)
 FIXED = {"acceleration": 1e6}  # the level is not looked at: attitude by the gyros alone
-BEGIN = Start(
+BEGIN = InitialState(
     0.0,
     PLACE,
     (0.0, 0.0, 0.3),
@@ -61,7 +61,7 @@ def height(kind, t, y, deviation, **more):
 
 
 def belief(brought=1, seed=1):
-    """A belief with a full covariance of vertical channel and states brought along, and another
+    """A belief with a full covariance of vertical channel and states augmented, and another
     of the attitude."""
     rng = np.random.default_rng(seed)
     made = VRU.start(BEGIN._replace(sd=BEGIN.sd + (30.0,) * brought), NOISE, **FIXED)
@@ -136,7 +136,7 @@ def test_what_levelling_tells_reaches_the_vertical_channel_as_covariance_alone()
     scale = np.sqrt(np.diag(made.P)[kept])
     made.P[np.ix_(kept, kept)] = np.corrcoef(mixed[:12]) * np.outer(scale, scale)
     made.workspace[MEASURED] = 1.0
-    levelled = Belief(*(part.copy() for part in made))
+    levelled = FilterState(*(part.copy() for part in made))
     levelled.workspace[ACCELERATION], levelled.workspace[RESTED] = 0.2**2, 1.0
     compile_kernel(VRU.predict)
     for each in (made, levelled):
@@ -446,7 +446,7 @@ def test_integration_holds_without_any_height():
     it is a strapdown integration of one axis."""
     motion, t = moored(PLACE), np.arange(60 * 50 + 1) / 50
     truth = sample(motion, t)
-    exact = Start(
+    exact = InitialState(
         0.0,
         tuple(truth.lla[0]),
         tuple(truth.v_n[0]),

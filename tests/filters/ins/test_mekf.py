@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.earth import place, rotation_rates
 from strapdown.core.mathematics.error_dynamics import cross_matrix, dynamics
 from strapdown.core.mathematics.mechanization import mechanize
@@ -256,7 +256,7 @@ def corrected(a, C, filter=MEKF):
         compile_kernel(kernel)
     rph, length = Rotation.from_matrix(C).as_euler("ZYX")[::-1], np.linalg.norm(a)
     belief = filter.start(
-        Start(0.0, PLACE, (0.0,) * 3, tuple(rph), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE
+        InitialState(0.0, PLACE, (0.0,) * 3, tuple(rph), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE
     )
     P = np.diag(np.r_[[1.0] * 3, 0.1, 0.2, 0.3, 0.1, 0.2, 0.3, [0.01] * 6] ** 2)
     P[3, 6:9] = P[6:9, 3] = 0.06 * a / length
@@ -349,10 +349,10 @@ def exact(motion, seconds, rate, *sources):
 
 
 def aside(recording, error, deviation):
-    """The Start that errs by `error` in the fifteen states, true - start."""
+    """The InitialState that errs by `error` in the fifteen states, true - start."""
     truth, x = recording.reference, np.array(error)
     C = Rotation.from_rotvec(-x[6:9]) * truth.rotation[0]
-    return Start(
+    return InitialState(
         0.0,
         tuple(displaced(truth.lla[0], -x[:3])),
         tuple(truth.v_n[0] - x[3:6]),

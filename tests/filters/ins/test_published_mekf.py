@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Aiding
 from strapdown.geometry.geodesy import displaced, displacement
@@ -171,7 +171,7 @@ def both():
             gate=np.inf,
         ),
     )
-    begin = Start(
+    begin = InitialState(
         0.0,
         tuple(PLACE),
         (0.0,) * 3,

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Kind, Noise, compile_kernel
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.observer import adaptive
 from strapdown.filters.observer.adaptive import AIR, COUNT, GYRO, WIND
@@ -31,7 +31,7 @@ def begun(change=None, **options):
     """An observer after its start, with what it takes for known moved by `change` (8,), in
     standard deviations."""
     rph, lla = (0.1, 0.05, 0.7), (0.8, 0.1, 500.0)
-    given = Start(0.0, lla, (30.0, 25.0, 0.0), rph, (0.0,) * 3, (0.0,) * 3, SD)
+    given = InitialState(0.0, lla, (30.0, 25.0, 0.0), rph, (0.0,) * 3, (0.0,) * 3, SD)
     belief = NLO.start(given, SILENT, **options)
     own = adaptive.ADAPTIVE.named(belief.workspace[ADAPTIVE])
     belief.workspace[FADE], own["BEGUN"][...] = 0.0, 1.0

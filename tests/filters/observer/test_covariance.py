@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Kind, Noise, compile_kernel
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.observer.covariance import STATES, XI, step
 from strapdown.filters.observer.equations import (
@@ -67,7 +67,7 @@ def perturbed(error, field):
     lla = displaced(np.array([0.8, 0.1, 500.0]), -p)
     rph = (Rotation.from_rotvec(-theta) * C).as_euler("ZYX")[::-1]
     belief = NLO.start(
-        Start(
+        InitialState(
             0.0,
             tuple(lla),
             tuple(np.r_[30.0, 25.0, 0.0] - v),

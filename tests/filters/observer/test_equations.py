@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import InitialState, Noise, compile_kernel
 from strapdown.filters.observer import covariance, equations
 from strapdown.filters.observer.gains import begin, implant
 from strapdown.filters.observer.translation_gains import SPREAD
@@ -57,7 +57,7 @@ def noiseless(seconds=15.0, rate=100.0):
 
 
 def off(recording):
-    """A Start whose attitude is off by 37 deg and whose biases are off too."""
+    """An InitialState whose attitude is off by 37 deg and whose biases are off too."""
     truth = start(recording)
     rph = (OFF * recording.reference.rotation[0]).as_euler("ZYX")[::-1]
     return truth._replace(rph=tuple(rph), ba=(0.02, -0.01, 0.03), bg=(0.004, -0.003, 0.002))
@@ -199,8 +199,8 @@ def predict():
 
 
 def belief(at=None, **options):
-    """A belief at `at` (a Start) or level and at rest."""
-    at = at or Start(
+    """A belief at `at` (an InitialState) or level and at rest."""
+    at = at or InitialState(
         0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
     )
     made = at.belief(covariance.SLOTS.zeros())
@@ -318,7 +318,7 @@ def test_the_monitor_is_the_smallest_eigenvalue(predict):
 
 
 def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predict):
-    at = Start(
+    at = InitialState(
         0.0,
         (0.8, 0.1, 300.0),
         (200.0, 150.0, 0.0),

@@ -26,7 +26,7 @@ def attitude_error(solution, recording):
 
 
 def far(recording, seed, degrees=170.0, bias=0.05):
-    """(the recording with a gyro bias in a random direction put on it, a Start that far off
+    """(the recording with a gyro bias in a random direction put on it, an InitialState that far off
     about a random axis and says so)."""
     rng = np.random.default_rng(seed)
     axis, drift = (row / np.linalg.norm(row) for row in rng.standard_normal((2, 3)))

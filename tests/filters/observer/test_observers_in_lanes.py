@@ -9,7 +9,7 @@ from test_xkf import NOISE, world
 from strapdown import aiding
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.compile.signatures import LANES
-from strapdown.core.loop.contract import Belief, side_by_side
+from strapdown.core.loop.contract import FilterState, side_by_side
 from strapdown.core.mathematics.source import new_source
 from strapdown.engine.run_batch import alongside
 from strapdown.filters.observer import xkf
@@ -94,13 +94,13 @@ def fixes(k):
 
 def numbers(belief):
     """All that a filter may read again, as numbers of each run."""
-    return {name: np.array(getattr(belief, name)) for name in Belief._fields[:8]}
+    return {name: np.array(getattr(belief, name)) for name in FilterState._fields[:8]}
 
 
 @pytest.mark.parametrize("filter, options", OPTIONS)
 def test_runs_in_different_states_do_not_reach_each_other(filter, options):
     beliefs, (u, dt, _, _) = begun(filter, options), world()
-    wide = Belief(*(alongside(parts) for parts in zip(*beliefs)))
+    wide = FilterState(*(alongside(parts) for parts in zip(*beliefs)))
     predict, correct = side_by_side(filter.predict), side_by_side(filter.correct)
     innovation, rejected, measured = np.zeros((12, LANES)), 0, 0
     for k, row in enumerate(u[:STEPS], 1):

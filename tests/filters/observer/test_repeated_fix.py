@@ -1,4 +1,4 @@
-"""When a fix is the one before, handed over with the gate lifted, and when it is another."""
+"""When a fix is the one before, handed over with the gate opened, and when it is another."""
 
 import numpy as np
 import pytest

@@ -276,7 +276,7 @@ def test_the_observer_takes_a_fix_once_though_the_loop_hands_it_over_again():
     y = displaced(belief.lla, [300.0, -200.0, 100.0])
     fix(belief, "position", y, gate=16.0)
     once = copied(observer(belief))
-    nis, _ = fix(belief, "position", y)  # with the gate lifted
+    nis, _ = fix(belief, "position", y)  # with the gate opened
     assert nis > 16 and all(np.array_equal(a, b) for a, b in zip(once, observer(belief)))
     XKF.predict(belief, world()[0][0], world()[1], NOISE)
     moving = copied(observer(belief))

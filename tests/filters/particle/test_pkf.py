@@ -13,7 +13,7 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.compile.signatures import LANES
-from strapdown.core.loop.contract import OBSERVE, Noise, Start, compile_kernel, kernel
+from strapdown.core.loop.contract import OBSERVE, InitialState, Noise, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution.solution import Aiding
 from strapdown.engine.prepare import prepare
@@ -25,7 +25,7 @@ short = pytest.mark.short
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
 )
-BEGIN = Start(
+BEGIN = InitialState(
     0.0,
     (0.8, 0.2, 300.0),
     (10.0, 5.0, 0.0),
@@ -324,7 +324,7 @@ def test_a_resampling_changes_nothing_but_the_components(components):
 
 @short
 def test_what_the_loop_does_to_the_covariance_reaches_the_components():
-    """More of everything and of the position, as before a fix with the gate lifted, and more of
+    """More of everything and of the position, as before a fix with the gate opened, and more of
     a state that walks."""
     belief = made(20, BEGIN._replace(sd=(*BEGIN.sd, 5.0)))
     predict(belief, 5)

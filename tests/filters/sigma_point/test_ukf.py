@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from test_loops import NOISE, difference, fused, textbook
 
 import strapdown as sd
-from strapdown.core.loop.contract import Belief, compile_kernel
+from strapdown.core.loop.contract import FilterState, compile_kernel
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.sigma_point.ckf import CKF
@@ -240,7 +240,7 @@ def test_where_errors_are_small_all_are_the_closed_loop():
 
 
 def copied(belief):
-    return Belief(*(part.copy() for part in belief))
+    return FilterState(*(part.copy() for part in belief))
 
 
 @pytest.mark.parametrize("filter", [UKF, CKF])

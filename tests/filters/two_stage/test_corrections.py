@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown import filters
 from strapdown.core.compile.jit import COMPILED, matrix
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.earth import RATE, gravity
 from strapdown.core.mathematics.error_state import JACOBIAN
 from strapdown.filters.observer.equations import LONG_HELD
@@ -29,7 +29,9 @@ SPIN = RATE * np.array([math.cos(LAT), 0.0, -math.sin(LAT)])
 def begun(rph=RPH, **options):
     filter = filters.find("two-stage-ekf")
     sd = np.linspace(0.01, 0.15, 15)
-    start = Start(0.0, (LAT, 0.2, 500.0), tuple(V), rph, (0.1, 0.2, -0.1), (0.0,) * 3, tuple(sd))
+    start = InitialState(
+        0.0, (LAT, 0.2, 500.0), tuple(V), rph, (0.1, 0.2, -0.1), (0.0,) * 3, tuple(sd)
+    )
     return filter.start(start, NOISE, **options)
 
 

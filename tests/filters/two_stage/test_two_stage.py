@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.earth import gravity
 from strapdown.engine.prepare import prepare
 from strapdown.filters.two_stage.model import (
@@ -77,7 +77,7 @@ def test_p_between_fixes_is_that_of_the_numerically_differentiated_model():
     name, dt, steps = "two-stage-ekf", 0.005, 200
     filter = filters.find(name)
     prepare(name, [])
-    start = Start(
+    start = InitialState(
         0.0,
         (0.0, 0.2, 0.0),
         tuple(matrix(ANGLES) @ STATE[9:12]),

@@ -14,7 +14,7 @@ from textbook_aircraft import actuators, forces, motion
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.compile.records import rows
-from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Trajectory
 from strapdown.flight.aircraft.dynamics import Loads, evaluate, respond
@@ -288,7 +288,7 @@ def test_increments_mechanize_back_to_the_flight():
     commands = np.tile(manoeuvres(20.0), (3, 1))
     states, imu = respond(AEROSONDE, start.state, commands, 0.01)
     noise = Noise(1e-9, 1e-9, 1e-12, 1e-12, 0.0, 0.0)
-    begun = Start(
+    begun = InitialState(
         0.0, states[0, :3], states[0, 3:6], np.zeros(3), np.zeros(3), np.zeros(3), np.full(15, 1e-6)
     ).towards(states[0, 6:10])
     made = sd.fuse(Recording(imu, meta={"name": "flight"}), "closed-loop", start=begun, noise=noise)

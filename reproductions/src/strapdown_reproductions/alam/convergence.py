@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Trajectory
 from strapdown.engine.batch import fuse
@@ -85,7 +85,9 @@ def simulator(magnetometer: bool = False, interval: float = FIXES) -> Simulator:
     return Simulator(Scenario("170 deg off", motion, WITHIN, RATE, gnss, IMU, magnetometer=compass))
 
 
-def run(seed: int, magnetometer: bool = False, interval: float = FIXES) -> tuple[Recording, Start]:
+def run(
+    seed: int, magnetometer: bool = False, interval: float = FIXES
+) -> tuple[Recording, InitialState]:
     """(Recording, Start) of a seed: position and velocity at the truth, attitude and gyro bias
     off, with standard deviations that say so."""
     recording = simulator(magnetometer, interval).recording(IMU, np.random.default_rng(seed))
@@ -106,7 +108,7 @@ def run(seed: int, magnetometer: bool = False, interval: float = FIXES) -> tuple
         *[float(np.hypot(gyro_sd, GYRO_BIAS / 3**0.5))] * 3,
     )
     numbers = lambda values: tuple(map(float, values))
-    return recording, Start(
+    return recording, InitialState(
         0.0,
         numbers(truth.lla[0]),
         numbers(truth.v_n[0]),

@@ -6,7 +6,7 @@ import numpy as np
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.data.solution.recording import Recording
 
 from .catalogue import FAULTS
@@ -30,7 +30,7 @@ class _Right(NamedTuple):
     """What there is without a fault."""
 
     recording: Recording
-    start: Start
+    start: InitialState
     nominal: Nominal
     judged: JudgedRun
 
@@ -90,7 +90,7 @@ def _elsewhere(
 
 
 def _run(
-    subject: FaultSubject, data: Raw, world: FaultWorld, right: _Right, start: Start
+    subject: FaultSubject, data: Raw, world: FaultWorld, right: _Right, start: InitialState
 ) -> JudgedRun:
     reference = right.recording.reference
     assert reference is not None

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 
 from .fault import (
     GNSS,
@@ -152,7 +152,7 @@ def begins_off(
 ) -> Change:
     """A start that is off by these."""
 
-    def start(right: Start) -> Start:
+    def start(right: InitialState) -> InitialState:
         added = lambda own, off: tuple(a + b for a, b in zip(own, off))
         return right._replace(lla=added(right.lla, lla), rph=added(right.rph, rph))
 

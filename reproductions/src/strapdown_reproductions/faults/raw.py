@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Aiding, Trajectory
 from strapdown.geometry.geodesy import displaced
@@ -61,7 +61,7 @@ class Raw:
     arrival: Array  # (n,) s
     rng: np.random.Generator
     # what becomes of the start that a right recording has; None: it is found from the data
-    start: Callable[[Start], Start] | None = None
+    start: Callable[[InitialState], InitialState] | None = None
     reference: Trajectory | None = field(default=None, repr=False)
 
     def from_fault(self, lasting: float = np.inf) -> Mask:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strapdown import filters
-from strapdown.core.loop.contract import STATES, Filter, Start
+from strapdown.core.loop.contract import STATES, Filter, InitialState
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Aiding, Solution, Trajectory
 from strapdown.engine.batch import fuse
@@ -92,7 +92,7 @@ def kinds_with(fault: Fault, subject: FaultSubject) -> tuple[str, ...] | None:
 
 
 def run(
-    subject: FaultSubject, raw: Raw, world: FaultWorld, right: Recording, start: Start | None
+    subject: FaultSubject, raw: Raw, world: FaultWorld, right: Recording, start: InitialState | None
 ) -> FaultOutcome:
     """The FaultOutcome of a run. right: the recording without the fault, by which a stream is set up;
     start: that of the run without a fault, None there. Raises DataError."""
@@ -113,10 +113,10 @@ def outcome(solution: Solution) -> FaultOutcome:
     )
 
 
-def start_of(subject: FaultSubject, right: Recording) -> Start:
+def start_of(subject: FaultSubject, right: Recording) -> InitialState:
     """Where the run without a fault begins."""
     solution = fuse(right, subject.filter, every=1000, options=OPTIONS.get(subject.filter, {}))
-    return Start(**solution.meta["start"])
+    return InitialState(**solution.meta["start"])
 
 
 Arrival: TypeAlias = tuple[float, Sample | Fix]
@@ -124,7 +124,7 @@ Arrival: TypeAlias = tuple[float, Sample | Fix]
 
 
 def _live(
-    name: str, raw: Raw, world: FaultWorld, right: Recording, start: Start | None
+    name: str, raw: Raw, world: FaultWorld, right: Recording, start: InitialState | None
 ) -> FaultOutcome:
     """A stream that gets each event when it arrives, with the stamp that it bears."""
     assert start is not None

@@ -24,8 +24,8 @@ from strapdown.core.loop.contract import (
     HELD,
     RANDOM_WALK,
     Filter,
+    InitialState,
     Noise,
-    Start,
 )
 from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Trajectory
@@ -314,7 +314,7 @@ def sensed(recording: Recording, case: FilterCase, tuning: str) -> Recording:
     )
 
 
-def start(recording: Recording, tuning: str, seed: int) -> Start:
+def start(recording: Recording, tuning: str, seed: int) -> InitialState:
     """Where a run begins: as the published scripts do, at the truth with deviations of 1 of
     everything, or at an error drawn from START_SD. Biases 0."""
     truth = recording.reference
@@ -322,7 +322,9 @@ def start(recording: Recording, tuning: str, seed: int) -> Start:
         place, speed, angles = (
             tuple(map(float, part[0])) for part in (truth.lla, truth.v_n, truth.rph)
         )
-        return Start(0.0, place, speed, angles, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15, "the truth")
+        return InitialState(
+            0.0, place, speed, angles, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15, "the truth"
+        )
     unbiased, rng = (np.zeros(3), np.zeros(3)), np.random.default_rng([seed, 77])
     return draw_start(truth, np.r_[START_SD[:9], np.zeros(6)], rng, biases=unbiased)._replace(
         sd=START_SD

@@ -27,15 +27,15 @@ from strapdown.core.loop.contract import (
     PREDICT,
     RANDOM_WALK,
     STATES,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     Source,
     SourceRow,
-    Start,
     kernel,
 )
 from strapdown.core.mathematics.earth import displace, place, rotation_rates
@@ -64,7 +64,7 @@ ERRORS = {"corrected": 0.0, "printed": 1.0}
 KINDS = ("position", "velocity", "heading")
 
 
-def start(start: Start, noise: Noise) -> Belief:
+def start(start: InitialState, noise: Noise) -> FilterState:
     """Belief of the direct filter at `start`."""
     if len(start.sd) > STATES:
         raise ValueError("it knows no states of aidings; give sources without any")
@@ -74,7 +74,7 @@ def start(start: Start, noise: Noise) -> Belief:
     return belief
 
 
-def start_indirect(begin: Start, noise: Noise, errors: str = "printed") -> Belief:
+def start_indirect(begin: InitialState, noise: Noise, errors: str = "printed") -> FilterState:
     """Belief of the indirect filter at `begin`. errors: "printed", a small rotation in body axes that
     is added to the angles, or "corrected", the errors of the angles."""
     belief = start(begin, noise)
@@ -96,7 +96,7 @@ def configure(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """P of the angles by I + F dt at the state, then the state; the angles by the midpoint rule."""
     if dt <= 0:
         return
@@ -141,7 +141,7 @@ def transform(angles: Array, to: Array) -> None:
 
 
 @helper
-def _jacobian(belief: Belief, r: Three, a: Three, dt: float, noise: Noise) -> None:
+def _jacobian(belief: FilterState, r: Three, a: Three, dt: float, noise: Noise) -> None:
     """F (15, 15) at the state, from the increments of a sample in the body, rad and m/s."""
     w0, w1, w2 = r[0] / dt, r[1] / dt, r[2] / dt
     f0, f1, f2 = a[0] / dt, a[1] / dt, a[2] / dt
@@ -182,7 +182,7 @@ def _jacobian(belief: Belief, r: Three, a: Three, dt: float, noise: Noise) -> No
 
 
 @helper
-def _propagate(belief: Belief, dt: float, noise: Noise) -> None:
+def _propagate(belief: FilterState, dt: float, noise: Noise) -> None:
     """P <- (I + F dt) P (I + F dt)' + Q dt; the gyros' noise reaches the angles as their bias
     does."""
     workspace = belief.workspace
@@ -231,7 +231,7 @@ def _times(A: Array, B: Array, to: Array) -> None:
 
 
 @helper
-def _publish(belief: Belief) -> None:
+def _publish(belief: FilterState) -> None:
     """C by the angles, and P of the library's errors: a change of the angles is a small rotation in
     n of J times it."""
     workspace, angles = belief.workspace, belief.workspace[ANGLES]
@@ -269,7 +269,7 @@ def _rotation(
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

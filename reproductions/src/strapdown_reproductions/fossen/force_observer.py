@@ -21,15 +21,15 @@ from strapdown.core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     Source,
     SourceRow,
-    Start,
     kernel,
 )
 from strapdown.core.mathematics.earth import RATE, gravity
@@ -59,14 +59,14 @@ MIN_FORCE = 0.5  # m/s^2: below it a mean specific force has no direction
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     reference: str = "gnss",
     k1: float = 0.5,
     k2: float = 0.1,
     ki: float = 0.005,
-) -> Belief:
-    """Belief at `start`. reference: of the specific force, "gnss" or "gravity"; k1: its gain, k2: that
+) -> FilterState:
+    """The filter state at `start`. reference: of the specific force, "gnss" or "gravity"; k1: its gain, k2: that
     of field and compass, ki: of the gyro bias, 1/s."""
     for name, value in {"k1": k1, "k2": k2, "ki": ki}.items():
         check_number(value, name, "1/s", least=0)
@@ -89,7 +89,7 @@ def configure(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros, and gather the specific force in n."""
     if dt <= 0:
         return
@@ -115,7 +115,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
+def _pull(belief: FilterState, x: float, y: float, z: float, gain: float) -> None:
     """What a cross product (x, y, z) in n does."""
     C, learnt = belief.C, belief.workspace[KI] * gain
     for i in range(3):
@@ -124,7 +124,7 @@ def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
 
 
 @helper
-def _by_velocity(belief: Belief, y: Array) -> None:
+def _by_velocity(belief: FilterState, y: Array) -> None:
     """The gathered force against that of the fixes, or of gravity alone."""
     workspace = belief.workspace
     s, before, T = workspace[GATHERED], workspace[BEFORE], workspace[SECONDS]
@@ -145,7 +145,7 @@ def _by_velocity(belief: Belief, y: Array) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

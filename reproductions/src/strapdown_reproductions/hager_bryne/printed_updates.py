@@ -16,13 +16,13 @@ from strapdown.core.loop.contract import (
     BG,
     CORRECT,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     kernel,
 )
 from strapdown.core.mathematics.error_state import (
@@ -54,9 +54,9 @@ ONLY_CLOSED = (
 
 
 def start(
-    start: Start, noise: Noise, reading: str = WITHOUT_PRIOR, error_model: str = "corrected"
-) -> Belief:
-    """Belief at `start`. reading: one of READINGS; error_model as for the closed loop."""
+    start: InitialState, noise: Noise, reading: str = WITHOUT_PRIOR, error_model: str = "corrected"
+) -> FilterState:
+    """The filter state at `start`. reading: one of READINGS; error_model as for the closed loop."""
     check_choice(reading, "reading", READINGS)
     belief = start.belief(allocate(SLOTS, error_model))
     belief.workspace[PREDICTS] = reading == WITHOUT_PRIOR
@@ -64,7 +64,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the INS on the raw increments; the biases do to it what (19) is read to say."""
     workspace, keep = belief.workspace, belief.workspace[PREDICTS]
     x = workspace[X]
@@ -91,7 +91,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -127,13 +127,13 @@ CLOSED_LOOP = Filter(
 
 
 def start_open(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     reading: str = WITHOUT_PRIOR,
     error_model: str = "corrected",
     kinematics: str = "second-order",
-) -> Belief:
-    """Belief at `start` as for the open loop, whose only reading is "without-prior"."""
+) -> FilterState:
+    """The filter state at `start` as for the open loop, whose only reading is "without-prior"."""
     if check_choice(reading, "reading", READINGS) == ZERO_PREDICTION:
         raise DataError(ONLY_CLOSED)
     return open_loop.start(start, noise, error_model, kinematics)
@@ -141,7 +141,7 @@ def start_open(
 
 @kernel(CORRECT)
 def correct_open(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

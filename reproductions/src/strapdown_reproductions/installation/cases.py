@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.core.loop.contract import Start
+from strapdown.core.loop.contract import InitialState
 from strapdown.data.solution.recording import Recording
 from strapdown.experiments.monte_carlo.wrong_installation import Installation, drawn, start_of
 
@@ -29,7 +29,7 @@ CLOCK, ARM, SCALE, TWO_DEG = 0.1, 0.5, 0.02, float(np.radians(2.0))
 """Priors: s, m, of 1, rad."""
 PRIORS: Installation = {"clock": CLOCK, "lever-arm": ARM}
 KNOWN, ALIGNED = "known start", "own alignment"
-"""Where a filter begins: at the truth less an error drawn from what the Start states, or as `fuse`
+"""Where a filter begins: at the truth less an error drawn from what the InitialState states, or as `fuse`
 finds it from the wrongly installed recording itself."""
 
 
@@ -68,8 +68,8 @@ class InstallationCase(NamedTuple):
 
     recording: Recording  # wrongly installed
     right: Recording  # as it is
-    start: Start | None  # None: the filter's own alignment
-    right_start: Start | None
+    start: InitialState | None  # None: the filter's own alignment
+    right_start: InitialState | None
     true: dict[str, float]  # {column of a Solution: true value}
     priors: Installation
 

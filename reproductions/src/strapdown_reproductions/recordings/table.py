@@ -39,7 +39,7 @@ FIGURES = (
     "inclination, deg",
     "heading about the vertical, deg",
 )
-COUNTS = ("fixes accepted", "fixes rejected", "others accepted", "others rejected", "gate lifted")
+COUNTS = ("fixes accepted", "fixes rejected", "others accepted", "others rejected", "gate opened")
 FEWER = {"pkf": {"components": 20}}
 """Options of filters that would take an hour here with their defaults."""
 UNBROKEN = "\N{NO-BREAK SPACE}"
@@ -108,7 +108,7 @@ def _scores(case: RecordingCase, name: str, say: Say | None) -> dict[str, Any]:
         solution = fuse(case.recording, name, say=say, options=FEWER.get(name, {}))
     except DataError as error:
         return {"said": shortened(error, name)}
-    lifted = sum("gate lifted" in text for _, text in solution.events)
+    lifted = sum("gate opened" in text for _, text in solution.events)
     counts = dict(zip(COUNTS, (*counted(solution), lifted)))
     if "stopped" in solution.meta:
         return counts | {"said": shortened(solution.meta["stopped"], name)}

@@ -26,7 +26,7 @@ from ..compile.jit import (
 )
 from ..compile.signatures import in_lanes
 from ..compile.workspace import MAX_STATES, Slots
-from ..mathematics.belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
+from ..mathematics.belief import ATT, BA, BG, POS, STATES, VEL, FilterState, Noise
 from ..mathematics.rotation import euler_to_matrix, quaternion_to_euler
 from ..mathematics.source import OBSERVE, Kind, Observe, SourceRow
 from ..mathematics.tape import ADJOINT_STEP, SAVE_STEP, AdjointStep, SaveStep, Smoother
@@ -45,8 +45,8 @@ from .tables import (
 )
 
 __all__ = [
-    "Belief",
-    "Start",
+    "FilterState",
+    "InitialState",
     "Noise",
     "Imu",
     "Fixes",
@@ -115,7 +115,7 @@ them, as the mean of a Gauss-Markov process does. "held": what was found of a bi
 uncertainty alone goes back to that of the process. "random-walk": no time constant counts."""
 
 
-class Start(NamedTuple):
+class InitialState(NamedTuple):
     """Where a filter begins: state and standard deviations, SI and radians. Print it, or
     override a part with `_replace`. What is left open, `()`, is found from the recording or from
     the first samples of a stream."""
@@ -134,8 +134,8 @@ class Start(NamedTuple):
     # arm; () of any other
     motion: tuple[float, ...] = ()
 
-    def towards(self, q_nb: Vector) -> "Start":
-        """This Start with the attitude of a unit quaternion, scalar first, body to navigation.
+    def towards(self, q_nb: Vector) -> "InitialState":
+        """This InitialState with the attitude of a unit quaternion, scalar first, body to navigation.
         Raises ValueError where it is none."""
         q = np.asarray(q_nb, float)
         size = np.linalg.norm(q)
@@ -147,8 +147,8 @@ class Start(NamedTuple):
         roll, pitch, heading = quaternion_to_euler(q / size).tolist()
         return self._replace(rph=(roll, pitch, heading))
 
-    def belief(self, workspace: Array) -> Belief:
-        """A Belief at this start with a diagonal P; `workspace` is the filter's own array."""
+    def belief(self, workspace: Array) -> FilterState:
+        """A FilterState at this start with a diagonal P; `workspace` is the filter's own array."""
 
         def column(values: tuple[float, ...]) -> Array:
             return np.array(values, float)
@@ -156,7 +156,7 @@ class Start(NamedTuple):
         C = np.empty((3, 3))
         roll, pitch, heading = (float(angle) for angle in self.rph)
         euler_to_matrix(roll, pitch, heading, C)
-        return Belief(
+        return FilterState(
             column(self.lla),
             column(self.v),
             C,
@@ -210,9 +210,11 @@ class Source(Protocol):
         """As its Measurement says, e.g. a lever arm."""
 
 
-Predict: TypeAlias = Callable[[Belief, Array, float, Noise], None]
+Predict: TypeAlias = Callable[[FilterState, Array, float, Noise], None]
 """(belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments over dt (s)."""
-Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, SourceRow, float, Array], float]
+Correct: TypeAlias = Callable[
+    [FilterState, Array, Array, int, Observe, SourceRow, float, Array], float
+]
 """(belief, y, sd, kind, observe, source, gate, innovation (12,)) -> NIS: the innovation y -
 h(belief) e; behind it the same whitened, L^-1 e, N(0, 1) each where the filter is right; behind
 that L by rows (00, 10, 11, 20, 21, 22), L L' its covariance. NaN of what is not measured or has no
@@ -245,7 +247,7 @@ class Filter(NamedTuple):
     name: str
     reference: str
     # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
-    start: Callable[..., Belief]
+    start: Callable[..., FilterState]
     predict: Predict
     correct: Correct
     # the standard deviations it claims; the others are published as NaN
@@ -312,7 +314,7 @@ class Filter(NamedTuple):
             return noise._replace(gyro_decay=0.0, accel_decay=0.0)
         return noise._replace(held=float(model == HELD)) if BIAS in options else noise
 
-    def begin(self, start: Start, noise: Noise, **options: Any) -> Belief:
+    def begin(self, start: InitialState, noise: Noise, **options: Any) -> FilterState:
         """The belief of `start`; its kernels are to be given the noise that is `assumed`. Raises
         RuntimeError where its workspace is smaller than `slots` says, so that kernels would write
         beyond it."""

@@ -87,13 +87,13 @@ class Books:
     accepted: int  # measurements
     rejected: int  # measurements
     in_a_row: int  # rejections since the last accepted one
-    since: float  # s, the first of them, or the last that was used with the gate lifted
+    since: float  # s, the first of them, or the last that was used with the gate opened
     lifts: int  # how many of them were used so, positions and velocities apart
     last: float  # s, the last measurement, up to which its own states have walked
     last_used: float  # s
     floor: Annotated[Array, 3]  # least standard deviations
     rejecting: int  # 1: rejected so long that the gate was or must be lifted; -1: left out
-    lifted_at: int  # rejections in a row when the gate was lifted last, 0 since one passed
+    lifted_at: int  # rejections in a row when the gate was opened last, 0 since one passed
     # tests of its innovations: cumulative sum, its terms, 1 where it fails; sums and counts of the
     # present second and when the last one ended, s
     sums: Annotated[Array, 7]
@@ -137,7 +137,7 @@ class Work:
     weight: float  # of a robust source: stated variance over that which was used
     believable: int  # 1: it can be true
     alone: int  # 1: it is the filter's only aid
-    lifted: int  # 1: used with the gate of its source lifted
+    lifted: int  # 1: used with the gate of its source opened
     withheld: int  # the row of y that is withheld from the filter, or -1
     height: float  # what stood there
     other: Annotated[Array, 12]  # the same by other standard deviations

@@ -9,7 +9,7 @@ import math
 
 from ...typing import Array
 from ..compile.jit import helper
-from ..mathematics.belief import Belief, Noise
+from ..mathematics.belief import FilterState, Noise
 from ..mathematics.mechanization import stationary_increments
 from .cursor import Cursor
 from .kernels import Kernels, step_at
@@ -38,7 +38,7 @@ def wider(noise: Noise, gyro: float, accel: float) -> Noise:
 
 @helper
 def rates_held(
-    kernels: Kernels, belief: Belief, dt: float, cursor: Cursor, long: bool, u: Array
+    kernels: Kernels, belief: FilterState, dt: float, cursor: Cursor, long: bool, u: Array
 ) -> None:
     """Increments over dt at the rates of the last sample; without one, or where they are missing for
     `long`, those that hold velocity and attitude."""
@@ -51,7 +51,9 @@ def rates_held(
 
 
 @helper
-def _motion_held(kernels: Kernels, belief: Belief, step: float, cursor: Cursor, u: Array) -> None:
+def _motion_held(
+    kernels: Kernels, belief: FilterState, step: float, cursor: Cursor, u: Array
+) -> None:
     """Increments over `step` s, as the IMU would read them, that hold velocity and attitude."""
     stationary_increments(belief.lla, belief.v, belief.C, step, u)
     for i in range(3):

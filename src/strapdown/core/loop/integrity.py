@@ -11,7 +11,7 @@ import math
 from ...typing import Array
 from ..compile.jit import helper, inlined
 from ..compile.records import Table
-from ..mathematics.belief import Belief
+from ..mathematics.belief import FilterState
 from ..mathematics.source import Kind
 from .cursor import CHANNELS, Axis, Books, Cursor
 from .log import Code, say
@@ -113,7 +113,9 @@ def recover_attitude(cursor: Cursor, t: float) -> bool:
 
 
 @inlined
-def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> int:
+def plausible(
+    dtheta: Array, dv: Array, dt: float, t: float, belief: FilterState, cursor: Cursor
+) -> int:
     """0 for a sample that can be true, 1 for one of which less is known than the noise says (at
     full scale, stuck), NO_GYRO, NO_ACCEL or both for one that cannot be. The state still
     holds the one before."""
@@ -159,7 +161,9 @@ def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, insid
 
 
 @helper
-def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> None:
+def _changes(
+    dtheta: Array, dv: Array, dt: float, t: float, belief: FilterState, cursor: Cursor
+) -> None:
     """Keep the smallest change of each axis. In the second of two samples, the mean square of what
     they do not tell, from how their change changes: what goes up and down by A from sample to
     sample is 4 A there, and motion that goes on is little. Where it is more than the velocity is
@@ -251,7 +255,7 @@ def length(vector: Array) -> float:
 
 
 @helper
-def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
+def measured(fixes: Fixes, k: int, belief: FilterState, cursor: Cursor) -> bool:
     """True where measurement `k` is plausible: not latitude and longitude 0, and within the limits
     of the vehicle. Increases its standard deviations to the `floor` of its source."""
     s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits[0]
@@ -280,7 +284,7 @@ def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
 
 
 @helper
-def reachable(belief: Belief, innovation: Array, s: int, t: float, cursor: Cursor) -> bool:
+def reachable(belief: FilterState, innovation: Array, s: int, t: float, cursor: Cursor) -> bool:
     """True where the vehicle can have reached a position since the last one used, or the covariance
     allows it."""
     variance = 0.0

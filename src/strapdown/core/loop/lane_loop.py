@@ -3,7 +3,7 @@ the one loop does with a sound sample and a sound fix.
 
 Every number of a belief is a lane, one of each run (`lane_types`). Time, gaps between fixes and the
 order of sources are the same in all runs, so they are plain. What is rare is left to the one loop: a
-run whose sample or fix needs a closer look, or whose gate is to be lifted is marked in
+run whose sample or fix needs a closer look, or whose gate is to be opened is marked in
 `LaneCursor.left` and goes on with numbers that nobody uses. Whoever runs the lanes runs it alone. A
 run whose belief is none any more has come to its end, as in the one loop.
 """
@@ -26,7 +26,7 @@ from ..compile.signatures import (
     signature,
     wholes,
 )
-from ..mathematics.belief import BELIEF, NOISE, Belief, Noise
+from ..mathematics.belief import BELIEF, NOISE, FilterState, Noise
 from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
 from ..mathematics.source import NAMED_KINDS, OBSERVE, Kind
@@ -150,7 +150,7 @@ def run_lanes(
     keep: int,
     t: Array,
     dt: Array,
-    belief: Belief,
+    belief: FilterState,
     fixes: Fixes,
     increments: Array,
     noise: Noise,
@@ -188,7 +188,7 @@ def _advance(
     predict: int,
     correct: int,
     observers: Ints,
-    belief: Belief,
+    belief: FilterState,
     fixes: Fixes,
     noise: Noise,
     cursor: LaneCursor,
@@ -220,7 +220,7 @@ def _advance(
 def _use_fix(
     correct: int,
     observers: Ints,
-    belief: Belief,
+    belief: FilterState,
     fixes: Fixes,
     cursor: LaneCursor,
     out: LaneOutput,
@@ -309,7 +309,7 @@ def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
 
 
 @inlined
-def _look(y: Array, kind: int, belief: Belief, t: float, cursor: LaneCursor) -> None:
+def _look(y: Array, kind: int, belief: FilterState, t: float, cursor: LaneCursor) -> None:
     """Runs whose fix `core.loop.integrity.measured` might not believe must go alone."""
     limits = cursor.limits[0]
     if kind == Kind.POSITION:

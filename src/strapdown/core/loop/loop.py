@@ -13,7 +13,7 @@ import math
 from ...typing import Array
 from ..compile.jit import flatten, helper, inlined, kernel
 from ..compile.signatures import signature
-from ..mathematics.belief import BELIEF, NOISE, Belief, Noise
+from ..mathematics.belief import BELIEF, NOISE, FilterState, Noise
 from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
 from ..mathematics.rotation import matrix_to_quaternion
@@ -54,7 +54,7 @@ RUN = signature(
 @kernel(RUN)
 def run(
     kernels: Kernels,
-    belief: Belief,
+    belief: FilterState,
     imu: Imu,
     fixes: Fixes,
     noise: Noise,
@@ -92,7 +92,7 @@ def run(
 
 @inlined
 def _take_sample(
-    kernels: Kernels, belief: Belief, imu: Imu, row: int, noise: Noise, cursor: Cursor
+    kernels: Kernels, belief: FilterState, imu: Imu, row: int, noise: Noise, cursor: Cursor
 ) -> Noise:
     """The increments of a sample, compensated for coning and sculling, into the work; where it cannot
     be true, what is bridged of it. Returns the noise that they have."""
@@ -134,7 +134,7 @@ def _rest_of_sample(t: float, dt: float, cursor: Cursor) -> float:
 @helper
 def _bridge_gap(
     kernels: Kernels,
-    belief: Belief,
+    belief: FilterState,
     fixes: Fixes,
     noise: Noise,
     cursor: Cursor,
@@ -167,7 +167,7 @@ def _bridge_gap(
 @inlined
 def _advance(
     kernels: Kernels,
-    belief: Belief,
+    belief: FilterState,
     fixes: Fixes,
     noise: Noise,
     cursor: Cursor,
@@ -198,7 +198,7 @@ def _advance(
 @inlined
 def _predict(
     kernels: Kernels,
-    belief: Belief,
+    belief: FilterState,
     u: Array,
     dt: float,
     noise: Noise,
@@ -216,7 +216,7 @@ def _predict(
 
 
 @inlined
-def _is_sound(belief: Belief) -> bool:
+def _is_sound(belief: FilterState) -> bool:
     """True where the estimate is finite and its latitude within LATITUDE_LIMIT."""
     return (
         abs(belief.lla[0]) <= LATITUDE_LIMIT
@@ -230,7 +230,7 @@ def _is_sound(belief: Belief) -> bool:
 
 
 @inlined
-def _write(belief: Belief, t: float, row: int, cursor: Cursor, out: Output) -> None:
+def _write(belief: FilterState, t: float, row: int, cursor: Cursor, out: Output) -> None:
     """The row of the solution after IMU row `row`, where it is one that is kept."""
     state = cursor.state[0]
     state.shown = _shown(belief, cursor, t)
@@ -244,7 +244,7 @@ def _write(belief: Belief, t: float, row: int, cursor: Cursor, out: Output) -> N
 
 
 @inlined
-def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
+def _shown(belief: FilterState, cursor: Cursor, t: float) -> int:
     """The status of a row: invalid before doubtful before bridged before valid."""
     state, doubtful = cursor.state[0], False
     if state.condition >= 0:
@@ -262,7 +262,7 @@ def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
 
 
 @inlined
-def _watch_belief(belief: Belief, cursor: Cursor, t: float) -> None:
+def _watch_belief(belief: FilterState, cursor: Cursor, t: float) -> None:
     """Doubt a belief that the vehicle cannot be in."""
     v, limits = belief.v, cursor.limits[0]
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -275,7 +275,7 @@ def _watch_belief(belief: Belief, cursor: Cursor, t: float) -> None:
 
 
 @inlined
-def _write_row(belief: Belief, t: float, status: int, row: Array) -> None:
+def _write_row(belief: FilterState, t: float, status: int, row: Array) -> None:
     row[T], row[ROW_STATUS] = t, status
     for i in range(3):
         row[LLA + i], row[V + i] = belief.lla[i], belief.v[i]

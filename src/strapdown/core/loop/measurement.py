@@ -3,13 +3,13 @@ filter, the opening of its gate, and the counts of its source.
 
 Rules of the gate (docs/reference/conventions.md):
 - A source whose measurements were rejected REJECTED times in a row over at least LIFT_AFTER seconds
-  has its gate lifted until one passes it again. Before such a measurement is used, P is multiplied by
+  has its gate opened until one passes it again. Before such a measurement is used, P is multiplied by
   NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is
   added to the variances of position. Sources of neither position nor velocity are given LIFTS such
   uses, LIFT_AFTER seconds apart: one that nothing in the states explains, such as a field beside
   iron, would let P explode. Of two heights that contradict each other one is left out instead
   (stages/heights.py), and an altitude moves the height alone. Velocities in the body that nothing
-  else helps (stages/dead_reckoning.py) have their gates lifted after LIFT_ALONE s, as often as it
+  else helps (stages/dead_reckoning.py) have their gates opened after LIFT_ALONE s, as often as it
   takes: the filter shall not lose its only aid.
 """
 
@@ -17,7 +17,7 @@ import math
 
 from ...typing import Array
 from ..compile.jit import helper, inlined
-from ..mathematics.belief import Belief
+from ..mathematics.belief import FilterState
 from ..mathematics.source import Kind, SourceRow
 from .cursor import Books, Cursor
 from .integrity import (
@@ -39,12 +39,14 @@ from .tape import call_stage, save_step
 
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 LIFT_ALONE = 1.0  # s, of velocities in the body that nothing else helps
-LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
+LIFTS = 3  # uses in a row with the gate opened, of sources of neither position nor velocity
 ASK_FIRST = -1.0  # the gate with which a filter says what it makes of a measurement, and no more
 
 
 @inlined
-def use_next(kernels: Kernels, belief: Belief, fixes: Fixes, cursor: Cursor, out: Output) -> None:
+def use_next(
+    kernels: Kernels, belief: FilterState, fixes: Fixes, cursor: Cursor, out: Output
+) -> None:
     """Hand the next measurement to the filter and keep the books of its source."""
     state, work = cursor.state[0], cursor.work[0]
     k, height = state.fix, belief.lla[2]
@@ -67,7 +69,7 @@ def use_next(kernels: Kernels, belief: Belief, fixes: Fixes, cursor: Cursor, out
 
 
 @inlined
-def _begin(belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
+def _begin(belief: FilterState, fixes: Fixes, k: int, cursor: Cursor) -> None:
     """Reset the work space before the stages, and propagate the augmented states of the source."""
     s, work = fixes.source[k], cursor.work[0]
     source = fixes.sources[s]
@@ -92,7 +94,7 @@ def walk(P: Array, source: SourceRow, seconds: float) -> None:
 
 @inlined
 def _ask(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, out: Output
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, out: Output
 ) -> Use:
     """Correct the filter by a measurement: once, or a second time with the gate opened. Returns its
     use."""
@@ -114,7 +116,7 @@ def _ask(
 
 @inlined
 def _corrected(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, gate: float
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, gate: float
 ) -> float:
     """The NIS of measurement k with this gate, its innovation in the work."""
     source, work = fixes.sources[fixes.source[k]], cursor.work[0]
@@ -138,7 +140,7 @@ def _is_due(books: Books, alone: int, t: float) -> bool:
 
 @helper
 def _lift(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, out: Output
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, out: Output
 ) -> bool:
     """Make room in P for a measurement whose source was rejected for long; False where it is left
     out instead."""
@@ -224,7 +226,7 @@ def _beyond(source: SourceRow, books: Books, s: int, t: float, cursor: Cursor) -
 
 @inlined
 def _write(
-    belief: Belief, source: SourceRow, s: int, use: Use, t: float, cursor: Cursor, row: FixRow
+    belief: FilterState, source: SourceRow, s: int, use: Use, t: float, cursor: Cursor, row: FixRow
 ) -> None:
     """Tell of a measurement."""
     work = cursor.work[0]

@@ -3,14 +3,16 @@
 import math
 
 from ..compile.jit import helper, matrix
-from ..mathematics.belief import Belief
+from ..mathematics.belief import FilterState
 from .cursor import Cursor
 from .kernels import Kernels, observe_at
 from .tables import Fixes
 
 
 @helper
-def observed_alone(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
+def observed_alone(
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor
+) -> None:
     """The innovation of measurement k as its kind observes it, without the estimates of correlated
     errors, in work.other, and its H (3, n) in work.jacobian."""
     work, n = cursor.work[0], belief.P.shape[0]

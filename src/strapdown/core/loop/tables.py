@@ -29,7 +29,7 @@ class Use(IntEnum):
     UNMEASURED = -1  # no component was measured
     REJECTED = 0  # by its gate
     ACCEPTED = 1
-    REACQUIRED = 2  # with the gate of its source lifted
+    REACQUIRED = 2  # with the gate of its source opened
 
 
 class Imu(NamedTuple):

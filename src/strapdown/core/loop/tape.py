@@ -2,7 +2,7 @@
 
 from ...typing import Array
 from ..compile.jit import caller, flatten, helper
-from ..mathematics.belief import Belief
+from ..mathematics.belief import FilterState
 from ..mathematics.tape import SAVE_STEP
 from .cursor import Cursor, LoopState
 from .kernels import Kernels, stage_at, step_at
@@ -12,7 +12,7 @@ save_step_at = caller(SAVE_STEP)
 
 
 @helper
-def save_step(belief: Belief, state: LoopState, record: Array) -> None:
+def save_step(belief: FilterState, state: LoopState, record: Array) -> None:
     """Record the last call, where there is a record; count it anyway, so that one can be made
     for the next time."""
     if record.shape[0] > 0:
@@ -24,7 +24,7 @@ def save_step(belief: Belief, state: LoopState, record: Array) -> None:
 def call_stage(
     stage: int,
     kernels: Kernels,
-    belief: Belief,
+    belief: FilterState,
     fixes: Fixes,
     k: int,
     cursor: Cursor,
@@ -38,7 +38,7 @@ def call_stage(
 
 @helper
 def call_step(
-    step: int, belief: Belief, u: Array, dt: float, cursor: Cursor, record: Array
+    step: int, belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array
 ) -> None:
     """The same of a stage of a prediction."""
     first = cursor.state[0].recorded * record.shape[1]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from ...typing import Array
 from ..compile.jit import flatten, helper, inlined, kernel, matrix
 from . import error_state
-from .belief import Belief
+from .belief import FilterState
 from .error_state import CALL, DV, DX, JACOBIAN, PREDICTED, WORK, turn_half
 from .kalman import Fifteen, coefficients, decay, used_rows, whiten
 from .rotation import rotation_terms, turned_by
@@ -48,13 +48,13 @@ def width(n: int) -> int:
 
 
 @kernel(SAVE_STEP)
-def save_step(belief: Belief, record: Array) -> None:
+def save_step(belief: FilterState, record: Array) -> None:
     """Save from workspace the last step, of `linearised_step` or `measure`."""
     kept(belief, record)
 
 
 @helper
-def kept(belief: Belief, record: Array) -> None:
+def kept(belief: FilterState, record: Array) -> None:
     """The step of `save_step`, for a filter that keeps something beside."""
     workspace = belief.workspace
     record[0] = workspace[CALL]
@@ -66,7 +66,7 @@ def kept(belief: Belief, record: Array) -> None:
 
 
 @helper
-def kept_rows(belief: Belief, record: Array, rows: int) -> None:
+def kept_rows(belief: FilterState, record: Array, rows: int) -> None:
     """Whitened innovations, U and H of the rows that `measure` found, whether used or not."""
     workspace, n = belief.workspace, belief.P.shape[0]
     used, first = WORK.start + used_rows(n), WORK.start

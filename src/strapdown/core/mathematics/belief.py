@@ -17,7 +17,7 @@ STATES = 15
 follow them."""
 
 
-class Belief(NamedTuple):
+class FilterState(NamedTuple):
     """The state of a filter at one instant, at the IMU: estimate, covariance and workspace; arrays
     updated in place."""
 
@@ -49,7 +49,7 @@ class Noise(NamedTuple):
 
 
 BELIEF = record(
-    Belief,
+    FilterState,
     lla=reals(3),
     v=reals(3),
     C=reals(3, 3),

@@ -15,7 +15,7 @@ Source: Groves (2013) section 4.4.2, for the error model.
 from ...typing import Array
 from ..compile.jit import helper
 from ..compile.records import Table
-from .belief import ATT, STATES, VEL, Belief
+from .belief import ATT, STATES, VEL, FilterState
 
 
 class Coupling:
@@ -35,7 +35,7 @@ ROW = 5
 
 @helper
 def correct_increments(
-    coupled: Table[Coupling], belief: Belief, u: Array, sign: float, raw: Array
+    coupled: Table[Coupling], belief: FilterState, u: Array, sign: float, raw: Array
 ) -> None:
     """Keep the increments u in `raw`, then take from u what the estimates say that is too much of
     them (sign -1), or add it (1)."""
@@ -48,7 +48,9 @@ def correct_increments(
 
 
 @helper
-def couple(coupled: Table[Coupling], belief: Belief, raw: Array, dt: float, record: Array) -> None:
+def couple(
+    coupled: Table[Coupling], belief: FilterState, raw: Array, dt: float, record: Array
+) -> None:
     """P <- T P T' after a prediction over dt with increments that were read as `raw`; T goes on the
     record (0,) or (2 + ROW rows,)."""
     P, w, h = belief.P, belief.omega, 0.5 * dt

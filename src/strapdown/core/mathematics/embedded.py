@@ -1,4 +1,4 @@
-"""A Belief inside another one: an observer beside a filter, a sigma point, a component of a mixture.
+"""A FilterState inside another one: an observer beside a filter, a sigma point, a component of a mixture.
 
 Its state is a row of numbers of the workspace, seen as arrays; its P, workspace and extra states
 are given, its own or those of the belief that it is inside of.
@@ -10,10 +10,10 @@ from ...typing import Array
 from ..compile.jit import inlined, matrix
 from ..compile.selection import where
 from ..compile.workspace import Slots
-from .belief import Belief
+from .belief import FilterState
 
 NAVIGATION = Slots()
-"""The state of a Belief, as there."""
+"""The state of a FilterState, as there."""
 LLA = NAVIGATION.array("LLA", 3)
 V = NAVIGATION.array("V", 3)
 C = NAVIGATION.matrix("C", 3, 3)
@@ -24,9 +24,9 @@ F = NAVIGATION.array("F", 3)
 
 
 @inlined
-def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) -> Belief:
-    """The Belief whose state is the first of `numbers` (of NAVIGATION)."""
-    return Belief(
+def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) -> FilterState:
+    """The FilterState whose state is the first of `numbers` (of NAVIGATION)."""
+    return FilterState(
         numbers[LLA],
         numbers[V],
         matrix(numbers, C, 3, 3),
@@ -41,7 +41,7 @@ def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) 
 
 
 @inlined
-def copy_motion(belief: Belief, other: Belief, wanted: bool = True) -> None:
+def copy_motion(belief: FilterState, other: FilterState, wanted: bool = True) -> None:
     """Position, velocity, attitude and biases of the belief become those of another, where that is
     wanted."""
     for i in range(3):
@@ -53,6 +53,6 @@ def copy_motion(belief: Belief, other: Belief, wanted: bool = True) -> None:
             belief.C[i, j] = where(wanted, other.C[i, j], belief.C[i, j])
 
 
-def as_numbers(belief: Belief) -> Array:
-    """The state of a Belief as numbers of NAVIGATION."""
+def as_numbers(belief: FilterState) -> Array:
+    """The state of a FilterState as numbers of NAVIGATION."""
     return np.concatenate([part.ravel() for part in (*belief[:5], belief.omega, belief.f)])

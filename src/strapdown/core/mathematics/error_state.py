@@ -8,7 +8,7 @@ from ...typing import Array
 from ..compile.jit import flatten, helper, inlined, matrix
 from ..compile.selection import any_of, where
 from ..compile.workspace import MAX_STATES, Slots
-from .belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
+from .belief import ATT, BA, BG, POS, STATES, VEL, FilterState, Noise
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .kalman import (
@@ -63,7 +63,7 @@ def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Arr
 
 @inlined
 def linearised_step(
-    belief: Belief, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
+    belief: FilterState, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
 ) -> None:
     """Propagate P, and the error state where one is kept `beside` the belief, over dt (s), linearised
     at the belief with the increments u (rad, m/s; body).
@@ -116,7 +116,7 @@ def bias_free(u: Array, ba: Array, bg: Array, dt: float) -> tuple[Three, Three]:
 
 
 @inlined
-def publish_rates(belief: Belief, r: Three, a: Three, dt: float) -> None:
+def publish_rates(belief: FilterState, r: Three, a: Three, dt: float) -> None:
     """The bias-free rate omega_ib_b = r / dt (rad/s) and specific force f_ib_b = a / dt (m/s^2) of
     a sample, from its increments of `bias_free`."""
     if dt > 0:
@@ -137,7 +137,7 @@ def decay_biases(ba: Array, bg: Array, dt: float, noise: Noise) -> None:
 
 @inlined
 def measure(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     observe: Observe,
@@ -163,7 +163,7 @@ def measure(
 
 @inlined
 def observed(
-    belief: Belief, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
+    belief: FilterState, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """Compute by `observe` the innovation and H of a measurement, both cleared before, with the
     time-correlated errors of its source. Returns the rows."""
@@ -179,7 +179,7 @@ def observed(
 
 
 @inlined
-def inject_and_reset(belief: Belief, dx: Array) -> None:
+def inject_and_reset(belief: FilterState, dx: Array) -> None:
     """Compose the whole correction into the belief; P becomes that of the errors about it."""
     inject_all(belief, dx)
     theta = dx[ATT]
@@ -218,7 +218,7 @@ def _turn(n: int, P: Array, R: NineNumbers) -> None:
 
 
 @inlined
-def inject_all(belief: Belief, dx: Array) -> None:
+def inject_all(belief: FilterState, dx: Array) -> None:
     """Inject the whole correction: position, velocity, attitude, biases and augmented states."""
     inject(belief.lla, belief.v, belief.C, dx)
     inject_biases(belief, dx)
@@ -250,7 +250,7 @@ def added(lla: Array, v: Array, C: Array, dx: Array) -> None:
 
 
 @inlined
-def inject_biases(belief: Belief, dx: Array) -> None:
+def inject_biases(belief: FilterState, dx: Array) -> None:
     """Add bias errors to the estimated biases, and the errors of the states that aidings brought
     along to those."""
     a, g = dx[BA], dx[BG]
@@ -261,7 +261,7 @@ def inject_biases(belief: Belief, dx: Array) -> None:
 
 
 @inlined
-def inject_tail(belief: Belief, dx: Array) -> None:
+def inject_tail(belief: FilterState, dx: Array) -> None:
     """Inject the errors of the augmented states."""
     for i in range(belief.extra_states.size):
         belief.extra_states[i] += dx[STATES + i]

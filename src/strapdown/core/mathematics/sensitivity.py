@@ -29,7 +29,7 @@ from .adjoint import (
     kept,
     kept_rows,
 )
-from .belief import Belief
+from .belief import FilterState
 from .error_state import DX, PREDICTED, WORK
 from .kalman import decay, transition, used_rows, whiten_rows
 from .tape import SAVE_STEP
@@ -59,7 +59,7 @@ V_SIZE = MOVED + 9 * LANES
 
 
 @kernel(SAVE_STEP)
-def save_step(belief: Belief, record: Array) -> None:
+def save_step(belief: FilterState, record: Array) -> None:
     """Save the last step for the smoother; of measurements, used or not, also the state and
     L^-1."""
     kept(belief, record)

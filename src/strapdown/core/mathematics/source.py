@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeAlias
 from ...typing import Array, Ints
 from ..compile.records import row_of, rows
 from ..compile.signatures import WHOLE, reals, signature
-from .belief import BELIEF, Belief
+from .belief import BELIEF, FilterState
 
 PARAMETERS = 6
 """Numbers of its own that a source can have."""
@@ -98,7 +98,7 @@ OBSERVE = signature(
     innovation=reals(3),
     H=reals(3, "n"),
 )
-Observe: TypeAlias = Callable[[Belief, Array, SourceRow, Array, Array], int]
+Observe: TypeAlias = Callable[[FilterState, Array, SourceRow, Array, Array], int]
 """(belief, y, source, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians."""
 
 

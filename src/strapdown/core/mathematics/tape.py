@@ -5,14 +5,14 @@ from typing import NamedTuple, TypeAlias
 
 from ...typing import Array
 from ..compile.signatures import reals, signature
-from .belief import BELIEF, Belief
+from .belief import BELIEF, FilterState
 
 SAVE_STEP = signature("save_step", belief=BELIEF, record=reals("width"))
 ADJOINT_STEP = signature(
     "adjoint_step", call=reals("width"), lam=reals("k"), Lam=reals("k", "k"), work=reals("work")
 )
 
-SaveStep: TypeAlias = Callable[[Belief, Array], None]
+SaveStep: TypeAlias = Callable[[FilterState, Array], None]
 """(belief, record (width,)): what the adjoint of the last call of predict or correct needs, also
 where it did nothing."""
 AdjointStep: TypeAlias = Callable[[Array, Array, Array, Array], None]

@@ -26,7 +26,7 @@ MARGIN = 10.0
 PARTS = {JUMP: 0.5, CLOCK: 0.1}
 PART_OF_LASTING = 0.2
 """Part of the chi-square of rejected fixes, beyond what is expected, that a shape must explain. What lasts shakes the
-filter each time that a gate is lifted, which no shape follows."""
+filter each time that a gate is opened, which no shape follows."""
 MIN_SPREAD = 0.25  # of the claimed variance: rows that share the filter's error scatter less
 SPREAD = 1.8
 """Variance, over the claimed one, of innovations that passed the gate, from which noise is too small:
@@ -58,7 +58,7 @@ class Window(NamedTuple):
     root: Array  # (m, 3, 3) L, unit diagonal where not measured
     sd: Array  # (m, 3) stated
     used: Mask  # (m,)
-    passed: Mask  # (m,) used, and not only because a gate was lifted
+    passed: Mask  # (m,) used, and not only because a gate was opened
     velocity: Array  # (m, 3) of the filter, NED, m/s
     acceleration: Array  # (m, 3) of it, m/s^2
     kind: str  # of the source

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ...core.loop.contract import STATES, Belief, kernel, matrix
+from ...core.loop.contract import STATES, FilterState, kernel, matrix
 from ...core.loop.lane_loop import KEEP, KEEP_LANES
 from ...core.mathematics.earth import radii
 from ...core.mathematics.rotation import rotation_between, wrap
@@ -36,7 +36,7 @@ def known(at: Epochs) -> Array:
 
 @kernel(KEEP)
 def keep_errors(
-    belief: Belief, k: int, true: Array, biases: Array, work: Array, kept: Array
+    belief: FilterState, k: int, true: Array, biases: Array, work: Array, kept: Array
 ) -> None:
     """Row k of errors, standard deviations and NEES."""
     given, row, lla, C, P = true[k], kept[k], belief.lla, belief.C, belief.P

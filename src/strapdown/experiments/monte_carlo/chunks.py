@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ... import aiding, filters
 from ...checks import DataError
 from ...core.compile.signatures import LANES
-from ...core.loop.contract import STATES, Start, compile_kernel, compile_together
+from ...core.loop.contract import STATES, InitialState, compile_kernel, compile_together
 from ...data.recording import Recording
 from ...engine.batch import fuse
 from ...engine.installation import StateParameter
@@ -160,7 +160,7 @@ class RunRecord:
         self._at, self.stream = at, seeds(study, cell, run)
 
     @cached_property
-    def _drawn(self) -> tuple[Installed, Start, Epochs]:
+    def _drawn(self) -> tuple[Installed, InitialState, Epochs]:
         """(recording with what is wrong with its installation, start, truth in its axes)."""
         recording, start = self.made.run(self.cell.imu, self.stream)
         installed = wrongly_installed(self.study, self.cell, self.run, recording)

@@ -10,7 +10,7 @@ from ...aiding import find
 from ...core.compile.c_calls import aligned
 from ...core.compile.signatures import LANES
 from ...core.loop import lane_loop
-from ...core.loop.contract import Filter, Start, bound
+from ...core.loop.contract import Filter, InitialState, bound
 from ...core.loop.loop import SAME_TIME
 from ...data.recording import Recording
 from ...engine.batch import begin
@@ -89,7 +89,7 @@ class Lanes:
         scores = [_scored(each, runs, self.at, self.limits) if each else none for each in sides]
         return scores, np.moveaxis(simulated.biases[..., :runs], 2, 0)
 
-    def _begun(self, label: Labelled, recording: Recording, start: Start) -> Run | None:
+    def _begun(self, label: Labelled, recording: Recording, start: InitialState) -> Run | None:
         filter, options, estimate = label
         if not filter.lanes or estimate is not None:
             return None

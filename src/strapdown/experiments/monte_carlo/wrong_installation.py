@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from ...checks import DataError, located
-from ...core.loop.contract import Start
+from ...core.loop.contract import InitialState
 from ...data.calibration_parameters import (
     ACCEL_MISALIGNMENT,
     ACCEL_SCALE,
@@ -104,7 +104,7 @@ def installed_wrong(
     return Installed(_samples_wrong(changed, vectors), tuple(found), np.asarray(error, float))
 
 
-def start_of(installed: Installed, start: Start) -> Start:
+def start_of(installed: Installed, start: InitialState) -> InitialState:
     """A Start of the right recording, with the same error, in the axes as described."""
     from scipy.spatial.transform import Rotation
 

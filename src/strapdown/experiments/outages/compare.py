@@ -14,7 +14,7 @@ import pandas as pd
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core.loop.contract import Filter, Noise, Start
+from ...core.loop.contract import Filter, InitialState, Noise
 from ...data.recording import Recording
 from ...data.solution import Trajectory
 from ...engine.heading_hypotheses import aligned
@@ -95,7 +95,7 @@ def compare(
     end = min(recording.span[1], float(reference.t[-1]))
 
     @cache
-    def whole() -> Start:
+    def whole() -> InitialState:
         return start or _aligned_start(recording, spec, asked)
 
     made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
@@ -189,8 +189,8 @@ def _check(recording: object, threads: int | None, start: object, noise: object)
         raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
     if threads is not None:
         check_number(threads, "threads", least=1, whole=True)
-    if start is not None and not isinstance(start, Start):
-        raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
+    if start is not None and not isinstance(start, InitialState):
+        raise DataError(f"start is {start!r}; it must be an InitialState, such as `align` gives")
     if noise is not None and not isinstance(noise, Noise):
         raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
 
@@ -203,12 +203,12 @@ def _check_ahrs(ahrs: str | Filter | None) -> None:
         raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
 
 
-def _aligned_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> Start:
+def _aligned_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
     assert spec is not None  # it is, where there is no start
     return aligned(recording, spec, noise=asked["noise"], say=asked["say"])
 
 
-def _hidden_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> Start:
+def _hidden_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
     try:
         return _aligned_start(recording, spec, asked)
     except DataError as error:

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import NamedTuple, TypeAlias
 
 from ...checks import DataError, check_number
-from ...core.loop.contract import Start
+from ...core.loop.contract import InitialState
 
 Window: TypeAlias = tuple[float, float]
 """Start and stop, s."""
@@ -215,8 +215,8 @@ def _check(made: Protocol, span: Window) -> None:
             )
 
 
-def before_start(made: Protocol, start: Start) -> None:
-    """Raise DataError where a window does not begin after the start of the filters, a Start."""
+def before_start(made: Protocol, start: InitialState) -> None:
+    """Raise DataError where a window does not begin after the start of the filters, an InitialState."""
     window = min(made.windows, key=lambda window: window[0])
     if window[0] <= start.t + ROUNDING:
         raise DataError(

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.loop import loop
-from ...core.loop.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Start
+from ...core.loop.contract import DOUBTFUL, Cursor, Filter, FilterState, Imu, InitialState
 from ...data.recording import Recording
 from ...data.solution import Aiding
 from ...data.verdict import Verdict
@@ -30,7 +30,7 @@ from .scores import ErrorTrack, ScoredOutage, scored
 KEPT_INTERVAL = 1.0
 """s between the rows that are kept of a filter's way, for its verdict."""
 
-Stand: TypeAlias = tuple[Belief, Cursor]
+Stand: TypeAlias = tuple[FilterState, Cursor]
 """A filter on its way, copied before an IMU row."""
 Result: TypeAlias = tuple[dict[str, float], ErrorTrack, Sequence[tuple[float, str]]] | str
 """Scores, errors and events of a filter in an outage, or why there are none."""
@@ -49,8 +49,8 @@ class Common(NamedTuple):
     )
 
     @property
-    def start(self) -> Start:
-        """The Start of all."""
+    def start(self) -> InitialState:
+        """The InitialState of all."""
         start = self.given["start"]
         assert start is not None  # it was found before the runs
         return start
@@ -170,10 +170,10 @@ def _is_of(a: Aiding, recording: Recording) -> bool:
     return any(a.y is own.y for own in recording.aidings)
 
 
-def _copied(belief: Belief, cursor: Cursor) -> Stand:
+def _copied(belief: FilterState, cursor: Cursor) -> Stand:
     """The same with arrays of their own, so that a run that goes on does not change them."""
     return (
-        Belief._make(part.copy() for part in belief),
+        FilterState._make(part.copy() for part in belief),
         Cursor._make(part.copy() for part in cursor),
     )
 

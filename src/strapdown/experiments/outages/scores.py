@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...core.loop.contract import Start
+from ...core.loop.contract import InitialState
 from ...core.loop.loop import SAME_TIME
 from ...data.recording import Recording
 from ...data.solution import Solution, Trajectory
@@ -108,9 +108,9 @@ def outages_of(
     recording: Recording,
     reference: Trajectory,
     kinds: Collection[str],
-    start: Start,
+    start: InitialState,
 ) -> tuple[list[ScoredOutage], list[str]]:
-    """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the Start of the filters.
+    """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the InitialState of the filters.
 
     A window of a sweep in which nothing is withheld or nothing known of the reference is left out
     and noted. Raises DataError where all are, or in another protocol one is; and where two outages
@@ -148,7 +148,7 @@ def _scene(
     recording: Recording,
     reference: Trajectory,
     kinds: Collection[str],
-    start: Start,
+    start: InitialState,
 ) -> _Scene:
     t, inside = recording.imu.t, np.zeros(len(recording.imu.t), bool)
     for begin, stop in made.windows:

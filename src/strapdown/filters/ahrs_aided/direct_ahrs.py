@@ -12,12 +12,12 @@ from ...core.loop.contract import (
     CORRECT,
     PREDICT,
     RANDOM_WALK,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     SourceRow,
-    Start,
     helper,
     kernel,
 )
@@ -50,12 +50,12 @@ MIN_COSINE = math.cos(STEEP_PITCH)
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     correlation: float = 0.0,
     attitude_error: str = "considered",
-) -> Belief:
-    """Belief at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
+) -> FilterState:
+    """The filter state at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
     considered or neglected in the velocity."""
     return with_angles(
         know(start.belief(allocate(WITH_ANGLES)), correlation, attitude_error), start
@@ -63,7 +63,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, position and velocity with the known attitude, and the Euler angles with its
     transformation of rates."""
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
@@ -84,7 +84,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @helper
 def _doubt_rates(
-    belief: Belief, pitch: float, heading: float, mid: Array, cosine: float, dt: float
+    belief: FilterState, pitch: float, heading: float, mid: Array, cosine: float, dt: float
 ) -> None:
     """Add to P the error of the angle rates, which are those at the known attitude, mid (9,) of
     that cosine of pitch.
@@ -137,7 +137,7 @@ def along(c: float, s: float, xx: float, xy: float, yy: float) -> tuple[float, f
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

@@ -12,12 +12,12 @@ from ...core.loop.contract import (
     CORRECT,
     PREDICT,
     RANDOM_WALK,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     SourceRow,
-    Start,
     helper,
     kernel,
 )
@@ -46,13 +46,13 @@ from .known_attitude import (
 )
 
 
-def start(start: Start, noise: Noise) -> Belief:
-    """Belief at `start`."""
+def start(start: InitialState, noise: Noise) -> FilterState:
+    """The filter state at `start`."""
     return with_angles(start.belief(allocate(WITH_ANGLES)), start)
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
     workspace = belief.workspace
     r, a = bias_free(u, belief.ba, belief.bg, dt)
@@ -67,7 +67,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def integrate_angles(belief: Belief, r0: float, r1: float, r2: float) -> None:
+def integrate_angles(belief: FilterState, r0: float, r1: float, r2: float) -> None:
     """Advance the Euler angles while the body turns by r (rad) at a constant rate: Runge-Kutta
     of fourth order."""
     angles = belief.workspace[ANGLES]
@@ -85,7 +85,7 @@ def integrate_angles(belief: Belief, r0: float, r1: float, r2: float) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -113,5 +113,5 @@ DIRECT_EULER = Filter(
     bias=RANDOM_WALK,
     installation=True,
     good_for="an AHRS as a source among others; consumer IMUs",
-    poor_for="noses near the vertical; elsewhere as closed-loop",
+    poor_for="pitch near +-90 deg; elsewhere as closed-loop",
 )

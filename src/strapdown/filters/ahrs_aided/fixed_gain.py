@@ -19,14 +19,14 @@ from ...core.loop.contract import (
     MAX_STATES,
     PREDICT,
     STATES,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -61,7 +61,7 @@ MIN_FIX_INTERVAL = 1e-6  # s: of two fixes at one time the second changes nothin
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     k1: float = 0.7,
     k2: float = 0.14,
@@ -74,8 +74,8 @@ def start(
     lv1: float = 0.5,
     lv2: float = 0.04,
     correlation: float = 0.0,
-) -> Belief:
-    """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east,
+) -> FilterState:
+    """The filter state at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east,
     l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a velocity's north and east, lv1, lv2 of
     down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
     Refuses gains that are not stable. correlation: time constant (s) of the errors of attitude
@@ -145,7 +145,7 @@ def _check(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, since = belief.workspace, belief.workspace[SINCE]
     r, a = bias_free(u, belief.ba, belief.bg, dt)
@@ -162,7 +162,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _step(belief: Belief) -> None:
+def _step(belief: FilterState) -> None:
     """P over the samples since its last step."""
     own = belief.workspace[OWN]
     if own[SECONDS] > 0:
@@ -171,7 +171,7 @@ def _step(belief: Belief) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -219,7 +219,7 @@ def _clear(workspace: Array) -> None:
 
 
 @helper
-def _account(belief: Belief, sd: Array, kind: int, innovation: Array, H: Array) -> None:
+def _account(belief: FilterState, sd: Array, kind: int, innovation: Array, H: Array) -> None:
     """P by the gains of the rows of this fix that were measured."""
     workspace, C = belief.workspace, belief.C
     a, b, r, K = (
@@ -242,7 +242,7 @@ def _account(belief: Belief, sd: Array, kind: int, innovation: Array, H: Array) 
 
 
 @helper
-def _renew(belief: Belief, y: Array, sd: Array) -> None:
+def _renew(belief: FilterState, y: Array, sd: Array) -> None:
     """P by an attitude (rad) that is taken over: its error is new but for what is alike in that of
     the last one; that of a heading which it lacks goes on."""
     workspace, heading = belief.workspace, measured_heading(y, belief.C)

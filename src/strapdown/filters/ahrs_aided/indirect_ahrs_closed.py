@@ -5,12 +5,12 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     SourceRow,
-    Start,
     kernel,
 )
 from ...core.mathematics.error_state import DV, DX, TRANSPORT, allocate, inject_all, measure
@@ -27,18 +27,18 @@ from .known_attitude import (
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     correlation: float = 0.0,
     attitude_error: str = "considered",
-) -> Belief:
-    """Belief at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
+) -> FilterState:
+    """The filter state at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
     considered or neglected in the velocity."""
     return know(start.belief(allocate(KNOWN_ATTITUDE)), correlation, attitude_error)
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
     w = belief.workspace[TRANSPORT]
@@ -48,7 +48,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

@@ -10,13 +10,13 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     kernel,
     matrix,
 )
@@ -52,12 +52,12 @@ SLOTS.outputs(*open_loop.SLOTS.columns)  # which `compose` writes
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     correlation: float = 0.0,
     attitude_error: str = "considered",
-) -> Belief:
-    """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its
+) -> FilterState:
+    """The filter state at `start`: the INS begins there, only the initial biases of `start` are taken off its
     IMU. correlation: s for which errors of the AHRS are alike; attitude_error: considered or
     neglected in the velocity.
     """
@@ -65,7 +65,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, the raw INS and the error beside it: velocity with the known attitude,
     attitudes with corrected gyros."""
     workspace, bg = belief.workspace, belief.bg
@@ -93,7 +93,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

@@ -27,13 +27,13 @@ from ...core.compile.jit import helper, matrix
 from ...core.loop.contract import (
     MAX_STATES,
     STATES,
-    Belief,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     first_event,
 )
 from ...core.mathematics.error_state import (
@@ -93,7 +93,7 @@ BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 BEYOND = WITH_ANGLES.output(BEYOND_COLUMN)  # with the pitch beyond STEEP_PITCH
 
 
-def know(belief: Belief, correlation: float, attitude_error: str) -> Belief:
+def know(belief: FilterState, correlation: float, attitude_error: str) -> FilterState:
     """`belief` with its attitude as the known one, as uncertain as P says.
 
     correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with
@@ -109,14 +109,14 @@ def know(belief: Belief, correlation: float, attitude_error: str) -> Belief:
     return belief
 
 
-def with_angles(belief: Belief, start: Start) -> Belief:
+def with_angles(belief: FilterState, start: InitialState) -> FilterState:
     """`belief` with the Euler angles of `start`."""
     belief.workspace[ANGLES] = start.rph
     return belief
 
 
 @helper
-def take_attitude(belief: Belief, y: Array, sd: Array) -> None:
+def take_attitude(belief: FilterState, y: Array, sd: Array) -> None:
     """The measured attitude is the known one from now on, its errors new; a heading that it
     lacks is the belief's, whose error goes on."""
     workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C)
@@ -157,7 +157,7 @@ def _go_on(workspace: Array, variance: float) -> float:
 
 
 @helper
-def fade_shared(belief: Belief, source: SourceRow) -> None:
+def fade_shared(belief: FilterState, source: SourceRow) -> None:
     """Before a fix: what its correlated errors have in common with the errors of the known attitude
     fades as they did."""
     S = matrix(belief.workspace, SHARED, CONSIDER, belief.P.shape[0])
@@ -168,7 +168,7 @@ def fade_shared(belief: Belief, source: SourceRow) -> None:
 
 
 @helper
-def inflate_attitude_noise(belief: Belief, sd: Array, kind: int) -> None:
+def inflate_attitude_noise(belief: FilterState, sd: Array, kind: int) -> None:
     """Write the standard deviations to use of a fix into workspace[DV], which is free between
     predictions: those given.
 
@@ -188,7 +188,7 @@ def inflate_attitude_noise(belief: Belief, sd: Array, kind: int) -> None:
 
 
 @helper
-def predict_fed(belief: Belief, u: Array, dt: float, noise: Noise) -> Three:
+def predict_fed(belief: FilterState, u: Array, dt: float, noise: Noise) -> Three:
     """Advance P, position, velocity and the known attitude with bias-corrected increments.
     Returns the rotation vector of the body, rad."""
     r, a = bias_free(u, belief.ba, belief.bg, dt)
@@ -199,7 +199,7 @@ def predict_fed(belief: Belief, u: Array, dt: float, noise: Noise) -> Three:
 
 @helper
 def move(
-    belief: Belief,
+    belief: FilterState,
     lla: Array,
     v: Array,
     r: Three,
@@ -296,7 +296,7 @@ def _move(row: Array, v0: float, v1: float, v2: float, dt: float) -> None:
 
 
 @helper
-def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float) -> None:
+def _spread(belief: FilterState, S: Array, f0: float, f1: float, f2: float, dt: float) -> None:
     """Add to P what the errors of the known attitude, of covariance S with the states, do over dt;
     further, as white noise, what they do beyond the record where those of several records are
     alike.
@@ -343,7 +343,7 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
 
 
 @helper
-def _carry(belief: Belief, dt: float, noise: Noise) -> None:
+def _carry(belief: FilterState, dt: float, noise: Noise) -> None:
     """Propagate the errors of the known attitude over dt: the noise of the gyros, and the turn by
     their biases."""
     workspace, P = belief.workspace, belief.P
@@ -366,7 +366,7 @@ def tilt_variances(workspace: Array) -> tuple[float, float, float]:
 
 
 @helper
-def corrected(belief: Belief, y: Array, sd: Array, kind: int) -> None:
+def corrected(belief: FilterState, y: Array, sd: Array, kind: int) -> None:
     """After a fix that was used: what it tells of the known attitude; a measured attitude is
     that one from now on."""
     learn(belief)
@@ -375,7 +375,7 @@ def corrected(belief: Belief, y: Array, sd: Array, kind: int) -> None:
 
 
 @helper
-def learn(belief: Belief) -> None:
+def learn(belief: FilterState) -> None:
     """After a correction of P by `measure`: the covariance of the states with the errors of the
     known attitude, corrected alike."""
     workspace, n = belief.workspace, belief.P.shape[0]
@@ -396,7 +396,9 @@ def learn(belief: Belief) -> None:
 
 
 @helper
-def rate_of_body(belief: Belief, r0: float, r1: float, r2: float) -> tuple[float, float, float]:
+def rate_of_body(
+    belief: FilterState, r0: float, r1: float, r2: float
+) -> tuple[float, float, float]:
     """Rotation vector of the body to n, in the body (rad): r less that of n."""
     m, w = matrix(belief.workspace, MID, 3, 3), belief.workspace[TRANSPORT]
     w0, w1, w2 = w[0], w[1], w[2]
@@ -418,14 +420,14 @@ def euler_rates(
 
 
 @helper
-def gentle(belief: Belief, turn: float) -> bool:
+def gentle(belief: FilterState, turn: float) -> bool:
     """True where the Euler angles stay away from their singularity while the body turns by `turn`
     (rad)."""
     return abs(belief.workspace[ANGLES][1]) + turn < STEEP_PITCH
 
 
 @helper
-def add_angles(belief: Belief, d0: float, d1: float, d2: float) -> None:
+def add_angles(belief: FilterState, d0: float, d1: float, d2: float) -> None:
     """Add to the Euler angles and make the belief's attitude of them."""
     angles = belief.workspace[ANGLES]
     angles[0], angles[1], angles[2] = wrap(angles[0] + d0), angles[1] + d1, wrap(angles[2] + d2)
@@ -433,7 +435,7 @@ def add_angles(belief: Belief, d0: float, d1: float, d2: float) -> None:
 
 
 @helper
-def read_angles(belief: Belief) -> None:
+def read_angles(belief: FilterState) -> None:
     """The Euler angles are those of the belief's attitude."""
     angles = belief.workspace[ANGLES]
     angles[0], angles[1], angles[2] = matrix_to_euler(belief.C)
@@ -441,7 +443,7 @@ def read_angles(belief: Belief) -> None:
 
 @helper
 def correct_angles(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     observe: Observe,
@@ -463,7 +465,7 @@ def correct_angles(
 
 
 @helper
-def inject_angles(belief: Belief, x: float, y: float, z: float) -> None:
+def inject_angles(belief: FilterState, x: float, y: float, z: float) -> None:
     """Add to the Euler angles what a small rotation (x, y, z) in n (rad) means to first order:
     the inverse of their Jacobian."""
     angles = belief.workspace[ANGLES]

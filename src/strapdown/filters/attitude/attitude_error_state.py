@@ -8,7 +8,7 @@ covariance, whose other rows stay zero.
 import math
 
 from ...core.compile.jit import helper, inlined
-from ...core.loop.contract import Belief, Noise, Slots
+from ...core.loop.contract import FilterState, Noise, Slots
 from ...core.mathematics.kalman import MIN_NOISE, decay
 from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned
 from ...typing import Array
@@ -39,7 +39,9 @@ def _six(i: int) -> int:
 
 
 @helper
-def turn(belief: Belief, r0: float, r1: float, r2: float, w0: float, w2: float, dt: float) -> None:
+def turn(
+    belief: FilterState, r0: float, r1: float, r2: float, w0: float, w2: float, dt: float
+) -> None:
     """Turn the attitude by the rotation vector r (body, rad) and the navigation frame by (w0, 0,
     w2) (rad); publish the rate."""
     C, omega = belief.C, belief.omega
@@ -76,7 +78,7 @@ def carry(
 
 @helper
 def low_passed(
-    belief: Belief,
+    belief: FilterState,
     u: Array,
     r0: float,
     r1: float,
@@ -233,7 +235,7 @@ def pulled(P: Array, K: Array, h0: float, h1: float, h2: float, variance: float)
 
 
 @helper
-def inject(belief: Belief, dx: Array) -> None:
+def inject(belief: FilterState, dx: Array) -> None:
     """Compose the correction dx (attitude in n, rad; gyro bias, rad/s) into the belief, and make
     it zero."""
     rotate_left(dx[0], dx[1], dx[2], belief.C)

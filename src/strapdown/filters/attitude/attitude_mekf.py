@@ -20,16 +20,16 @@ from ...core.loop.contract import (
     PREDICT,
     SAVE_STEP,
     STATES,
-    Belief,
     Condition,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     Smoother,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -157,7 +157,7 @@ bias, an unknown place."""
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     low_pass: float = 2.0,
     acceleration: float = 0.2,
@@ -165,8 +165,8 @@ def start(
     heading: float = 1.7,
     timing: float = 0.03,
     disturbance: float = 10.0,
-) -> Belief:
-    """Belief at `start`. What the sensors are assumed to do besides their white noise:
+) -> FilterState:
+    """The filter state at `start`. What the sensors are assumed to do besides their white noise:
 
     low_pass: time constant of the specific force, s; acceleration: density of what it leaves of the
     body's own, m/s^2 sqrt(s); rate_error: scale errors of the gyros, per rate, sqrt(s); heading:
@@ -181,7 +181,7 @@ def start(
 
 def begin(
     slots: Slots,
-    start: Start,
+    start: InitialState,
     noise: Noise,
     low_pass: float,
     acceleration: float,
@@ -189,8 +189,8 @@ def begin(
     heading: float = 1.7,
     timing: float = 0.03,
     disturbance: float = 10.0,
-) -> Belief:
-    """Belief at `start` of a filter with this attitude, whose slots continue ATTITUDE; the
+) -> FilterState:
+    """The filter state at `start` of a filter with this attitude, whose slots continue ATTITUDE; the
     options are those of `attitude-mekf`."""
     for name, value, unit in (
         ("low_pass", low_pass, "s"),
@@ -226,14 +226,14 @@ def begin(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros, grow P, and correct both by the vertical."""
     predict_attitude(belief, u, dt, noise)
     belief.workspace[FORCE_EXCESS] = belief.workspace[EXCESS]
 
 
 @helper
-def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict_attitude(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """The step of `predict`, for every filter with this attitude."""
     workspace, bg = belief.workspace, belief.bg
     if dt <= 0:
@@ -269,7 +269,7 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def clocked(belief: Belief, r0: float, r1: float, r2: float, dt: float) -> None:
+def clocked(belief: FilterState, r0: float, r1: float, r2: float, dt: float) -> None:
     """Count the time and what the body turns in it, the rotation vector r (body, rad). The sum is
     taken in n, where noise and swings to and fro cancel; corrections of the attitude are no
     turns."""
@@ -302,7 +302,7 @@ def _write_nothing(workspace: Array) -> None:
 
 
 @helper
-def _level(belief: Belief, dt: float, q: float) -> None:
+def _level(belief: FilterState, dt: float, q: float) -> None:
     """Correct by the carried specific force, which points up but for the body's own
     acceleration; its size tells how large a lasting one is."""
     f, dx, workspace, last = (
@@ -328,7 +328,7 @@ def _level(belief: Belief, dt: float, q: float) -> None:
 
 
 @helper
-def level_bias(belief: Belief, K_north: Array, K_east: Array) -> None:
+def level_bias(belief: FilterState, K_north: Array, K_east: Array) -> None:
     """Update the sensitivity to accelerometer biases for a levelling with these gains (6,)."""
     C, g = belief.C, GRAVITY_EQUATOR
     sensitivity = matrix(belief.workspace, SENSITIVITY, 6, 3)
@@ -340,7 +340,7 @@ def level_bias(belief: Belief, K_north: Array, K_east: Array) -> None:
 
 @helper
 def level_density(
-    belief: Belief, size: float, north: float, east: float, dt: float, q: float
+    belief: FilterState, size: float, north: float, east: float, dt: float, q: float
 ) -> float:
     """Density (m^2/s^3) of what the carried specific force holds besides gravity. The body's own
     acceleration a lasts: with a correlation time tau it has the density 2 a^2 tau.
@@ -395,7 +395,7 @@ def lost(workspace: Array) -> float:
 
 
 @helper
-def holding(belief: Belief) -> float:
+def holding(belief: FilterState) -> float:
     """Which of CONDITIONS holds, counted from 1; 0 for none."""
     workspace = belief.workspace
     clock, reason = workspace[CLOCK], 0.0
@@ -418,7 +418,7 @@ def holding(belief: Belief) -> float:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -442,7 +442,7 @@ def correct(
 
 @helper
 def _used(
-    belief: Belief,
+    belief: FilterState,
     h0: float,
     h1: float,
     h2: float,
@@ -485,7 +485,7 @@ def _used(
 
 @helper
 def _field(
-    belief: Belief, y: Array, sd: Array, source: SourceRow, gate: float, innovation: Array
+    belief: FilterState, y: Array, sd: Array, source: SourceRow, gate: float, innovation: Array
 ) -> float:
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
@@ -552,7 +552,7 @@ def _known(source: SourceRow) -> tuple[float, float]:
 
 @helper
 def refused(
-    belief: Belief, y: Array, sd: Array, source: SourceRow, square: float, down: float
+    belief: FilterState, y: Array, sd: Array, source: SourceRow, square: float, down: float
 ) -> bool:
     """True where a field y (T) of that horizontal square (T^2) and downward part (T) is rejected as
     disturbed; updates the counts of its magnetometer."""
@@ -602,7 +602,7 @@ def _turn_since(workspace: Array, s: int, y: Array) -> float:
 
 @helper
 def field_density(
-    belief: Belief, source: SourceRow, square: float, down: float, seconds: float
+    belief: FilterState, source: SourceRow, square: float, down: float, seconds: float
 ) -> tuple[float, float, float]:
     """Density (rad^2 s) of the azimuth of a field of that horizontal square (T^2) and downward
     part (T); its running strength (T) and dip (rad), followed."""
@@ -634,7 +634,7 @@ def _departure(
 
 
 @kernel(SAVE_STEP)
-def save_step(belief: Belief, record: Array) -> None:
+def save_step(belief: FilterState, record: Array) -> None:
     """Save the last call from workspace, and the part of P due to accelerometer biases: the gains
     do not use it, so that the smoother goes back with P without it."""
     workspace, last = belief.workspace, belief.workspace[LAST]

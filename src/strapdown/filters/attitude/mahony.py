@@ -20,14 +20,14 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -93,15 +93,15 @@ rate."""
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     k1: float = 0.5,
     k2: float = 0.1,
     k3: float = 0.1,
     ki: float = 0.005,
     low_pass: float = 2.0,
-) -> Belief:
-    """Belief at `start`. Gains: k1 of the specific force, k2 of the magnetic field, k3 of a compass
+) -> FilterState:
+    """The filter state at `start`. Gains: k1 of the specific force, k2 of the magnetic field, k3 of a compass
     (1/s; 0 leaves it out), ki of the bias (1/s, times sigma). low_pass: time constant of the
     specific force, s, carried along by the gyros; 0 is the published observer. Refuses unstable
     gains.
@@ -145,7 +145,7 @@ def poles(k: float, ki: float, low_pass: float) -> NDArray[np.inexact]:
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros and pull it to the specific force."""
     workspace, bg, C = belief.workspace, belief.bg, belief.C
     if dt <= 0:
@@ -173,7 +173,9 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _spread(belief: Belief, turned_square: float, keep: float, dt: float, noise: Noise) -> None:
+def _spread(
+    belief: FilterState, turned_square: float, keep: float, dt: float, noise: Noise
+) -> None:
     """P without accelerometer biases, and the sensitivity to them, over dt; turned_square: of the
     rotation in it, rad^2."""
     workspace, P, C = belief.workspace, belief.P, belief.C
@@ -188,7 +190,7 @@ def _spread(belief: Belief, turned_square: float, keep: float, dt: float, noise:
 
 
 @helper
-def _level(belief: Belief, dt: float, q: float) -> None:
+def _level(belief: FilterState, dt: float, q: float) -> None:
     """Pull the attitude to the specific force; q: variance of the gyros' rate, rad^2/s^2."""
     f, workspace, P = belief.f, belief.workspace, belief.P
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
@@ -213,7 +215,7 @@ def _level(belief: Belief, dt: float, q: float) -> None:
 
 
 @helper
-def _gains(belief: Belief, k: float, seconds: float) -> float:
+def _gains(belief: FilterState, k: float, seconds: float) -> float:
     """Return the gain of a correction by k (1/s) over `seconds`, exact for a small error that
     nothing else corrects; write those of the six states, K_NORTH to K_DOWN."""
     workspace, C = belief.workspace, belief.C
@@ -235,7 +237,7 @@ def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
 
 
 @helper
-def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
+def _pull(belief: FilterState, x: float, y: float, z: float, gain: float) -> None:
     """Rotate the attitude by the cross product (x, y, z), in n, times `gain`, and correct the gyro
     bias by it."""
     C, bias = belief.C, belief.workspace[KI] * gain
@@ -245,7 +247,7 @@ def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
 
 
 @helper
-def _heading_pulled(belief: Belief, variance: float, innovation: Array) -> None:
+def _heading_pulled(belief: FilterState, variance: float, innovation: Array) -> None:
     """P, the sensitivity to accelerometer biases and the whitened innovation of a heading (rad) of
     that variance, by the gains K_DOWN."""
     workspace, K = belief.workspace, belief.workspace[K_DOWN]
@@ -263,7 +265,7 @@ def _heading_pulled(belief: Belief, variance: float, innovation: Array) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -292,7 +294,7 @@ def correct(
 
 
 @helper
-def _field(belief: Belief, y: Array, sd: Array, source: SourceRow, innovation: Array) -> None:
+def _field(belief: FilterState, y: Array, sd: Array, source: SourceRow, innovation: Array) -> None:
     """The field y (T, body) across the specific force, against magnetic north across the
     vertical."""
     C, workspace, f = belief.C, belief.workspace, belief.f

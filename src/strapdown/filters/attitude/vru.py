@@ -16,14 +16,14 @@ from ...core.loop.contract import (
     DECAYING,
     PREDICT,
     STATES,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -73,15 +73,15 @@ ATTITUDE_P = SLOTS.matrix("ATTITUDE_P", 6, 6)  # kept over a correction
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     heave: float = 1.0,
     wave_period: float = 10.0,
     low_pass: float = 2.0,
     acceleration: float = 0.2,
     rate_error: float = 0.002,
-) -> Belief:
-    """Belief at `start`. Until a source measures the height, it heaves about that of the start:
+) -> FilterState:
+    """The filter state at `start`. Until a source measures the height, it heaves about that of the start:
     heave is the standard deviation of that, m.
 
     wave_period: of the waves, s, which tells how fast they average to zero; 0: heights of
@@ -117,7 +117,7 @@ def wave_density(accel: float, wave_period: float) -> float:
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """The vertical channel at the attitude where the sample begins, then the attitude; the mean
     level as long as nothing else aids the height."""
     if dt > 0:
@@ -144,7 +144,7 @@ def _waves(workspace: Array, variance: float) -> float:
 
 
 @helper
-def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def _fall(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Height and vertical velocity over a sample, by the bias-free velocity increment at
     mid-interval and gravity; keep the row by which acceleration errs."""
     C, ba, bg, row = belief.C, belief.ba, belief.bg, belief.workspace[ERRS]
@@ -165,7 +165,7 @@ def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _spread(belief: Belief, dt: float, noise: Noise) -> None:
+def _spread(belief: FilterState, dt: float, noise: Noise) -> None:
     """P of the vertical channel over dt: p' = v, v' = the row ERRS of tilt and accelerometer bias;
     its covariances with the attitude and with the augmented states."""
     P, workspace, n = belief.P, belief.workspace, belief.P.shape[0]
@@ -237,7 +237,7 @@ def _levelled(P: Array, a: int, seen: float, gain: Array) -> None:
 
 
 @helper
-def _tether(belief: Belief, variance: float) -> None:
+def _tether(belief: FilterState, variance: float) -> None:
     """Correct the vertical channel by the height of the start, measured with that variance
     (m^2): the mean of the heave is zero."""
     P, e = belief.P, belief.lla[2] - belief.workspace[LEVEL]
@@ -261,7 +261,7 @@ def _tether(belief: Belief, variance: float) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -326,7 +326,7 @@ def _copy_attitude(P: Array, kept: Array, back: bool) -> None:
 
 
 @helper
-def _inject_vertical(belief: Belief, dx: Array) -> None:
+def _inject_vertical(belief: FilterState, dx: Array) -> None:
     belief.lla[2] -= dx[2]
     belief.v[2] += dx[5]
     for i in range(3):

@@ -6,12 +6,12 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     SourceRow,
-    Start,
     kernel,
 )
 from ...core.mathematics.adjoint import SMOOTHER
@@ -29,14 +29,14 @@ from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
 
 
-def start(start: Start, noise: Noise, error_model: str = "corrected") -> Belief:
-    """Belief at `start`. error_model: "corrected", or a name of core.mathematics.error_dynamics.MODELS: what
+def start(start: InitialState, noise: Noise, error_model: str = "corrected") -> FilterState:
+    """The filter state at `start`. error_model: "corrected", or a name of core.mathematics.error_dynamics.MODELS: what
     Hager & Bryne print, whole or in part."""
     return start.belief(allocate(ERROR_STATE, error_model))
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
     r, a = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
@@ -54,7 +54,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

@@ -6,7 +6,7 @@ Phi [0, b] is not zero in position, velocity and attitude, and that part is comp
 nominal state at each step.
 """
 
-from ...core.loop.contract import BA, BG, DECAYING, PREDICT, Belief, Filter, Noise, kernel
+from ...core.loop.contract import BA, BG, DECAYING, PREDICT, Filter, FilterState, Noise, kernel
 from ...core.mathematics.adjoint import SMOOTHER
 from ...core.mathematics.error_state import (
     DX,
@@ -22,7 +22,7 @@ from .closed_loop import correct, start
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the error state [0, b]; run the INS on the raw increments and inject what
     the biases did to it."""
     x = belief.workspace[X]

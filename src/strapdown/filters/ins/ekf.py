@@ -15,13 +15,13 @@ from ...core.loop.contract import (
     MAX_STATES,
     PREDICT,
     STATES,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -67,13 +67,13 @@ DX = SLOTS.array("DX", MAX_STATES)  # the correction, n numbers
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 
 
-def start(start: Start, noise: Noise) -> Belief:
-    """Belief at `start`."""
+def start(start: InitialState, noise: Noise) -> FilterState:
+    """The filter state at `start`."""
     return start.belief(SLOTS.zeros())
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
     workspace, n = belief.workspace, belief.P.shape[0]
     r, a = bias_free(u, belief.ba, belief.bg, dt)
@@ -87,7 +87,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @helper
 def _jacobian(
-    belief: Belief,
+    belief: FilterState,
     r: Three,
     f: Three,
     noise: Noise,
@@ -156,7 +156,7 @@ def _integrate(P: Array, F: Array, dt: float, noise: Noise, D: Array, T: Array) 
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

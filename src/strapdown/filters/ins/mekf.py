@@ -19,8 +19,8 @@ from ...core.loop.contract import (
     ATT,
     CORRECT,
     DECAYING,
-    Belief,
     Filter,
+    FilterState,
     Observe,
     SourceRow,
     helper,
@@ -37,7 +37,7 @@ TINY = 1e-100  # of what is divided by it nothing is left anyway
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

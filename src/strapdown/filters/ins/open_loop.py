@@ -17,14 +17,14 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Condition,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -80,9 +80,12 @@ COVERED = 20.0  # standard deviations of the vertical bias; more shows in vertic
 
 
 def start(
-    start: Start, noise: Noise, error_model: str = "corrected", kinematics: str = "second-order"
-) -> Belief:
-    """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off
+    start: InitialState,
+    noise: Noise,
+    error_model: str = "corrected",
+    kinematics: str = "second-order",
+) -> FilterState:
+    """The filter state at `start`: the INS begins there, and only the initial biases of `start` are taken off
     its IMU (decaying as the model says).
 
     error_model: "corrected", or a name of core.mathematics.error_dynamics.MODELS: what Hager & Bryne print,
@@ -94,9 +97,12 @@ def start(
 
 
 def beside(
-    start: Start, slots: Slots, error_model: str = "corrected", kinematics: str = "second-order"
-) -> Belief:
-    """Belief at `start` of a filter with an INS and an error beside it; its slots continue
+    start: InitialState,
+    slots: Slots,
+    error_model: str = "corrected",
+    kinematics: str = "second-order",
+) -> FilterState:
+    """The filter state at `start` of a filter with an INS and an error beside it; its slots continue
     BESIDE."""
     check_choice(kinematics, "kinematics", KINEMATICS)
     belief = start.belief(allocate(slots, error_model))
@@ -108,7 +114,7 @@ def beside(
 
 
 @helper
-def predict_beside(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict_beside(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """One step of the raw INS and of the error beside it; the belief is composed of both."""
     workspace = belief.workspace
     b = workspace[BIAS]
@@ -133,7 +139,7 @@ def predict_beside(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def beyond_model(belief: Belief) -> float:
+def beyond_model(belief: FilterState) -> float:
     """Which of CONDITIONS holds: gravity is no series any more at the height of the raw INS, or its
     tilt theta takes more of gravity from the vertical, g theta^2 / 2, than the bias covers."""
     workspace, x = belief.workspace, belief.workspace[X]
@@ -168,7 +174,7 @@ def products(x: Array, blocks: Array, lat: float, geodetic: bool, dt: float) -> 
 
 
 @helper
-def compose(belief: Belief) -> None:
+def compose(belief: FilterState) -> None:
     """belief = INS (+) error: equations (20)-(23) of the paper."""
     workspace = belief.workspace
     x, b, raw, out = (
@@ -188,7 +194,7 @@ def compose(belief: Belief) -> None:
 
 @helper
 def correct_beside(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     observe: Observe,
@@ -210,14 +216,14 @@ def correct_beside(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, the raw INS and the error beside it."""
     predict_beside(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

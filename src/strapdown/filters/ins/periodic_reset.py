@@ -10,13 +10,13 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     kernel,
     matrix,
 )
@@ -44,13 +44,13 @@ ROUNDING = 1e-6  # s: of a sum of steps
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     interval: float = 60.0,
     error_model: str = "corrected",
     kinematics: str = "second-order",
-) -> Belief:
-    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics
+) -> FilterState:
+    """The filter state at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics
     as for the open loop."""
     check_number(interval, "interval", "s", least=0, infinite=True)
     belief = beside(start, SLOTS, error_model, kinematics)
@@ -59,7 +59,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """As the open loop, counting the seconds since the last reset."""
     belief.workspace[ELAPSED] += dt
     predict_beside(belief, u, dt, noise)
@@ -67,7 +67,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

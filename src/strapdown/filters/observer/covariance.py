@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 from ...core.compile.jit import helper, inlined, matrix
 from ...core.compile.selection import any_of, where
-from ...core.loop.contract import Belief, Kind, Noise, Slots, SourceRow
+from ...core.loop.contract import FilterState, Kind, Noise, Slots, SourceRow
 from ...core.mathematics.joseph import (
     FORCE,
     JOSEPH,
@@ -82,7 +82,7 @@ def clear(workspace: Array) -> None:
 
 
 @inlined
-def after_sample(belief: Belief, dt: float, noise: Noise) -> None:
+def after_sample(belief: FilterState, dt: float, noise: Noise) -> None:
     """A sample that the observer took, for the next step of P."""
     own = belief.workspace[OWN]
     if changed(own, noise):
@@ -92,7 +92,7 @@ def after_sample(belief: Belief, dt: float, noise: Noise) -> None:
 
 
 @helper
-def step(belief: Belief) -> None:
+def step(belief: FilterState) -> None:
     """P over the samples since its last step: by the INS, then by what xi has moved."""
     workspace, own, C = belief.workspace, belief.workspace[OWN], belief.C
     if float(own[SECONDS]) <= 0:
@@ -159,7 +159,7 @@ def turn(
 
 
 @inlined
-def after_fix(belief: Belief, sd: Array, kind: int, source: SourceRow, H: Array) -> None:
+def after_fix(belief: FilterState, sd: Array, kind: int, source: SourceRow, H: Array) -> None:
     """P by what the observer has changed at a fix; H (3, 15) of its innovation."""
     workspace = belief.workspace
     P, a, b, r = (
@@ -199,7 +199,7 @@ def after_fix(belief: Belief, sd: Array, kind: int, source: SourceRow, H: Array)
 
 
 @inlined
-def _learnt(belief: Belief, P: Array, a: Array, b: Array, r: Array) -> None:
+def _learnt(belief: FilterState, P: Array, a: Array, b: Array, r: Array) -> None:
     """P by what the adaptive part has learnt of the course, and then of xi."""
     workspace, C = belief.workspace, belief.C
     own, K = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive.CHANGE]
@@ -236,7 +236,7 @@ def _move(own: Array, C: Array, a: Array, row: int) -> None:
 
 
 @helper
-def _heading(belief: Belief, sd: float, course: bool, a: Array, b: Array, r: Array) -> None:
+def _heading(belief: FilterState, sd: float, course: bool, a: Array, b: Array, r: Array) -> None:
     """A turn about the vertical by a share of a heading's angle, or a course's."""
     workspace, C, f = belief.workspace, belief.C, belief.f
     share = workspace[SHARE]
@@ -253,7 +253,7 @@ def _heading(belief: Belief, sd: float, course: bool, a: Array, b: Array, r: Arr
 
 
 @helper
-def _field(belief: Belief, sd: Array, source: SourceRow, a: Array, b: Array, r: Array) -> None:
+def _field(belief: FilterState, sd: Array, source: SourceRow, a: Array, b: Array, r: Array) -> None:
     """A turn by a share of the angle between the fields (T) as measured and as known, or between
     what of them is across the specific force.
 

@@ -10,7 +10,7 @@ force:
 A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however
 large it is.
 
-Helpers act on a Belief whose `workspace` is the observer's own, of OBSERVER: that of the filter, or
+Helpers act on a FilterState whose `workspace` is the observer's own, of OBSERVER: that of the filter, or
 the view that `embedded` gives.
 """
 
@@ -18,7 +18,7 @@ import math
 
 from ...core.compile.jit import helper, inlined, matrix
 from ...core.compile.selection import any_of, where
-from ...core.loop.contract import MAX_STATES, Belief, Kind, Noise, Observe, Slots, SourceRow
+from ...core.loop.contract import MAX_STATES, FilterState, Kind, Noise, Observe, Slots, SourceRow
 from ...core.mathematics.earth import displace, place
 from ...core.mathematics.elementary import arctangent, arctangent2, tangent
 from ...core.mathematics.embedded import NAVIGATION, navigation
@@ -100,15 +100,15 @@ FREE_FALL_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 
 @inlined
-def embedded(belief: Belief, first: int) -> Belief:
-    """The observer whose numbers (EMBEDDED) begin at belief.workspace[first], as a Belief of its
+def embedded(belief: FilterState, first: int) -> FilterState:
+    """The observer whose numbers (EMBEDDED) begin at belief.workspace[first], as a FilterState of its
     own; P and tail are those of `belief` and none of its business."""
     own = belief.workspace[first : first + EMBEDDED_SIZE]
     return navigation(own[STATE], belief.P, own[BLOCK], belief.extra_states)
 
 
 @inlined
-def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
+def advance(bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the
     specific force that the fixes tell, biases.
 
@@ -157,7 +157,7 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @inlined
-def _answer_sample(bar: Belief, k: float, dt: float, free: bool) -> None:
+def _answer_sample(bar: FilterState, k: float, dt: float, free: bool) -> None:
     """Update the adaptive law for a sample in which the attitude was turned by k f x xi."""
     C, workspace, f, own = bar.C, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
     f0, f1, f2 = turned(C, f[0], f[1], f[2])
@@ -174,7 +174,7 @@ def outage(workspace: Array) -> bool:
 
 
 @inlined
-def _turn_with_n(bar: Belief, xi: Array, dt: float) -> None:
+def _turn_with_n(bar: FilterState, xi: Array, dt: float) -> None:
     """xi stands still in e: in n it turns against the transport rate."""
     sine, cosine, M, N = place(bar.lla[0], bar.lla[2])
     w0, w1, w2 = dt * bar.v[1] / N, -dt * bar.v[0] / M, -dt * bar.v[1] * sine / (cosine * N)
@@ -221,7 +221,7 @@ def gain(workspace: Array, name: int) -> float:
 
 
 @inlined
-def turn(bar: Belief, s0: float, s1: float, s2: float) -> None:
+def turn(bar: FilterState, s0: float, s1: float, s2: float) -> None:
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
     outside an outage the gyro bias by - ki s, bounded. Zeros turn nothing."""
     C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI], bar.workspace
@@ -261,7 +261,9 @@ def bounded(b: Array, d0: float, d1: float, d2: float, bound: float) -> None:
 
 
 @inlined
-def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> float:
+def _towards_force(
+    bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted: bool
+) -> float:
     """sigma of the first direction: the specific force as measured against that of the
     translational motion observer. Returns the gain of f x."""
     f, workspace = bar.f, bar.workspace
@@ -275,7 +277,7 @@ def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float, want
 
 
 @inlined
-def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> None:
+def _adapt(bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> None:
     """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1,
     1): it cannot blow up, however large the force.
 
@@ -315,7 +317,7 @@ def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool
 
 @inlined
 def inject(
-    bar: Belief,
+    bar: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -332,7 +334,7 @@ def inject(
 
 @inlined
 def take(
-    bar: Belief,
+    bar: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -381,7 +383,7 @@ def take(
 
 
 @inlined
-def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: bool) -> None:
+def _translate(bar: FilterState, kind: int, innovation: Array, sd: Array, wanted: bool) -> None:
     """Position, velocity and xi by the gains at this fix."""
     workspace = bar.workspace
     change, xi, K = workspace[WORK], workspace[XI], workspace[GAIN]
@@ -426,7 +428,7 @@ def _assess_excitation(workspace: Array, value: float, enough: float, wanted: bo
 
 
 @inlined
-def _answer_heading(bar: Belief, by_wind: float) -> None:
+def _answer_heading(bar: FilterState, by_wind: float) -> None:
     """Update the adaptive law for the last turn about the vertical."""
     C, workspace, f = bar.C, bar.workspace, bar.f
     f0, f1, f2 = turned(C, f[0], f[1], f[2])
@@ -435,7 +437,7 @@ def _answer_heading(bar: Belief, by_wind: float) -> None:
 
 
 @inlined
-def _learn(bar: Belief, wanted: bool) -> None:
+def _learn(bar: FilterState, wanted: bool) -> None:
     """Biases and wind by xi and what the course has told, and the observer by what it answers."""
     workspace, own, ba, xi = bar.workspace, bar.workspace[ADAPTIVE], bar.ba, bar.workspace[XI]
     adaptive.begin(own, wanted & (workspace[FADE] < 1) & (own[adaptive.BEGUN] == 0))
@@ -480,7 +482,7 @@ def _learn(bar: Belief, wanted: bool) -> None:
 
 
 @inlined
-def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> None:
+def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool) -> None:
     """The direction of the velocity (m/s, each with that sd) as a heading, where it is wanted, fast
     enough and nothing better is there."""
     workspace = bar.workspace
@@ -535,7 +537,7 @@ def too_slow(speed: float, sd: float, least: float) -> bool:
 
 
 @inlined
-def _towards_heading(bar: Belief, heading: float, seconds: float, wanted: bool) -> None:
+def _towards_heading(bar: FilterState, heading: float, seconds: float, wanted: bool) -> None:
     """sigma of a heading (rad) at the roll and pitch of the belief, over that time, where it is
     wanted: a turn about the vertical, exact for any angle."""
     if not any_of(wanted):
@@ -556,7 +558,7 @@ def _left(angle: float, time: float) -> float:
 
 
 @inlined
-def _towards_field(bar: Belief, y: Array, source: SourceRow, wanted: bool) -> None:
+def _towards_field(bar: FilterState, y: Array, source: SourceRow, wanted: bool) -> None:
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
     since the last, where it is wanted.
 
@@ -600,7 +602,7 @@ def _towards_field(bar: Belief, y: Array, source: SourceRow, wanted: bool) -> No
 
 @inlined
 def _towards(
-    bar: Belief,
+    bar: FilterState,
     b0: float,
     b1: float,
     b2: float,
@@ -627,7 +629,7 @@ def _towards(
 
 
 @inlined
-def follow(bar: Belief, belief: Belief) -> None:
+def follow(bar: FilterState, belief: FilterState) -> None:
     """Without a course for long, of itself holding no heading: heading and gyro bias become those
     of a filter that has them by other means, f_n = C f + xi staying."""
     C, workspace = bar.C, bar.workspace

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import check_choice, check_number
-from ...core.loop.contract import Belief, Noise, Source, Start
+from ...core.loop.contract import FilterState, InitialState, Noise, Source
 from ...core.mathematics.embedded import as_numbers
 from ...typing import Array, ArrayLike, Mask
 from . import adaptive, equations, translation_gains
@@ -72,7 +72,7 @@ HALVINGS = 8
 at slow fixes."""
 ROUND = 20
 """Most fixes of the faster kind in one round of both."""
-StartFunction = TypeVar("StartFunction", bound=Callable[..., Belief])
+StartFunction = TypeVar("StartFunction", bound=Callable[..., FilterState])
 Jump: TypeAlias = tuple[float, str, Array]
 """A fix of a round: s since the fix before, "position" or "velocity", gains K (3,) on p, v, f."""
 
@@ -100,8 +100,8 @@ def takes_options(start: StartFunction) -> StartFunction:
     return start
 
 
-def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
-    """Fill an observer's block (numbers of OBSERVER) for a Start, a Noise and
+def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> None:
+    """Fill an observer's block (numbers of OBSERVER) for an InitialState, a Noise and
     options, all of DEFAULTS where not given.
 
     Raises ValueError where an option or the start's biases are out of bounds.
@@ -151,7 +151,7 @@ def _check_bias(name: str, bias: ArrayLike, bound: float) -> None:
         )
 
 
-def implant(workspace: Array, start: Start, noise: Noise, **options: Any) -> None:
+def implant(workspace: Array, start: InitialState, noise: Noise, **options: Any) -> None:
     """An observer of its own in `workspace`, numbers of EMBEDDED, beginning at `start`: what
     `embedded` gives a view of. Raises as `begin`."""
     workspace[equations.STATE] = as_numbers(start.belief(np.empty(0)))

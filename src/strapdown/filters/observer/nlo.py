@@ -14,14 +14,14 @@ from ...core.compile.selection import any_of, where
 from ...core.loop.contract import (
     CORRECT,
     PREDICT,
-    Belief,
     Condition,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     SourceRow,
-    Start,
     kernel,
     matrix,
 )
@@ -48,8 +48,8 @@ UNEXCITED = Condition(
 
 
 @takes_options
-def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Belief:
-    """Belief at `start`. crab: standard deviation of the angle between course and heading, deg,
+def start(start: InitialState, noise: Noise, crab: float = 5.0, **options: Any) -> FilterState:
+    """The filter state at `start`. crab: standard deviation of the angle between course and heading, deg,
     which the claimed one of the heading has in it; no gain depends on it. docs/explanation/observer.md explains
     the other options, DEFAULTS of filters/observer/gains.py has them. Refuses gains that are not
     stable and a start beyond the bounds.
@@ -63,7 +63,7 @@ def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Beli
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample."""
     if dt > 0:
         advance(belief, u, dt, noise)
@@ -72,7 +72,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

@@ -11,7 +11,7 @@ the vertical than those about the heading of the model, log(exp(a) exp([0 0 -TUR
 
 from ...core.compile.jit import helper, inlined
 from ...core.compile.selection import any_of, where
-from ...core.loop.contract import Belief, Slots
+from ...core.loop.contract import FilterState, Slots
 from ...core.mathematics.elementary import arctangent2, sine_cosine
 from ...core.mathematics.error_state import turn_half
 from ...core.mathematics.rotation import wrap
@@ -34,7 +34,7 @@ WITHIN = 3.0
 
 
 @inlined
-def take_heading(belief: Belief, bar: Belief, own: Array, wanted: bool) -> None:
+def take_heading(belief: FilterState, bar: FilterState, own: Array, wanted: bool) -> None:
     """Decide the heading of the model, where it is taken at the estimate: the observer's where
     something tells it one, the estimate's is uncertain, and the two do not contradict each other.
 

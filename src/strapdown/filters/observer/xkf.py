@@ -21,14 +21,14 @@ from ...core.loop.contract import (
     DECAYING,
     PREDICT,
     STATES,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     kernel,
     matrix,
 )
@@ -92,9 +92,13 @@ JACOBIANS = {"observer": 0.0, "estimate": 1.0}
 
 @takes_options
 def start(
-    start: Start, noise: Noise, near: float = 0.5, jacobian: str = "estimate", **observer: Any
-) -> Belief:
-    """Belief at `start`, where the observer begins too.
+    start: InitialState,
+    noise: Noise,
+    near: float = 0.5,
+    jacobian: str = "estimate",
+    **observer: Any,
+) -> FilterState:
+    """The filter state at `start`, where the observer begins too.
 
     near: rad between attitudes of estimate and observer up to which the mean goes on by the model
     itself; 0 is the affine filter of Johansen & Fossen. jacobian: where Jacobians are taken then,
@@ -113,9 +117,9 @@ def start(
 
 
 @inlined
-def at(belief: Belief, state: Belief) -> Belief:
+def at(belief: FilterState, state: FilterState) -> FilterState:
     """P, rate, force and workspace of the belief at the state of another."""
-    return Belief(
+    return FilterState(
         state.lla,
         state.v,
         state.C,
@@ -130,14 +134,14 @@ def at(belief: Belief, state: Belief) -> Belief:
 
 
 @inlined
-def at_estimate(belief: Belief) -> bool:
+def at_estimate(belief: FilterState) -> bool:
     """True where the model is linearised at the estimate, as filters/observer/own_estimate.py says,
     rather than at the observer."""
     return belief.workspace[CLOSE] * belief.workspace[ITSELF] > 0
 
 
 @inlined
-def model_point(belief: Belief, bar: Belief, itself: bool, z: float) -> Belief:
+def model_point(belief: FilterState, bar: FilterState, itself: bool, z: float) -> FilterState:
     """Return the linearisation point of the model: the observer, or the estimate `itself`, turned
     back by z (rad). Its state is in POINT."""
     numbers = belief.workspace[POINT]
@@ -149,7 +153,7 @@ def model_point(belief: Belief, bar: Belief, itself: bool, z: float) -> Belief:
 
 
 @inlined
-def compose(belief: Belief, x: Array) -> None:
+def compose(belief: FilterState, x: Array) -> None:
     """The belief becomes belief (+) x."""
     a, g = x[BA], x[BG]
     added(belief.lla, belief.v, belief.C, x)
@@ -159,7 +163,7 @@ def compose(belief: Belief, x: Array) -> None:
 
 
 @inlined
-def relate(belief: Belief, bar: Belief) -> None:
+def relate(belief: FilterState, bar: FilterState) -> None:
     """delta is what lies between observer and belief, which stays wherever the observer has gone.
 
     Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a)
@@ -206,7 +210,7 @@ def relate(belief: Belief, bar: Belief) -> None:
 
 
 @inlined
-def switch(belief: Belief, angle: float) -> None:
+def switch(belief: FilterState, angle: float) -> None:
     """Decide whether the mean is propagated by the model at the estimate, with the observer that
     angle (rad) away.
 
@@ -231,7 +235,7 @@ def known(P: Array, angle: float) -> bool:
 
 
 @inlined
-def publish(belief: Belief, bar: Belief) -> None:
+def publish(belief: FilterState, bar: FilterState) -> None:
     """Copy the observer's output into the extra columns."""
     said = belief.workspace[SAID]
     for i in range(said.size):
@@ -239,7 +243,7 @@ def publish(belief: Belief, bar: Belief) -> None:
 
 
 @inlined
-def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> None:
+def carry(belief: FilterState, bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief over dt, by the model at an observer that is left where it is:
     f(observer) (+) Phi delta, or by the model at the estimate itself."""
     workspace, x, o = belief.workspace, belief.workspace[X], belief.workspace[ORIGIN]
@@ -271,8 +275,8 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
 
 @inlined
 def correct_around(
-    belief: Belief,
-    bar: Belief,
+    belief: FilterState,
+    bar: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -323,7 +327,7 @@ def wonder(workspace: Array, nis: float, n: int) -> None:
 
 
 @inlined
-def move(belief: Belief, point: Belief, itself: bool, z: float, taken: bool) -> None:
+def move(belief: FilterState, point: FilterState, itself: bool, z: float, taken: bool) -> None:
     """Compose a correction, which is zero where it was not taken, into delta, and the belief from
     point (+) delta, where a turn by z comes last."""
     workspace, P, mine = belief.workspace, belief.P, belief.workspace[MINE]
@@ -347,7 +351,7 @@ def move(belief: Belief, point: Belief, itself: bool, z: float, taken: bool) -> 
 
 
 @inlined
-def shift_rates(belief: Belief, x: Array, sign: float) -> None:
+def shift_rates(belief: FilterState, x: Array, sign: float) -> None:
     """Rate and force of the belief more, or less, these errors of the biases."""
     a, g = x[BA], x[BG]
     for i in range(3):
@@ -356,7 +360,7 @@ def shift_rates(belief: Belief, x: Array, sign: float) -> None:
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief on, then the observer; the difference is what is between them."""
     bar, itself = embedded(belief, INSIDE.start), at_estimate(belief)
     carry(belief, bar, u, dt, noise)
@@ -369,7 +373,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

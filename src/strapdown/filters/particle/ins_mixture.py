@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
 from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
-from ...core.loop.contract import MAX_STATES, STATES, Belief, Kind, Observe, Slots, SourceRow
+from ...core.loop.contract import MAX_STATES, STATES, FilterState, Kind, Observe, Slots, SourceRow
 from ...core.mathematics.earth import place
 from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
@@ -68,7 +68,7 @@ class Mixture(NamedTuple):
 class ComponentGroup(NamedTuple):
     """Eight components: numbers are lanes."""
 
-    own: Belief
+    own: FilterState
     weight: float
     x: Array  # (n,) error about the belief
     counted: Array  # (1,) weight, or 0 where a fix is not measured
@@ -94,7 +94,7 @@ def places(n: int, N: int) -> tuple[int, int, int, int, int, int]:
 
 
 @inlined
-def beside(belief: Belief) -> Mixture:
+def beside(belief: FilterState) -> Mixture:
     """The Mixture of a belief."""
     workspace, n, N = belief.workspace, belief.P.shape[0], int(belief.workspace[COUNT])
     own = workspace[COMPONENTS:]
@@ -153,14 +153,14 @@ def added_up(eight: Array, sums: Array) -> None:
 
 
 @helper
-def metres(belief: Belief) -> tuple[float, float]:
+def metres(belief: FilterState) -> tuple[float, float]:
     """Metres per radian of latitude and of longitude at a belief, those of `displace`."""
     sine, cosine, M, N = place(belief.lla[0], belief.lla[2])
     return M, N * cosine
 
 
 @inlined
-def deviate(own: Belief, belief: Belief, north: float, east: float, x: Array) -> None:
+def deviate(own: FilterState, belief: FilterState, north: float, east: float, x: Array) -> None:
     """x = own (-) belief, the error that `inject` would have to add to the belief; metres per
     radian from `metres`."""
     turn = own.lla[1] - belief.lla[1]
@@ -184,7 +184,7 @@ def deviate(own: Belief, belief: Belief, north: float, east: float, x: Array) ->
 
 
 @inlined
-def settle(belief: Belief, m: Mixture) -> None:
+def settle(belief: FilterState, m: Mixture) -> None:
     """Belief and P from the sums of all groups; what P is now is remembered."""
     added_up(m.workspace[SUMS_LANES], m.sums)
     moments(m.sums, m.mean, belief.P)
@@ -195,7 +195,7 @@ def settle(belief: Belief, m: Mixture) -> None:
 
 
 @inlined
-def recentre(belief: Belief, m: Mixture) -> None:
+def recentre(belief: FilterState, m: Mixture) -> None:
     """Belief and P from all components, wherever they are: first their mean, then the moments
     about it."""
     n = m.mean.size
@@ -236,7 +236,7 @@ def take_in(m: Mixture, of: ComponentGroup, side: int) -> None:
 
 
 @inlined
-def carry(belief: Belief, m: Mixture) -> None:
+def carry(belief: FilterState, m: Mixture) -> None:
     """Hand on to the components what the loop did to P since the last call: more of everything, or
     more variance of single states.
 
@@ -272,7 +272,7 @@ def carry(belief: Belief, m: Mixture) -> None:
 
 
 @inlined
-def put(own: Belief, belief: Belief, x: Array) -> None:
+def put(own: FilterState, belief: FilterState, x: Array) -> None:
     """The component whose error about the belief is x."""
     copy_motion(own, belief)
     for i in range(own.extra_states.size):
@@ -282,7 +282,7 @@ def put(own: Belief, belief: Belief, x: Array) -> None:
 
 @inlined
 def foresee(
-    belief: Belief,
+    belief: FilterState,
     m: Mixture,
     y: Array,
     sd: Array,
@@ -315,7 +315,7 @@ def foresee(
 
 @inlined
 def _observed_one(
-    belief: Belief,
+    belief: FilterState,
     m: Mixture,
     g: int,
     k: int,

@@ -19,12 +19,12 @@ from ...core.loop.contract import (
     DECAYING,
     PREDICT,
     STATES,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     SourceRow,
-    Start,
     first_event,
     kernel,
 )
@@ -92,14 +92,14 @@ MAX_NIS = 1e300  # of a NIS that is used: beyond it nothing is finite
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     components: int = 500,
     kernel: float | None = None,
     resample: float = 0.5,
     seed: int = 0,
-) -> Belief:
-    """Belief at `start`, its components drawn from it with the random numbers of `seed`.
+) -> FilterState:
+    """The filter state at `start`, its components drawn from it with the random numbers of `seed`.
 
     kernel: h in (0, 1], the width of a component as a share of the mixture's, none given:
     kernel_width of filters/particle/mixture.py; resample: draw anew below this share of effective
@@ -137,7 +137,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Every component by its own closed loop; the belief moves with the mean of its INS and
     takes up what they make of it."""
     m = beside(belief)
@@ -186,7 +186,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 def _advance(
     m: Mixture,
     of: ComponentGroup,
-    belief: Belief,
+    belief: FilterState,
     u: Array,
     dt: float,
     noise: Noise,
@@ -209,7 +209,7 @@ def _advance(
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -234,7 +234,7 @@ def correct(
 
 
 @inlined
-def _draw_anew(belief: Belief, m: Mixture) -> None:
+def _draw_anew(belief: FilterState, m: Mixture) -> None:
     """Resample, about the belief; belief and P stay."""
     workspace, n = belief.workspace, m.mean.size
     width, first = component_width(n), TAIL + n - STATES

@@ -4,13 +4,13 @@ noise that is added instead of spread out.
 docs/explanation/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
 
-from ...core.loop.contract import DECAYING, Belief, Filter, Noise, Start
+from ...core.loop.contract import DECAYING, Filter, FilterState, InitialState, Noise
 from .ins_sigma_points import SLOTS, begin, correct, predict, repairs
 from .sigma_points import symmetric
 
 
-def start(start: Start, noise: Noise) -> Belief:
-    """Belief at `start`."""
+def start(start: InitialState, noise: Noise) -> FilterState:
+    """The filter state at `start`."""
     n = len(start.sd)
     return begin(start, symmetric(n), symmetric(n), augmented=False)
 

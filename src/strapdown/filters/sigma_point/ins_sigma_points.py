@@ -18,13 +18,13 @@ from ...core.loop.contract import (
     MAX_STATES,
     PREDICT,
     STATES,
-    Belief,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     SourceRow,
-    Start,
     first_event,
     kernel,
 )
@@ -88,9 +88,12 @@ that of its sine, and beyond half a turn the opposite."""
 
 
 def begin(
-    start: Start, step_set: tuple[float, float], fix_set: tuple[float, float], augmented: bool
-) -> Belief:
-    """Belief at `start` of a sigma-point filter with these two (spread, rest). `augmented`: white
+    start: InitialState,
+    step_set: tuple[float, float],
+    fix_set: tuple[float, float],
+    augmented: bool,
+) -> FilterState:
+    """The filter state at `start` of a sigma-point filter with these two (spread, rest). `augmented`: white
     noise of the IMU has points of its own."""
     workspace = SLOTS.zeros()
     workspace[STEP_SPREAD], workspace[STEP_REST] = step_set
@@ -100,21 +103,21 @@ def begin(
 
 
 @inlined
-def _point(belief: Belief) -> Belief:
-    """The sigma point, as a Belief of its own; P and workspace are those of `belief`."""
+def _point(belief: FilterState) -> FilterState:
+    """The sigma point, as a FilterState of its own; P and workspace are those of `belief`."""
     workspace, more = belief.workspace, belief.extra_states.size
     return navigation(workspace[POINT], belief.P, workspace, workspace[POINT_EXTRA][:more])
 
 
 @inlined
-def _copied(belief: Belief, lla: Array, v: Array, C: Array) -> None:
+def _copied(belief: FilterState, lla: Array, v: Array, C: Array) -> None:
     for i in range(3):
         lla[i], v[i] = belief.lla[i], belief.v[i]
         C[i, 0], C[i, 1], C[i, 2] = belief.C[i, 0], belief.C[i, 1], belief.C[i, 2]
 
 
 @helper
-def _refreshed(belief: Belief, n: int, lanes: int) -> None:
+def _refreshed(belief: FilterState, n: int, lanes: int) -> None:
     """The square root of P, anew where P is not what was left."""
     workspace, numbers, left = belief.workspace, flatten(belief.P), belief.workspace[LEFT]
     changed = False
@@ -144,7 +147,7 @@ def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple
 
 
 @helper
-def _published(belief: Belief, n: int, lanes: int) -> None:
+def _published(belief: FilterState, n: int, lanes: int) -> None:
     """P from its square root, and the copy by which a change is noticed."""
     workspace, numbers, left = belief.workspace, flatten(belief.P), belief.workspace[LEFT]
     if n == 15:  # here and below the same code with constant lengths
@@ -178,7 +181,7 @@ def _reduced(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample through all points. White noise has points of its own, or its rows are
     added, to first order in dt."""
     workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
@@ -234,8 +237,8 @@ def _spread_out(
     lanes: int,
     pairs: int,
     spread: float,
-    belief: Belief,
-    centre: Belief,
+    belief: FilterState,
+    centre: FilterState,
     r: Three,
     a: Three,
     dt: float,
@@ -328,7 +331,7 @@ def _noise_rows(
     lanes: int,
     rows: int,
     augmented: bool,
-    belief: Belief,
+    belief: FilterState,
     dt: float,
     root: float,
     noise: Noise,
@@ -370,7 +373,7 @@ def _noise_rows(
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -432,7 +435,7 @@ def correct(
 
 
 @helper
-def _moved(belief: Belief, point: Belief, dx: Array) -> None:
+def _moved(belief: FilterState, point: FilterState, dx: Array) -> None:
     """The point at an error dx from the belief, with the rate and specific force that its biases
     leave."""
     _copied(belief, point.lla, point.v, point.C)

@@ -5,7 +5,7 @@ docs/explanation/sigma-points.md has its equations and says what it is good for.
 """
 
 from ...checks import check_choice
-from ...core.loop.contract import DECAYING, Belief, Filter, Noise, Start
+from ...core.loop.contract import DECAYING, Filter, FilterState, InitialState, Noise
 from .ins_sigma_points import NOISES, SLOTS, begin, correct, predict, repairs
 from .sigma_points import merwe, symmetric
 
@@ -16,14 +16,14 @@ points is lost in the rounding of a latitude."""
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     sigma: str = "merwe",
     alpha: float = 0.1,
     beta: float = 2.0,
     kappa: float = 0.0,
-) -> Belief:
-    """Belief at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or "symmetric",
+) -> FilterState:
+    """The filter state at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or "symmetric",
     without centre. The prediction has points for the noise too, so that its set is that of n + 12
     states. Refuses a set without points or with points too near or far, and parameters of another
     set.

@@ -8,7 +8,7 @@ there, and the estimate's distance from it counts by H.
 import math
 
 from ...core.compile.jit import helper, inlined, matrix
-from ...core.loop.contract import Belief, Kind, Noise, Observe, SourceRow
+from ...core.loop.contract import FilterState, Kind, Noise, Observe, SourceRow
 from ...core.mathematics.earth import RATE, gravity
 from ...core.mathematics.error_state import DV, DX, JACOBIAN, WORK, observed
 from ...core.mathematics.kalman import update_fifteen
@@ -57,8 +57,8 @@ loop."""
 
 @inlined
 def gather(
-    belief: Belief,
-    bar: Belief,
+    belief: FilterState,
+    bar: FilterState,
     b: Array,
     u: Array,
     r0: float,
@@ -101,7 +101,7 @@ def restart(workspace: Array) -> None:
 
 
 @inlined
-def level_alone(belief: Belief, bar: Belief, noise: Noise) -> int:
+def level_alone(belief: FilterState, bar: FilterState, noise: Noise) -> int:
     """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less
     the anti-centrifugal acceleration.
 
@@ -127,7 +127,7 @@ def level_alone(belief: Belief, bar: Belief, noise: Noise) -> int:
 
 @inlined
 def level_by_velocity(
-    belief: Belief, bar: Belief, v0: float, v1: float, v2: float, variance: float
+    belief: FilterState, bar: FilterState, v0: float, v1: float, v2: float, variance: float
 ) -> int:
     """At a velocity fix: rows of the mean specific force since the one that the window began with,
     less the change of velocity. Returns how many.
@@ -170,7 +170,9 @@ def level_by_velocity(
 
 
 @inlined
-def _level(belief: Belief, bar: Belief, z0: float, z1: float, z2: float, variance: float) -> None:
+def _level(
+    belief: FilterState, bar: FilterState, z0: float, z1: float, z2: float, variance: float
+) -> None:
     """Rows of the specific force z against gravity (m/s^2, body): f = g [sin theta, -cos theta
     sin phi, -cos theta cos phi]."""
     workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
@@ -195,7 +197,9 @@ def _level(belief: Belief, bar: Belief, z0: float, z1: float, z2: float, varianc
 
 
 @inlined
-def course(belief: Belief, bar: Belief, v0: float, v1: float, sd: float, since: float) -> int:
+def course(
+    belief: FilterState, bar: FilterState, v0: float, v1: float, sd: float, since: float
+) -> int:
     """A row of the course of a velocity fix (m/s north, east, at the IMU, with sd m/s), `since` s
     after the one before. Returns how many.
 
@@ -293,8 +297,8 @@ def _less_known(workspace: Array, H: Array, innovation: Array, rows: int) -> Non
 
 @inlined
 def see(
-    belief: Belief,
-    bar: Belief,
+    belief: FilterState,
+    bar: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -343,8 +347,8 @@ def used(workspace: Array, kind: int) -> None:
 
 @inlined
 def steer(
-    belief: Belief,
-    bar: Belief,
+    belief: FilterState,
+    bar: FilterState,
     y: Array,
     sd: Array,
     observe: Observe,

@@ -6,7 +6,7 @@ fix, a heading or a magnetic field. Stage 2 is driven by f - b_a - omega x v_b +
 corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023),
 equations (4)-(10) as corrected in docs/explanation/two-stage.md; Rohac et al. (2017).
 
-The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a Belief does: the
+The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a FilterState does: the
 estimate itself, or one that comes from elsewhere. The estimate less `bar` is kept in
 workspace[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the
 Euler angles (n x d C = J d Theta) and C are those of the model: F of the Euler angles is J^-1 F J,
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ...checks import check_choice, check_number
 from ...core.compile.jit import helper, inlined
-from ...core.loop.contract import STATES, Belief, Condition, Noise, Slots, Source
+from ...core.loop.contract import STATES, Condition, FilterState, Noise, Slots, Source
 from ...core.mathematics.error_state import ERROR_STATE
 from ...core.mathematics.kalman import decay, of_estimates
 from ...core.mathematics.rotation import turned
@@ -113,7 +113,7 @@ class StageOptions(NamedTuple):
     acceleration: float  # m/s^2 sqrt(s)
 
 
-def set_options(belief: Belief, noise: Noise, options: StageOptions) -> None:
+def set_options(belief: FilterState, noise: Noise, options: StageOptions) -> None:
     """Put the options into workspace. Raises ValueError naming a bad one."""
     for name, known in (
         ("velocity", ("full", "down")),
@@ -197,7 +197,7 @@ def from_angles(
 
 @inlined
 def propagate(
-    belief: Belief, C: Array, f0: float, f1: float, f2: float, dt: float, noise: Noise
+    belief: FilterState, C: Array, f0: float, f1: float, f2: float, dt: float, noise: Noise
 ) -> None:
     """P and workspace[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f
     the velocity increment by the specific force in n (m/s)."""

@@ -11,13 +11,13 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -73,7 +73,7 @@ SINE_STEEP = math.sin(STEEP_PITCH)
 
 
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     velocity: str = "full",
     course: str = "gnss",
@@ -84,8 +84,8 @@ def start(
     correlation: float = 10.0,
     window: float = 1.0,
     acceleration: float = 0.2,
-) -> Belief:
-    """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone.
+) -> FilterState:
+    """The filter state at `start`. velocity: "full", or "down", the component along the body's z axis alone.
     course: "gnss", the heading is that of velocity fixes above least_speed (m/s) and below
     largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is
     without the accelerometer bias of stage 2, or "raw", as measured.
@@ -112,7 +112,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct
     stage 1 by the specific force, once a window."""
     if dt <= 0:
@@ -143,7 +143,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -177,7 +177,7 @@ def correct(
 
 
 @helper
-def _inject(belief: Belief) -> None:
+def _inject(belief: FilterState) -> None:
     """Add workspace[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make
     it zero."""
     x, v = belief.workspace[ERROR], belief.v
@@ -193,7 +193,7 @@ def _inject(belief: Belief) -> None:
 
 
 @helper
-def _inject_attitude(belief: Belief, x: float, y: float, z: float) -> None:
+def _inject_attitude(belief: FilterState, x: float, y: float, z: float) -> None:
     """Add to the Euler angles what the small rotation (x, y, z) in n (rad) means to first order;
     near their singularity turn by it instead.
 

@@ -19,15 +19,15 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    Belief,
     Filter,
+    FilterState,
+    InitialState,
     Kind,
     Noise,
     Observe,
     Slots,
     Source,
     SourceRow,
-    Start,
     helper,
     kernel,
     matrix,
@@ -87,7 +87,7 @@ SINE_STEEP = math.sin(STEEP_PITCH)
 
 @takes_options
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     velocity: str = "full",
     level: str = "bias-free",
@@ -98,8 +98,8 @@ def start(
     acceleration: float = 0.2,
     attitude: str = "observer",
     **observer: Any,
-) -> Belief:
-    """Belief at `start`, where the observer begins too. attitude: the one that stage 2 has as known,
+) -> FilterState:
+    """The filter state at `start`, where the observer begins too. attitude: the one that stage 2 has as known,
     that of the "observer" or of "stage-1" of this filter. The other options named here are those of
     `two-stage-ekf`, the rest those of `nlo`.
 
@@ -138,7 +138,7 @@ def configure(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the estimate on, linearised at the observer, then the observer."""
     if dt > 0:
         bar = embedded(belief, INSIDE.start)
@@ -149,7 +149,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @inlined
-def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> None:
+def carry(belief: FilterState, bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """P and workspace[ERROR] over dt, and the observer's state at LEFT by the model, without
     injections; the observer is left where it is."""
     workspace = belief.workspace
@@ -175,7 +175,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
 
 
 @inlined
-def arrive(belief: Belief, bar: Belief, dt: float, noise: Noise) -> None:
+def arrive(belief: FilterState, bar: FilterState, dt: float, noise: Noise) -> None:
     """After the observer has moved: the estimate relative to it; the correction by the specific
     force alone, where one is due."""
     relate(belief, bar)
@@ -199,7 +199,7 @@ def arrive(belief: Belief, bar: Belief, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -229,8 +229,8 @@ def correct(
 
 @inlined
 def correct_around(
-    belief: Belief,
-    bar: Belief,
+    belief: FilterState,
+    bar: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -267,7 +267,7 @@ def correct_around(
 
 
 @inlined
-def swing(belief: Belief, bar: Belief, before: tuple[float, float, float]) -> None:
+def swing(belief: FilterState, bar: FilterState, before: tuple[float, float, float]) -> None:
     """Where the known attitude is that of stage 1, the velocity turns with what that was corrected
     by since `before`, velocity in the body staying."""
     workspace, x, v = belief.workspace, belief.workspace[ERROR], bar.v
@@ -281,14 +281,14 @@ def swing(belief: Belief, bar: Belief, before: tuple[float, float, float]) -> No
 
 
 @inlined
-def leave(belief: Belief, bar: Belief) -> None:
+def leave(belief: FilterState, bar: FilterState) -> None:
     """Keep the observer's state before it moves."""
     left = navigation(belief.workspace[LEFT], belief.P, belief.workspace, belief.extra_states)
     copy_motion(left, bar)
 
 
 @inlined
-def relate(belief: Belief, bar: Belief) -> None:
+def relate(belief: FilterState, bar: FilterState) -> None:
     """workspace[ERROR] and P are from now on those at the observer instead of those at LEFT:
     Euler angles, v_b and biases of the estimate stay."""
     workspace, x, lla = belief.workspace, belief.workspace[ERROR], bar.lla
@@ -349,7 +349,7 @@ def _relate_turned(
 
 
 @inlined
-def compose(belief: Belief, bar: Belief) -> None:
+def compose(belief: FilterState, bar: FilterState) -> None:
     """The belief is the observer and workspace[ERROR] together; near the singularity of the
     Euler angles by a rotation."""
     workspace, x, C = belief.workspace, belief.workspace[ERROR], belief.C

@@ -9,7 +9,7 @@ import numpy as np
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core.loop.contract import Filter, Noise, Start
+from ...core.loop.contract import Filter, InitialState, Noise
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.source import PARAMETERS
 from ...data.recording import Recording
@@ -57,11 +57,11 @@ class Chosen(NamedTuple):
     noise: Noise
     vehicle: Vehicle
     recording: Recording  # with these sources
-    start: Start  # of the recording
+    start: InitialState  # of the recording
     notes: tuple[str, ...]
     waiting: int  # fixes that there is room for
 
-    def records(self, start: Start, noise: Noise | None = None) -> dict[str, Sequence[Any]]:
+    def records(self, start: InitialState, noise: Noise | None = None) -> dict[str, Sequence[Any]]:
         """All records of a run from `start` on before its first sample, by their names in
         `layout.RECORDS`; with room for one sample and `waiting` fixes. Raises DataError."""
         noise = noise or self.noise

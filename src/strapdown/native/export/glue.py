@@ -4,7 +4,7 @@ to its object."""
 from collections.abc import Iterator, Mapping
 
 from ... import aiding
-from ...core.loop.contract import Noise, Start
+from ...core.loop.contract import InitialState, Noise
 from ...core.loop.log import FOLD
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.earth import LATITUDE_LIMIT
@@ -37,7 +37,7 @@ def glue(of: Chosen, made: Image) -> str:
     )
 
 
-def _example(start: Start, noise: Noise) -> Iterator[str]:
+def _example(start: InitialState, noise: Noise) -> Iterator[str]:
     for name in ("t", "lla", "v", "rph", "ba", "bg", "sd"):
         value = getattr(start, name)
         numbers = [value] if name == "t" else list(value[:15])

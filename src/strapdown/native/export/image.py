@@ -12,7 +12,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.compile.workspace import Slots
-from ...core.loop.contract import STATES, Filter, Noise, Start
+from ...core.loop.contract import STATES, Filter, InitialState, Noise
 from ...core.mathematics.rotation import euler_to_matrix
 from ...typing import Array, Ints
 from .layout import ExportLayout, MemoryPlace, numbers
@@ -39,13 +39,13 @@ class Image(NamedTuple):
     fixed: tuple[str, ...]  # parts of which it is computed, and which are those of the export
 
 
-Records = Callable[[Start, Noise], Mapping[str, Sequence[Any]]]
+Records = Callable[[InitialState, Noise], Mapping[str, Sequence[Any]]]
 MAY_BE_FIXED = ("noise", "lla")
 """Of one vehicle these are often the same: its IMU, and where it is, as far as attitude goes."""
 
 
 def image(
-    filter: Filter, records: Records, made: ExportLayout, start: Start, noise: Noise
+    filter: Filter, records: Records, made: ExportLayout, start: InitialState, noise: Noise
 ) -> Image:
     """The image of a filter whose records at a start and a noise are those.
 
@@ -77,7 +77,7 @@ def image(
     return Image(constants, copies, fixed)
 
 
-def known(start: Start, noise: Noise) -> dict[Known, float]:
+def known(start: InitialState, noise: Noise) -> dict[Known, float]:
     """The numbers of a start that C has at hand."""
     C = np.empty((3, 3))
     roll, pitch, heading = (float(angle) for angle in start.rph)
@@ -100,7 +100,9 @@ def known(start: Start, noise: Noise) -> dict[Known, float]:
     }
 
 
-def _probes(start: Start, noise: Noise, fixed: Sequence[str]) -> Iterator[tuple[Start, Noise]]:
+def _probes(
+    start: InitialState, noise: Noise, fixed: Sequence[str]
+) -> Iterator[tuple[InitialState, Noise]]:
     """Starts and noises of any size, the parts that are fixed as given."""
     rng = np.random.default_rng(1)
 
@@ -127,7 +129,7 @@ def _probes(start: Start, noise: Noise, fixed: Sequence[str]) -> Iterator[tuple[
 Tried = tuple[Array, Ints, dict[Known, float]]
 
 
-def _numbers(records: Records, made: ExportLayout, start: Start, noise: Noise) -> Tried:
+def _numbers(records: Records, made: ExportLayout, start: InitialState, noise: Noise) -> Tried:
     return *numbers(records(start, noise), made), known(start, noise)
 
 

@@ -92,7 +92,7 @@ class ExportLayout(NamedTuple):
 
 def layout(sizes: Mapping[str, int]) -> ExportLayout:
     """The layout with these sizes. Sizes of one name are the same in all records, but `states` of
-    Output, which is `n` of a Belief."""
+    Output, which is `n` of a FilterState."""
     places, first = [], 0
     for record, kinds in RECORDS.items():
         for name, kind in kinds.fields:

@@ -5,7 +5,15 @@ import math
 from typing import Any
 
 from strapdown.core.compile.jit import matrix
-from strapdown.core.loop.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
+from strapdown.core.loop.contract import (
+    CORRECT,
+    PREDICT,
+    FilterState,
+    InitialState,
+    Noise,
+    Observe,
+    kernel,
+)
 from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
 from strapdown.typing import Array
 
@@ -40,13 +48,13 @@ zero, as in Figure 5 of the paper."""
 
 @takes_options
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     linearised: str = "estimate",
     airspeed: float | None = None,
     **shared: Any,
-) -> Belief:
-    """Belief at `start`. linearised: where the process is, one of operating_point.READINGS;
+) -> FilterState:
+    """The filter state at `start`. linearised: where the process is, one of operating_point.READINGS;
     airspeed: of the trim that "trim" and "once" are about, m/s; shared: Options."""
     options = Options(**shared)
     belief = begin(start, SIX, options)
@@ -56,7 +64,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised
     at the estimate or at an operating point."""
     turn(belief, u, dt)
@@ -71,7 +79,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -92,13 +100,13 @@ def correct(
     return nis
 
 
-def start_raw(start: Start, noise: Noise, earth: str = "flat") -> Belief:
-    """Belief at `start` for the mode without a filter."""
+def start_raw(start: InitialState, noise: Noise, earth: str = "flat") -> FilterState:
+    """The filter state at `start` for the mode without a filter."""
     return begin(start, SIX, Options(0.0, 0.0, 0.0, 1.0, "aerosonde", earth))
 
 
 @kernel(PREDICT)
-def hold(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def hold(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """No filter: attitude by the gyros, position and velocity of the last fix, zero once there
     was none for longer than HELD."""
     turn(belief, u, dt)
@@ -111,7 +119,7 @@ def hold(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @kernel(CORRECT)
 def take(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

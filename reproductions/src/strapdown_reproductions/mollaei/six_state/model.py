@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from strapdown.checks import check_number
 from strapdown.core.compile.jit import helper, inlined, matrix, row_in
-from strapdown.core.loop.contract import Belief, Kind, Noise, Slots, Source, Start
+from strapdown.core.loop.contract import FilterState, InitialState, Kind, Noise, Slots, Source
 from strapdown.core.mathematics.rotation import Three, orthonormalise, rotate_right, turned, wrap
 from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
@@ -63,7 +63,7 @@ REPRODUCED = dict(q=0.1, r=0.5)
 """Options that give the Q = 0.1 I and R = 0.5 I of the paper."""
 
 
-StartFunction = TypeVar("StartFunction", bound=Callable[..., Belief])
+StartFunction = TypeVar("StartFunction", bound=Callable[..., FilterState])
 
 
 class Options(NamedTuple):
@@ -89,8 +89,8 @@ def takes_options(start: StartFunction) -> StartFunction:
     return start
 
 
-def begin(start: Start, slots: Slots, options: Options, rest: int = 0) -> Belief:
-    """Belief at `start` for a filter whose slots are SIX or continue it, with so many numbers in
+def begin(start: InitialState, slots: Slots, options: Options, rest: int = 0) -> FilterState:
+    """The filter state at `start` for a filter whose slots are SIX or continue it, with so many numbers in
     their part at the end. Refuses bad options."""
     model, q, r, rate, craft, earth = options
     variance = "m^2 and m^2/s^2"
@@ -133,7 +133,7 @@ def configure(
 
 
 @helper
-def turn(belief: Belief, u: Array, dt: float) -> None:
+def turn(belief: FilterState, u: Array, dt: float) -> None:
     """Advance the attitude by the measured increments u, and leave in workspace what they say of
     the velocity and the attitude at mid-sample."""
     workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
@@ -212,7 +212,7 @@ def moved(
 
 
 @inlined
-def linearised(belief: Belief, x: Array, P: Array, dt: float, noise: Noise) -> None:
+def linearised(belief: FilterState, x: Array, P: Array, dt: float, noise: Noise) -> None:
     """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman
     filter does."""
     workspace, omega, dv = belief.workspace, belief.omega, belief.workspace[DV]
@@ -380,7 +380,7 @@ def correct_gaussian(
 
 
 @helper
-def publish(belief: Belief) -> None:
+def publish(belief: FilterState) -> None:
     """Write the state into the belief as its affine image: latitude, longitude, height and
     velocity."""
     workspace = belief.workspace

@@ -13,7 +13,7 @@ import numpy as np
 from strapdown.checks import check_choice, check_number
 from strapdown.core.compile.jit import helper, matrix
 from strapdown.core.compile.workspace import Slots
-from strapdown.core.loop.contract import Belief, Start
+from strapdown.core.loop.contract import FilterState, InitialState
 from strapdown.core.mathematics.rotation import euler_terms, turned
 from strapdown.flight.aircraft.dynamics import CONTROLS, OMEGA
 from strapdown.flight.aircraft.forces import density, forces
@@ -38,7 +38,9 @@ OWN_B = POINT.array("OWN_B", 3)
 DIFFERENCE = 1e-4  # m/s, rad/s, rad: of the differences that make S
 
 
-def point_of(craft: Aircraft, start: Start, linearised: str, airspeed: float | None) -> Array:
+def point_of(
+    craft: Aircraft, start: InitialState, linearised: str, airspeed: float | None
+) -> Array:
     """The numbers of POINT: level flight of `craft` at `airspeed` (m/s) along the start's heading.
     Raises DataError for a reading that is none, or whose trim is not given or cannot be flown."""
     check_choice(linearised, "linearised", READINGS)
@@ -92,7 +94,7 @@ def _turned_a_little(p0: float, p1: float, p2: float, x: Array) -> tuple[float, 
 
 @helper
 def sampled(
-    own: Array, told: Array, C: Array, belief: Belief, gravity: float, dt: float, dv: Array
+    own: Array, told: Array, C: Array, belief: FilterState, gravity: float, dt: float, dv: Array
 ) -> None:
     """Make A and B of a sample from the attitude C and the belief's rates in it; for ONCE and HELD also
     the increment dv (m/s, NED) that the IMU tells."""

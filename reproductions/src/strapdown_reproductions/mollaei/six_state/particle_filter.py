@@ -16,11 +16,11 @@ from strapdown.core.compile.jit import flatten, helper, inlined, matrix
 from strapdown.core.loop.contract import (
     CORRECT,
     PREDICT,
-    Belief,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
-    Start,
     kernel,
 )
 from strapdown.core.mathematics.threefry import STREAM
@@ -105,7 +105,7 @@ def views(workspace: Array) -> Views:
 
 @takes_options
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     components: int = 500,
     kernel: float | None = None,
@@ -113,8 +113,8 @@ def start(
     seed: int = 0,
     transition: str = "linearised",
     **shared: Any,
-) -> Belief:
-    """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None:
+) -> FilterState:
+    """The filter state at `start`. components; kernel: their width as a fraction of the mixture's (None:
     mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
     of the draws; transition: of each component, "linearised" at its mean or by "sigma-points", the
     symmetric set (37)-(39); shared: Options.
@@ -139,7 +139,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; each component as an extended Kalman filter predicts it, or by sigma
     points."""
     turn(belief, u, dt)
@@ -162,8 +162,8 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _follow(belief: Belief) -> None:
-    """What somebody else added to the covariance of the mixture, as where a gate was lifted,
+def _follow(belief: FilterState) -> None:
+    """What somebody else added to the covariance of the mixture, as where a gate was opened,
     each component gets."""
     components, P, left = (
         views(belief.workspace).components,
@@ -189,7 +189,7 @@ def _add(workspace: Array, weight: float, component: Array, sums: Array) -> None
 
 
 @helper
-def _leave(belief: Belief) -> None:
+def _leave(belief: FilterState) -> None:
     """Mean and covariance of the mixture become those of the belief."""
     workspace = belief.workspace
     mean, left, x = workspace[MEAN], matrix(workspace, LEFT, 6, 6), workspace[X]
@@ -202,7 +202,7 @@ def _leave(belief: Belief) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,
@@ -245,7 +245,7 @@ def correct(
 
 
 @helper
-def _renew(belief: Belief) -> None:
+def _renew(belief: FilterState) -> None:
     """Resample: all components weigh the same afterwards and have the same covariance, and the
     mixture has the moments it had."""
     workspace, m, x = belief.workspace, views(belief.workspace), belief.workspace[X]

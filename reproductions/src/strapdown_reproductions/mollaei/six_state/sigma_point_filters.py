@@ -16,11 +16,11 @@ from strapdown.core.compile.jit import helper, matrix
 from strapdown.core.loop.contract import (
     CORRECT,
     PREDICT,
-    Belief,
+    FilterState,
+    InitialState,
     Noise,
     Observe,
     Slots,
-    Start,
     kernel,
 )
 from strapdown.core.mathematics.rotation import Three
@@ -73,15 +73,15 @@ LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
 
 @takes_options
 def start(
-    start: Start,
+    start: InitialState,
     noise: Noise,
     sigma: str = "merwe",
     alpha: float = 0.1,
     beta: float = 2.0,
     kappa: float = 0.0,
     **shared: Any,
-) -> Belief:
-    """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
+) -> FilterState:
+    """The filter state at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
     "symmetric", that of (23); shared: Options."""
     check_choice(sigma, "sigma", ("merwe", "symmetric"))
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
@@ -89,17 +89,17 @@ def start(
 
 
 @takes_options
-def start_cubature(start: Start, noise: Noise, **shared: Any) -> Belief:
-    """Belief at `start` for the cubature filter; shared: Options."""
+def start_cubature(start: InitialState, noise: Noise, **shared: Any) -> FilterState:
+    """The filter state at `start` for the cubature filter; shared: Options."""
     return _begin(start, Options(**shared), (*symmetric(6), 0.0), symmetric(6))
 
 
 def _begin(
-    start: Start,
+    start: InitialState,
     options: Options,
     sets: tuple[float, float, float],
     corrected_by: tuple[float, float],
-) -> Belief:
+) -> FilterState:
     belief = begin(start, SLOTS, options)
     belief.workspace[SETS] = sets
     belief.workspace[SPREAD_6], belief.workspace[REST_6] = corrected_by
@@ -116,7 +116,7 @@ def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[f
 
 
 @kernel(PREDICT)
-def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
+def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by sigma points through the IMU's increment or
     the aircraft's model."""
     turn(belief, u, dt)
@@ -128,15 +128,15 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _rooted(belief: Belief) -> None:
+def _rooted(belief: FilterState) -> None:
     """Make the square root anew where somebody else changed the covariance, as at the start and
-    where a gate was lifted."""
+    where a gate was opened."""
     if changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
         belief.workspace[REPAIRS] += factor(belief.P, 6, LANES, belief.workspace[S])
 
 
 @helper
-def _leave(belief: Belief) -> None:
+def _leave(belief: FilterState) -> None:
     """Publish the state, and the covariance of the square root."""
     covariance(belief.workspace[S], 6, LANES, belief.P)
     keep(belief.P, matrix(belief.workspace, LEFT, 6, 6))
@@ -145,7 +145,7 @@ def _leave(belief: Belief) -> None:
 
 @helper
 def through(
-    belief: Belief, x: Array, A: Array, sets: Array, room: Array, noise: Noise, dt: float
+    belief: FilterState, x: Array, A: Array, sets: Array, room: Array, noise: Noise, dt: float
 ) -> int:
     """Advance one Gaussian by sigma points through the IMU's increment or the aircraft's model: x
     (6,) and the square root of its covariance, the first 6 rows of A (ROWS rows of LANES).
@@ -180,7 +180,7 @@ def through(
 
 
 @helper
-def _propagated(belief: Belief, x: Array, d: Array, c: Three, dt: float) -> None:
+def _propagated(belief: FilterState, x: Array, d: Array, c: Three, dt: float) -> None:
     """The deviation d (6,) of a point from x becomes that of the point from the centre after dt,
     whose velocity is then c (m/s)."""
     d3, d4, d5 = d[3], d[4], d[5]
@@ -209,7 +209,7 @@ def _noise_rows(workspace: Array, rows: Array, noise: Noise, dt: float) -> None:
 
 @kernel(CORRECT)
 def correct(
-    belief: Belief,
+    belief: FilterState,
     y: Array,
     sd: Array,
     kind: int,

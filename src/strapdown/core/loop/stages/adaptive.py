@@ -18,7 +18,7 @@ import numpy as np
 
 from ....typing import Array
 from ...compile.jit import helper, kernel
-from ...mathematics.belief import Belief
+from ...mathematics.belief import FilterState
 from ...mathematics.innovation_moments import known, solved
 from ..cursor import Books, Cursor
 from ..kernels import STAGE, Kernels
@@ -33,7 +33,7 @@ MAX_WHITENED = 3.0  # with which it counts for the correlation
 
 @kernel(STAGE)
 def widened(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """The standard deviations of a measurement by what is known of its source, and their factors; not
     below its floor."""

@@ -22,7 +22,7 @@ import numpy as np
 from ....typing import Array
 from ...compile.jit import helper, kernel
 from ...compile.records import Table, rows
-from ...mathematics.belief import STATES, Belief
+from ...mathematics.belief import STATES, FilterState
 from ...mathematics.mechanization import stationary_increments
 from ...mathematics.rotation import rotate_left, turned
 from ...mathematics.source import Kind, SourceRow
@@ -51,7 +51,7 @@ def new_recent(t: float, needed: bool) -> Any:
 
 
 @kernel(PREDICTED)
-def keep(belief: Belief, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
+def keep(belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
     """Add the bias-free rate and force of the last prediction, which took dt seconds."""
     recent, now = cursor.recent, cursor.state[0].latest
     if recent[now].t - recent[(now - 1) % ROWS].t >= STEP:
@@ -115,7 +115,7 @@ def _slope(
 
 @kernel(STAGE)
 def look_back(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Write into a source whose clock is a state what happened since its measurement held, and add to
     the standard deviations what that bends. Of a clock of which it cannot be told the measurement is
@@ -135,7 +135,7 @@ def look_back(
 
 
 @helper
-def followed_back(belief: Belief, source: SourceRow, cursor: Cursor) -> bool:
+def followed_back(belief: FilterState, source: SourceRow, cursor: Cursor) -> bool:
     """Write what happened since the measurement held; whether the clock is such that it can be
     told."""
     clock = belief.extra_states[source.clock_state - STATES]
@@ -150,7 +150,7 @@ def followed_back(belief: Belief, source: SourceRow, cursor: Cursor) -> bool:
 
 
 @helper
-def _at_rest(belief: Belief, source: SourceRow, u: Array) -> None:
+def _at_rest(belief: FilterState, source: SourceRow, u: Array) -> None:
     """Gravity and Coriolis are what holds the velocity, the other way round; u (6) is written."""
     C = belief.C
     stationary_increments(belief.lla, belief.v, C, 1.0, u)
@@ -167,7 +167,7 @@ def _begin(recent: Table[BodyMotion], now: int) -> float:
 
 
 @helper
-def _sigma(belief: Belief, source: SourceRow) -> float:
+def _sigma(belief: FilterState, source: SourceRow) -> float:
     """Standard deviation of the clock, s."""
     state = source.clock_state
     return math.sqrt(max(belief.P[state, state], 0.0))
@@ -175,7 +175,7 @@ def _sigma(belief: Belief, source: SourceRow) -> float:
 
 @helper
 def _since(
-    recent: Table[BodyMotion], now: int, age: float, belief: Belief, source: SourceRow
+    recent: Table[BodyMotion], now: int, age: float, belief: FilterState, source: SourceRow
 ) -> None:
     """From `force` to `turn` of the instant `age` s ago. Before the first row and behind the last
     the motion is taken to go on, by `off` s, as it was next to it."""
@@ -200,7 +200,12 @@ def _since(
 
 @helper
 def _turned_since(
-    recent: Table[BodyMotion], now: int, s: float, held: float, belief: Belief, source: SourceRow
+    recent: Table[BodyMotion],
+    now: int,
+    s: float,
+    held: float,
+    belief: FilterState,
+    source: SourceRow,
 ) -> None:
     """`rate`, `spin` and `turn` of the instant `held`, to which s is the nearest that was kept."""
     begin, off, sigma = _begin(recent, now), held - s, _sigma(belief, source)
@@ -222,7 +227,7 @@ def _turned_since(
 
 @helper
 def _bent(
-    recent: Table[BodyMotion], now: int, age: float, belief: Belief, source: SourceRow
+    recent: Table[BodyMotion], now: int, age: float, belief: FilterState, source: SourceRow
 ) -> None:
     """Standard deviations of what the observation of a position and of a velocity leaves out, which
     is linear in the errors of clock and lever arm: with D the second difference of its motion over

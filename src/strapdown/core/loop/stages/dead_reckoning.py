@@ -8,7 +8,7 @@ import numpy as np
 
 from ....typing import Array
 from ...compile.jit import helper, kernel, matrix
-from ...mathematics.belief import Belief
+from ...mathematics.belief import FilterState
 from ...mathematics.source import Kind
 from ..cursor import Cursor
 from ..integrity import HEARD, fails
@@ -21,7 +21,7 @@ OPENED = 100.0  # factor on the gate: a measurement ten times as far off as the 
 
 @kernel(STAGE)
 def alone(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Mark a measurement that is the filter's only aid, and open its gate; its innovation and H are
     then in the work."""
@@ -35,7 +35,9 @@ def alone(
 
 
 @helper
-def _carries_alone(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> bool:
+def _carries_alone(
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor
+) -> bool:
     """True where measurement k is a velocity in the body, and the filter has used neither a
     position nor a velocity for HEARD seconds."""
     own, t = fixes.sources[fixes.source[k]].kind, fixes.t[k]

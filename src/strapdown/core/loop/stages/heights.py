@@ -19,7 +19,7 @@ from typing import Any
 
 from ....typing import Array
 from ...compile.jit import helper, kernel
-from ...mathematics.belief import Belief
+from ...mathematics.belief import FilterState
 from ...mathematics.source import Kind
 from ..cursor import Cursor
 from ..integrity import HEARD, flag_unreliable, forget
@@ -45,7 +45,7 @@ NOBODY = -1
 
 @kernel(STAGE)
 def compare_heights(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Withhold the height of measurement k from the filter while it is left out, else leave out the
     one that pulls the belief away from it."""
@@ -62,7 +62,7 @@ def compare_heights(
 
 @kernel(STAGE)
 def contradicted(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Leave out the wrong one of the height of measurement k, whose source has long been rejected for
     its height alone, and that in use. Returns whether that is its own."""
@@ -76,7 +76,9 @@ def contradicted(
 
 
 @helper
-def _follow_level(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> bool:
+def _follow_level(
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor
+) -> bool:
     """Take fix `k` into the level of its source, or into the vertical velocity of all. Returns
     whether its height is to be left out."""
     s, t = fixes.source[k], fixes.t[k]
@@ -125,7 +127,7 @@ def _climb(e: float, sd: float, t: float, cursor: Cursor) -> None:
 
 
 @helper
-def _agrees(belief: Belief, fixes: Fixes, k: int, row: int, cursor: Cursor) -> bool:
+def _agrees(belief: FilterState, fixes: Fixes, k: int, row: int, cursor: Cursor) -> bool:
     """True where the level of a source is inside its gate again, while another source measures the
     height."""
     s, t, sd = fixes.source[k], fixes.t[k], fixes.sd[k, row]
@@ -149,7 +151,7 @@ def _farthest(fixes: Fixes, s: int, t: float, cursor: Cursor) -> int:
 
 
 @helper
-def _exclude_pulling(belief: Belief, fixes: Fixes, s: int, t: float, cursor: Cursor) -> None:
+def _exclude_pulling(belief: FilterState, fixes: Fixes, s: int, t: float, cursor: Cursor) -> None:
     """Leave out the height that pulls the belief away from source `s`, whose innovations have long
     been off on average, where the data tell which it is or the two are FAR apart."""
     fails, row = cursor.books[s].fails, row_of_height(fixes.sources[s].kind)

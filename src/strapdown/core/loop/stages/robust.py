@@ -21,7 +21,7 @@ import numpy as np
 
 from ....typing import Array
 from ...compile.jit import helper, kernel
-from ...mathematics.belief import Belief
+from ...mathematics.belief import FilterState
 from ...mathematics.innovation_moments import known, moments, solved
 from ..cursor import Cursor
 from ..kernels import STAGE, Kernels, correct_at, observe_at
@@ -46,7 +46,7 @@ def suspicious(innovation: Array, nis: float) -> bool:
 
 @kernel(STAGE)
 def weigh(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Correct by measurement k of a robust or adaptive source, of which the filter, asked first, has
     said work.innovation and work.nis.
@@ -78,7 +78,7 @@ def weigh(
 
 
 @helper
-def _moments(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> bool:
+def _moments(kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor) -> bool:
     """S and R of measurement k into the work, by asking the filter with twice the standard
     deviations; False where it has none."""
     work = cursor.work[0]
@@ -90,7 +90,7 @@ def _moments(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cur
 
 @helper
 def _hand_over(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, gate: float
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, gate: float
 ) -> None:
     """`correct` by measurement k with the standard deviations work.widened; its innovation goes into
     work.other."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....typing import Array
 from ...compile.jit import kernel
-from ...mathematics.belief import Belief
+from ...mathematics.belief import FilterState
 from ..cursor import Cursor
 from ..kernels import STAGE, Kernels
 from ..tables import Fixes
@@ -19,7 +19,7 @@ from ..tables import Fixes
 
 @kernel(STAGE)
 def slipping(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Widen the standard deviations of a constraint across the wheels."""
     v, sd, slip = belief.v, cursor.work[0].sd, fixes.sources[fixes.source[k]].slip

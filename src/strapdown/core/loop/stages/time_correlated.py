@@ -7,7 +7,7 @@ import numpy as np
 
 from ....typing import Array
 from ...compile.jit import kernel
-from ...mathematics.belief import Belief
+from ...mathematics.belief import FilterState
 from ...mathematics.time_correlated import fade, widen
 from ..cursor import Cursor
 from ..kernels import STAGE, Kernels
@@ -16,7 +16,7 @@ from ..tables import Fixes
 
 @kernel(STAGE)
 def fade_errors(
-    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+    kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Bring the correlated errors of a source to the time of its measurement: a call of its own to
     the smoother."""
