@@ -231,7 +231,7 @@ def test_the_draft_says_the_same(tmp_path, driven):
     check_drive(tmp_path / "recording.toml", driven)
 
 
-def test_a_turned_imu_is_mounted_as_the_transforms_say(tmp_path, driven):
+def test_a_rotated_imu_is_mounted_as_the_transforms_say(tmp_path, driven):
     C = Rotation.from_euler("ZYX", [70, -20, 160], degrees=True)  # of the IMU in base_link
     topics = drive("ros1", driven)
     stamps = START + np.round(driven.imu.t * 1e9).astype(np.int64)

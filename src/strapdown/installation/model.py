@@ -25,7 +25,7 @@ from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
-from ..preprocessing.turned_imu import with_the_imu
+from ..preprocessing.rotated_imu import with_the_imu
 from ..typing import Array, Ints
 
 GNSS = ("position", "velocity")

@@ -17,7 +17,7 @@ from ...engine.options import SetUpOptions, takes
 from ...installation.findings import CONSISTENT, FOUND, MIN_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
 from ...installation.model import applied
 from ...installation.states import EstimatedParameter
-from ...preprocessing.turned_imu import is_of_the_imu
+from ...preprocessing.rotated_imu import is_of_the_imu
 from ...progress import listener, with_bar
 from ...typing import Progress
 from .as_states import Asking, as_states, check_states

@@ -26,7 +26,7 @@ from ...data.calibration_parameters import (
 from ...data.recording import Recording
 from ...data.solution import Aiding, Trajectory
 from ...engine.installation import Prior, StateParameter, parameters, with_estimates
-from ...preprocessing.turned_imu import with_the_imu
+from ...preprocessing.rotated_imu import with_the_imu
 from ...sensor_models.streams import RandomStream, SeedLike
 from ...typing import Array
 from ..filter_label import check_parameter
