@@ -18,7 +18,7 @@ import numpy as np  # noqa: E402
 from test_consistency import RATE, WALK, weaving  # noqa: E402
 
 import strapdown as sd  # noqa: E402
-from strapdown.data.solution.recording import Recording  # noqa: E402
+from strapdown.data.recording import Recording  # noqa: E402
 from strapdown.sensor_models.gnss import Gnss  # noqa: E402
 from strapdown.sim.synthesis import draw_start  # noqa: E402
 from strapdown.sim.trajectory import increments, sample  # noqa: E402

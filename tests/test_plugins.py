@@ -509,8 +509,8 @@ def test_numbers_of_kinds_stay_and_filters_are_found_by_name_or_not_sent(monkeyp
 def test_quantities_that_cannot_be(monkeypatch, changes, said):
     from strapdown import plugins
     from strapdown.checks import DataError
-    from strapdown.units.conversion.conversion import UNITS, factor
-    from strapdown.units.conversion.quantities import REGISTRY, Quantity
+    from strapdown.units.conversion import UNITS, factor
+    from strapdown.units.quantities import REGISTRY, Quantity
 
     monkeypatch.setattr(plugins, "_plugins", {})
     before = {name: dict(units) for name, units in UNITS.items()}

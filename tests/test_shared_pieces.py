@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from strapdown.alignment.location import GIVEN_SD, place_of
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.fileio.files import read_toml
 from strapdown.geometry.rotation_products import (
     running_matrices,

@@ -13,8 +13,8 @@ from strapdown.alignment.initial import EARTH_RADIUS, align
 from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.preprocessing.stationary import motionless
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static

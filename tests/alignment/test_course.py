@@ -12,7 +12,7 @@ from strapdown.alignment.course import (
     heading_of,
 )
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.geometry.geodesy import displaced
 
 LLA = np.array([0.9, 0.1, 100.0])

@@ -9,7 +9,7 @@ import strapdown as sd
 from strapdown.alignment.initial import align
 from strapdown.alignment.rest import gyro_bias, rests
 from strapdown.core.mathematics.earth import RATE
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static

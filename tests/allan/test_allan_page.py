@@ -13,7 +13,7 @@ import strapdown as sd
 from strapdown.allan.page import analyse, figure, longest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.pages.shell import Page
 from strapdown.sensor_models.imu import grade
 

@@ -20,7 +20,7 @@ from strapdown.calibration.installation.findings import (
 )
 from strapdown.calibration.installation.iterated import Settled, theta_of
 from strapdown.checks import DataError
-from strapdown.data.solution.calibration_parameters import CLOCK
+from strapdown.data.calibration_parameters import CLOCK
 from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.installation.model import applied, constants
 

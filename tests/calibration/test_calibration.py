@@ -15,8 +15,8 @@ from strapdown.calibration.gyro_aided import turning, windows
 from strapdown.calibration.methods import coverage, hard_and_soft_iron, lacking, rests
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import gravity
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 G = 9.81

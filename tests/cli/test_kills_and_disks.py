@@ -21,8 +21,8 @@ import strapdown as sd
 from strapdown.cli import app
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.fileio.locks import PART
 
 pytestmark = [

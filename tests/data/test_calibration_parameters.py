@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from strapdown.data.solution import calibration_parameters as estimable
-from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
-from strapdown.data.solution.verdict import CAUSES
+from strapdown.data import calibration_parameters as estimable
+from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.data.verdict import CAUSES
 
 pytestmark = pytest.mark.short
 PARAMETERS = {**estimable.OF_SOURCE, **estimable.OF_IMU}.values()

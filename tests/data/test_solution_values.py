@@ -10,8 +10,8 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import BIAS_COLUMNS, NAV_COLUMNS, OF_WHOLE, SD_COLUMNS, UNITS
-from strapdown.data.solution.verdict import Reason, Verdict
+from strapdown.data.solution import BIAS_COLUMNS, NAV_COLUMNS, OF_WHOLE, SD_COLUMNS, UNITS
+from strapdown.data.verdict import Reason, Verdict
 from strapdown.sim.trajectory import demo_flight, sample
 
 pytestmark = pytest.mark.short

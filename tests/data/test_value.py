@@ -9,7 +9,7 @@ import pytest
 from support.recordings import flight, start
 
 import strapdown as sd
-from strapdown.data.solution.value import same
+from strapdown.data.value import same
 
 pytestmark = pytest.mark.short
 

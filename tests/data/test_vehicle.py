@@ -8,8 +8,8 @@ from recordings import flight, said, start
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import DOUBTFUL
-from strapdown.data.solution.vehicle import VEHICLES, Vehicle, find
+from strapdown.data.solution import DOUBTFUL
+from strapdown.data.vehicle import VEHICLES, Vehicle, find
 from strapdown.io.readers.netcdf import read_recording, write_recording
 
 pytestmark = pytest.mark.short

@@ -3,7 +3,7 @@
 import pytest
 from synthetic import DOUBTFUL, LATE, TRUSTED, TURNED, WORSE, WRONG
 
-from strapdown.data.solution.verdict import Reason, Verdict, together
+from strapdown.data.verdict import Reason, Verdict, together
 
 pytestmark = pytest.mark.short
 

@@ -8,7 +8,7 @@ from around import beside, recorded, recording
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import static
 

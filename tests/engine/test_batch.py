@@ -12,8 +12,8 @@ from scripted_filter import SCRIPTED, scripted
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.compile.jit import Kernel
-from strapdown.data.solution.solution import BRIDGED, INVALID, Aiding
-from strapdown.data.solution.vehicle import Vehicle
+from strapdown.data.solution import BRIDGED, INVALID, Aiding
+from strapdown.data.vehicle import Vehicle
 from strapdown.engine import prepare as preparation
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG

@@ -11,7 +11,7 @@ from test_stream import equal, events_of, play, shuffled
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import MAX_STATES
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 from strapdown.engine.stream import Stream

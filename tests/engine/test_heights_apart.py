@@ -10,7 +10,7 @@ import pytest
 from test_weighed import live
 
 import strapdown as sd
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.trajectory import demo_flight

@@ -14,7 +14,7 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Use
 from strapdown.core.mathematics import solution_row
-from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.engine import sensitivity
 from strapdown.engine.options import run_options
 from strapdown.engine.prepare import Run

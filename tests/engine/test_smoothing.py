@@ -14,7 +14,7 @@ from smoothed_attitude import least_squares, log_of, rauch_tung_striebel
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import PREDICT, kernel
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.engine import prepare as preparation, smoothing
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF, predict_attitude

@@ -15,8 +15,8 @@ from strapdown.aiding.pressure import BAROMETER_BIAS
 from strapdown.core.loop.contract import Imu, Noise
 from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine import prepare as preparation, smoothing
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options

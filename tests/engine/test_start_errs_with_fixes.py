@@ -5,7 +5,7 @@ from installed import flown
 
 import strapdown as sd
 from strapdown.core.loop.contract import STATES
-from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM
+from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM
 from strapdown.engine.batch import begin
 from strapdown.engine.installation import with_estimates
 from strapdown.engine.options import run_options

@@ -21,7 +21,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.loop import SAME_TIME
-from strapdown.data.solution.solution import BRIDGED, INVALID, VALID
+from strapdown.data.solution import BRIDGED, INVALID, VALID
 from strapdown.engine import stream as live
 from strapdown.engine.prepare import positioned
 from strapdown.engine.stream import Fix, Sample, Stream

@@ -10,7 +10,7 @@ from test_stream import eventful, events_of, play, shuffled, stream_of
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import INVALID, VALID
+from strapdown.data.solution import INVALID, VALID
 from strapdown.engine.events import MAX_OF_A_KIND
 from strapdown.engine.stream import Fix, Sample, Stream
 

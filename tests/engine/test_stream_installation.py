@@ -10,7 +10,7 @@ from test_stream import equal, eventful, events_of, play, shuffled
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.engine.installation import with_estimates
 from strapdown.engine.stream import Fix, Sample, Stream
 

@@ -10,7 +10,7 @@ import strapdown as sd
 from strapdown.alignment.missing_fields import missing_fields
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState
-from strapdown.data.solution.solution import INVALID
+from strapdown.data.solution import INVALID
 from strapdown.engine.stream import Fix, Stream
 
 pytestmark = pytest.mark.short

@@ -9,7 +9,7 @@ from scipy import stats
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Innovations
+from strapdown.data.solution import Innovations
 from strapdown.evaluation import consistency
 from strapdown.evaluation.consistency import (
     INCONSISTENT,

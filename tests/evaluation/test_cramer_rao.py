@@ -11,8 +11,8 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.geometry.geodesy import displaced
 from strapdown.sim.synthesis import draw_start

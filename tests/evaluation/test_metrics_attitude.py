@@ -10,7 +10,7 @@ from synthetic import attitude_only, flight, solution
 
 from strapdown.checks import DataError
 from strapdown.cli import console
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.evaluation import metrics
 
 pytestmark = pytest.mark.short

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from synthetic import flight
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.evaluation import metrics
 from strapdown.geometry.geodesy import displacement
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.evaluation.metrics import moving_windows, outages
 from strapdown.geometry.geodesy import displaced
 

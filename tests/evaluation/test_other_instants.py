@@ -10,7 +10,7 @@ from support.recordings import flight, start
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.evaluation import other_instants
 from strapdown.geometry.geodesy import displaced, displacement
 

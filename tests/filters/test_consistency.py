@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.loop.contract import STATES
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.scenario import scenario

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.data.solution.solution import DOUBTFUL
+from strapdown.data.solution import DOUBTFUL
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 

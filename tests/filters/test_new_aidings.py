@@ -10,8 +10,8 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import STATES, Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.sensor_models.atmosphere import standard_pressure

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.data.solution.solution import SD_COLUMNS, SD_SCALE
+from strapdown.data.solution import SD_COLUMNS, SD_SCALE
 from strapdown_reproductions.faults.catalogue import FAULTS
 from strapdown_reproductions.faults.cells import CellTask, right
 from strapdown_reproductions.faults.raw import raw

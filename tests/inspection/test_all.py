@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.inspection.all import check
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.inspection.heights import check
 from strapdown.inspection.motion import InspectedRecording
 

@@ -7,7 +7,7 @@ import bent
 import numpy as np
 import pytest
 
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.geometry.geodesy import displaced
 from strapdown.inspection.position_velocity import position_against_velocity
 

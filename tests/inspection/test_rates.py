@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.geometry.geodesy import displaced
 from strapdown.inspection.all import check
 from strapdown.sensor_models.gnss import Gnss

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.data.solution import Aiding
 from strapdown.engine.options import run_options
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
 from strapdown.geometry.geodesy import displacement

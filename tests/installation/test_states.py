@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution import calibration_parameters as estimable
-from strapdown.data.solution.solution import Aiding
+from strapdown.data import calibration_parameters as estimable
+from strapdown.data.solution import Aiding
 from strapdown.engine.installation import with_estimates
 from strapdown.installation import screening
 from strapdown.installation.states import installation

@@ -8,8 +8,8 @@ import pytest
 from synthetic import attitude_only, flight, solution
 
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.io.readers.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
 
@@ -163,7 +163,7 @@ def test_netcdf_names_the_units_of_the_new_kinds(tmp_path):
 
 def test_every_quantity_of_an_aiding_has_its_units():
     from strapdown import aiding
-    from strapdown.units.conversion.quantities import OWN
+    from strapdown.units.quantities import OWN
 
     used = {q for sensor in aiding.measurements().values() for q in sensor.quantities}
     assert used == set(OWN)

@@ -10,8 +10,8 @@ from nine_axis import TOML, attitude, tables
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import draft, inspect
 

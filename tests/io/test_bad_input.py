@@ -12,7 +12,7 @@ import zstandard
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.io import read
 from strapdown.io.inspection import inspect
 from strapdown.preprocessing.fixes import checked_aidings

@@ -6,8 +6,8 @@ import pytest
 from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.io import read
 
 pytestmark = pytest.mark.short

@@ -14,7 +14,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.decoding.autopilots.dataflash import DataFlash
 from strapdown.io.tables.table_file import read_bytes
-from strapdown.units.conversion.time_scales import WEEK, iso
+from strapdown.units.time_scales import WEEK, iso
 
 SAMPLES = (
     "copter_flight_dgps_51s.BIN",

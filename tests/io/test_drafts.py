@@ -7,7 +7,7 @@ import pytest
 import strapdown as sd
 from strapdown.io.inspection import draft, inspect
 from strapdown.sensor_models.geoid import undulation
-from strapdown.units.conversion.time_scales import gps_of, unix_from_gps
+from strapdown.units.time_scales import gps_of, unix_from_gps
 
 DEG, G, KNOT = np.pi / 180, 9.80665, 1852 / 3600
 START = "2024-05-01T23:59:30Z"

@@ -6,7 +6,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution import calibration_parameters as estimable
+from strapdown.data import calibration_parameters as estimable
 from strapdown.io import read
 
 pytestmark = pytest.mark.short

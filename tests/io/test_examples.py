@@ -176,7 +176,7 @@ def test_the_complete_description_means_what_the_page_says(tables):
 def test_the_page_names_every_key_unit_and_kind():
     from strapdown.aiding import names
     from strapdown.io.description.schema import AidingPart, Description, ImuPart, ReferencePart
-    from strapdown.units.conversion.conversion import UNITS
+    from strapdown.units.conversion import UNITS
 
     page = PAGE.read_text(encoding="utf-8")
     words = {

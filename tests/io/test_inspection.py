@@ -9,7 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import draft as drafted, inspect
 

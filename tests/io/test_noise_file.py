@@ -6,7 +6,7 @@ from flat_noise import RECORDING
 from mutated_own import NOISE
 
 import strapdown as sd
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.io.noise_file import SourceNoise, read_noise, write_noise
 
 pytestmark = pytest.mark.short

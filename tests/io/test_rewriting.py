@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.io.description.edits import Edit, told
 from strapdown.io.description.rewriting import rewrite, rewritten
 

@@ -17,8 +17,8 @@ from structured_mutators import sealed
 from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import UNITS, Separation
-from strapdown.data.solution.verdict import NOT_JUDGED
+from strapdown.data.solution import UNITS, Separation
+from strapdown.data.verdict import NOT_JUDGED
 from strapdown.io.solution import read_solution, write_solution
 
 pytestmark = pytest.mark.short

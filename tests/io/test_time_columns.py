@@ -9,7 +9,7 @@ import pytest
 from strapdown.checks import DataError
 from strapdown.io import read
 from strapdown.io.tables.calendar_text import moments, patterns
-from strapdown.units.conversion.time_scales import gps_from_unix
+from strapdown.units.time_scales import gps_from_unix
 
 pytestmark = pytest.mark.short
 START = datetime(2024, 5, 1, 12, 30, tzinfo=UTC)

@@ -15,7 +15,7 @@ from strapdown.io.decoding.autopilots.ulog import ULog
 from strapdown.io.description.logs import join, opened
 from strapdown.io.inspection import inspect
 from strapdown.io.tables.table_file import read_bytes
-from strapdown.units.conversion.time_scales import gps_from_unix, iso
+from strapdown.units.time_scales import gps_from_unix, iso
 
 SAMPLES = (
     "px4_small.ulg.xz",

@@ -11,7 +11,7 @@ from pages import own
 from synthetic import attitude_only, flight, solution
 
 from strapdown import report
-from strapdown.data.solution.solution import Innovations
+from strapdown.data.solution import Innovations
 from strapdown.evaluation import metrics
 from strapdown.pages import drawing, figures, fix_figures, summary
 
@@ -355,8 +355,8 @@ def turning():
     attitude alone."""
     from scipy.spatial.transform import Rotation
 
-    from strapdown.data.solution.recording import Recording
-    from strapdown.data.solution.solution import Aiding, Trajectory
+    from strapdown.data.recording import Recording
+    from strapdown.data.solution import Aiding, Trajectory
 
     rng, t, rate, field = (
         np.random.default_rng(8),

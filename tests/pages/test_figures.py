@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic import flight, solution
 
-from strapdown.data.solution.solution import Innovations
+from strapdown.data.solution import Innovations
 from strapdown.evaluation import metrics
 from strapdown.geometry.geodesy import displacement
 from strapdown.pages import drawing, figures, fix_figures

@@ -7,8 +7,8 @@ from scipy.signal import welch
 from synthetic import solution
 
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.pages import drawing, sensor_figures
 from strapdown.pages.spectra import power_spectrum, segments
 

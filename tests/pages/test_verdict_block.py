@@ -8,7 +8,7 @@ import pytest
 from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown import report
-from strapdown.data.solution.verdict import Reason, Verdict
+from strapdown.data.verdict import Reason, Verdict
 from strapdown.geometry.geodesy import displaced
 from strapdown.pages.verdict_block import verdict_block
 

@@ -9,7 +9,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.preprocessing.lever_arm import gnss_at, imu_at, specific_force_at
 from strapdown.sim.trajectory import DEG, Motion, records

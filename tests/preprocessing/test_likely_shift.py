@@ -3,7 +3,7 @@
 import pytest
 
 from strapdown.preprocessing.fixes import likely_shift
-from strapdown.units.conversion.time_scales import GPS_ZERO, WEEK
+from strapdown.units.time_scales import GPS_ZERO, WEEK
 
 pytestmark = pytest.mark.short
 

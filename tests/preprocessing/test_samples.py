@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.preprocessing.imu_samples import LATE, imu_from_arrays, increments
 from strapdown.preprocessing.stationary import at_rest
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
-from strapdown.units.conversion.conversion import ALIASES, UNITS, factor
+from strapdown.units.conversion import ALIASES, UNITS, factor
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_samples import level
 
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.preprocessing.imu_samples import increments
 from strapdown.preprocessing.stationary import at_rest
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest

@@ -10,7 +10,7 @@ from scipy import stats
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import STATES
-from strapdown.data.solution.solution import Solution, Trajectory
+from strapdown.data.solution import Solution, Trajectory
 from strapdown.evaluation.metrics import Errors
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator

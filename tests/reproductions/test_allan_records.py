@@ -9,7 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown_reproductions.common import markdown

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Trajectory
 from strapdown_reproductions.broad import figures, main, peers
 
 N = 400

@@ -18,8 +18,8 @@ from strapdown.alignment.static_attitude import level, static_attitude
 from strapdown.core.loop.contract import FilterState, InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.rotation import matrix_to_quaternion, rotate_left
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180

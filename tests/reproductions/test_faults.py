@@ -11,7 +11,7 @@ import pytest
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.geometry.geodesy import displaced, displacement
 from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.faults import cells as of_cells, jumps, summary

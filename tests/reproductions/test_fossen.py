@@ -10,7 +10,7 @@ from ins_equations import derivatives
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BA, BG, Noise
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown_reproductions.common.pages import COLOURS

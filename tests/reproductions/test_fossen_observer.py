@@ -10,7 +10,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
 from strapdown_reproductions.fossen import cases, signals
 from strapdown_reproductions.fossen.force_observer import FORCE_OBSERVER

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.mathematics.earth import gravity
-from strapdown.data.solution.vehicle import Vehicle
+from strapdown.data.vehicle import Vehicle
 from strapdown.engine import stream as live
 from strapdown_reproductions.mollaei.six_state import filters
 

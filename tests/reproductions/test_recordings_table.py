@@ -14,8 +14,8 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown_reproductions.common.targets import claim
 from strapdown_reproductions.recordings import (
     cases,

@@ -9,9 +9,9 @@ import pytest
 
 from strapdown.aiding import names
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
-from strapdown.data.solution.verdict import CAUSES, DOUBTFUL, Reason
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
+from strapdown.data.verdict import CAUSES, DOUBTFUL, Reason
 from strapdown.geometry.geodesy import displacement
 from strapdown.io.locate import data_folder
 from strapdown_reproductions.common.example_recordings import DESCRIPTIONS

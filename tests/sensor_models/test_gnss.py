@@ -5,7 +5,7 @@ import pymap3d
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss, position_fixes, velocity_fixes
 from strapdown.sim.trajectory import DEG, demo_flight, sample

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Correlated, Trajectory
+from strapdown.data.solution import Correlated, Trajectory
 from strapdown.flight.sensor_errors import fix_errors
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.streams import RandomStream

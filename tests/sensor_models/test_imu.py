@@ -14,7 +14,7 @@ from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import simulate
-from strapdown.units.conversion.conversion import UNITS
+from strapdown.units.conversion import UNITS
 
 FILE = """
 name = "mine"

@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.sensor_models.magnetometer import Disturbance, Magnetometer
 from strapdown.sim.motions import hand_held
 from strapdown.sim.trajectory import DEG, sample, static

@@ -9,7 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.flight.asked import Loop, Sensors
 from strapdown.flight.fly import fly
 from strapdown.sensor_models.gnss import Gnss

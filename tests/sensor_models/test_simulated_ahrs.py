@@ -12,7 +12,7 @@ from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording
 from strapdown.sensor_models.ahrs import Ahrs

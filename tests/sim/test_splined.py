@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.sim.splined import residual, splined
 from strapdown.sim.trajectory import demo_flight, increments, records, sample
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.trajectory import DEG, Motion
 

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from strapdown import InitialState, Trajectory
 from strapdown.core.loop.contract import Imu, Noise
 from strapdown.core.mathematics.earth import gravity
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 
 ORIGIN = np.array([np.radians(47.0), np.radians(8.0), 500.0])
 NOISE = Noise(gyro=1e-5, accel=2e-3, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)

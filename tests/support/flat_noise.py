@@ -3,7 +3,7 @@
 import numpy as np
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 
 T = np.arange(1, 11) / 10
 PLACE = np.tile([0.8, 0.2, 300.0], (2, 1))

@@ -9,8 +9,8 @@ from flat_flight import ORIGIN, flat, geodetic
 from strapdown import InitialState
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.flight.aircraft.dynamics import Loads, evaluate, step
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.data.solution.calibration_parameters import CLOCK
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.calibration_parameters import CLOCK
+from strapdown.data.solution import Aiding
 from strapdown.installation.model import applied, constants
 from strapdown.sensor_models.gnss import Gnss
 

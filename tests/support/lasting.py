@@ -6,7 +6,7 @@ import numpy as np
 from flat_flight import NOISE, flight
 
 import strapdown as sd
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.noise import gauss_markov
 

@@ -10,8 +10,8 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import Imu, InitialState
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.engine.stream import Fix, Sample
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss

@@ -4,7 +4,7 @@ loop's rules meet any series of them."""
 import numpy as np
 
 from strapdown.core.loop.contract import CORRECT, PREDICT, Filter, kernel
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 
 GATE = 16.0
 MIN_DEVIATION = 1.0  # larger than any floor

@@ -4,8 +4,8 @@ that err as their covariance says."""
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strapdown.data.solution.solution import BRIDGED, INVALID, Innovations, Solution, Trajectory
-from strapdown.data.solution.verdict import Reason, Verdict
+from strapdown.data.solution import BRIDGED, INVALID, Innovations, Solution, Trajectory
+from strapdown.data.verdict import Reason, Verdict
 
 LATE = Reason(
     "clock",

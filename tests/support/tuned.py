@@ -7,7 +7,7 @@ import numpy as np
 from installed import car
 
 import strapdown as sd
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.tuning.findings import (
     AT_MAX,
     AT_MIN,

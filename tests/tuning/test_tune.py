@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.solution import Correlated
 from strapdown.engine.options import run_options
 from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.units.conversion.time_scales import (
+from strapdown.units.time_scales import (
     days_of,
     gps_from_unix,
     gps_of,

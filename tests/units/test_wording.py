@@ -2,7 +2,7 @@
 
 import pytest
 
-from strapdown.units.conversion.wording import (
+from strapdown.units.wording import (
     capitalised,
     counted,
     elapsed,

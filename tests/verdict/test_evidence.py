@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from strapdown.core.loop.contract import DOUBTFUL as CONTRADICTED, Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Innovations, Solution, Trajectory
-from strapdown.data.solution.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict
-from strapdown.data.verdict import evidence
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Innovations, Solution, Trajectory
+from strapdown.data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict, evidence
 from strapdown.evaluation.fix_statistics import MEDIANS
 
 pytestmark = pytest.mark.short

@@ -9,7 +9,7 @@ import pytest
 from walking import RTK, robot, tables
 
 import strapdown as sd
-from strapdown.data.solution.verdict import DOUBTFUL
+from strapdown.data.verdict import DOUBTFUL
 from strapdown.io.inspection import draft, inspect
 
 

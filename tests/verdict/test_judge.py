@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution.solution import DOUBTFUL
-from strapdown.data.solution.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
-from strapdown.data.verdict import evidence
+from strapdown.data.solution import DOUBTFUL
+from strapdown.data.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED, evidence
 from strapdown.geometry.geodesy import displaced
 from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss

@@ -14,8 +14,8 @@ import strapdown as sd
 from strapdown.core.loop import gaps, integrity, log
 from strapdown.core.loop.log import Code
 from strapdown.core.loop.loop import SAME_TIME
-from strapdown.data.solution.solution import DOUBTFUL, INVALID, VALID, Aiding
-from strapdown.data.solution.vehicle import VEHICLES
+from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.vehicle import VEHICLES
 from strapdown.engine.events import MAX_OF_A_KIND, Events, log_row
 from strapdown.engine.limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor

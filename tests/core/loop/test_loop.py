@@ -8,7 +8,7 @@ from recordings import alike, flight, position, rows, said, split, start, withou
 
 import strapdown as sd
 from strapdown.core.loop import gaps, loop
-from strapdown.data.solution.solution import BRIDGED, DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution import BRIDGED, DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short

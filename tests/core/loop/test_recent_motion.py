@@ -10,8 +10,8 @@ from strapdown.core.loop.motion import ROWS
 from strapdown.core.loop.stages.clock import AHEAD, BEHIND, followed_back, keep
 from strapdown.core.mathematics.earth import gravity
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.solution import Aiding
-from strapdown.data.solution.vehicle import find
+from strapdown.data.solution import Aiding
+from strapdown.data.vehicle import find
 from strapdown.engine.limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP

@@ -8,7 +8,7 @@ from golden.replay import DESCRIPTIONS
 from refused_fixes import changed, simulated, solved
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding, Rejected
+from strapdown.data.solution import Aiding, Rejected
 from strapdown.engine.rejections import causes
 from strapdown.engine.rejections.causes import CauseFound
 from strapdown.engine.rejections.contradictions import RejectedRun

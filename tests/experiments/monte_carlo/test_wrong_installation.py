@@ -14,7 +14,7 @@ from structured_mutators import sealed
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.cli.simulation import print_summary
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.experiments.monte_carlo.wrong_installation import (

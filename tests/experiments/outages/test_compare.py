@@ -13,8 +13,8 @@ from recordings import flight, rows, turning
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.solution import Trajectory
-from strapdown.data.solution.vehicle import Vehicle
+from strapdown.data.solution import Trajectory
+from strapdown.data.vehicle import Vehicle
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.experiments.outages import runs
 from strapdown.experiments.outages.compare import _events

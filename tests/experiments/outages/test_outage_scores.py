@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.scores import ErrorTrack, outages_of, scored

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.core.loop.contract import Imu, InitialState, Noise, compile_kernel
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
 from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
 from strapdown.geometry.geodesy import displaced, displacement

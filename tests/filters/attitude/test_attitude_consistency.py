@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.sensor_models.gnss import Gnss

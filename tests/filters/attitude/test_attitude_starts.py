@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.loop.contract import InitialState, Noise
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer

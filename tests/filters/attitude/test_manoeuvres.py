@@ -17,7 +17,7 @@ from strapdown.core.loop.contract import (
     compile_kernel,
 )
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.solution import DOUBTFUL
+from strapdown.data.solution import DOUBTFUL
 from strapdown.filters import find
 from strapdown.filters.attitude.attitude_error_state import SIX, count_bias, pulled
 from strapdown.filters.attitude.attitude_mekf import (

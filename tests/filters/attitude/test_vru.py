@@ -14,8 +14,8 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import FilterState, InitialState, Noise, compile_kernel
 from strapdown.core.mathematics.earth import RATE as EARTH_RATE
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.filters.attitude.attitude_error_state import GAIN

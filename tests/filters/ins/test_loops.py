@@ -15,7 +15,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.data.solution.vehicle import Vehicle
+from strapdown.data.vehicle import Vehicle
 from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short

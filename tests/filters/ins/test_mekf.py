@@ -16,8 +16,8 @@ from strapdown.core.mathematics.earth import place, rotation_rates
 from strapdown.core.mathematics.error_dynamics import cross_matrix, dynamics
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.ekf import EKF
 from strapdown.filters.ins.mekf import MEKF

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.loop.contract import InitialState, Noise
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.geometry.geodesy import displaced, displacement
 
 H, SECONDS = 0.001, 20.0

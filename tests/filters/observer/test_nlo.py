@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
-from strapdown.data.solution.solution import VALID, Aiding
+from strapdown.data.solution import VALID, Aiding
 from strapdown.filters.observer.gains import configure
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer

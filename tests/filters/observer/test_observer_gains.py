@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.filters.observer import gains
 from strapdown.filters.observer.translation_gains import grow
 

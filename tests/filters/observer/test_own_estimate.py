@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from test_xkf import NOISE, begun, fix, put, world
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.evaluation import consistency
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.filters.observer import xkf

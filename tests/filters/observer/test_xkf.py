@@ -16,7 +16,7 @@ from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import CORRECT, PREDICT, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.filters.observer import nlo, xkf
 from strapdown.filters.observer.equations import embedded
 from strapdown.filters.observer.xkf import XKF

@@ -15,7 +15,7 @@ from strapdown.checks import DataError
 from strapdown.core.compile.signatures import LANES
 from strapdown.core.loop.contract import OBSERVE, InitialState, Noise, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
 from strapdown.filters.particle.pkf import PKF

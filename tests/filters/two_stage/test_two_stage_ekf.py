@@ -11,7 +11,7 @@ from two_stage_twin import WRAP, State, Twin
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution import Aiding
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 

@@ -15,8 +15,8 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import InitialState, Noise
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Trajectory
 from strapdown.flight.aircraft.dynamics import Loads, evaluate, respond
 from strapdown.flight.aircraft.parameters import NAMES, PARAMETERS, SECTIONS, flat_metres
 from strapdown.sim.trajectory import normal_gravity

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution.solution import Aiding, Innovations, Solution, Trajectory
-from strapdown.data.solution.verdict import Reason, Verdict
+from strapdown.data.solution import Aiding, Innovations, Solution, Trajectory
+from strapdown.data.verdict import Reason, Verdict
 from strapdown.pages.notebook import cards
 from strapdown.sim.trajectory import demo_flight
 

@@ -8,7 +8,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS
+from strapdown.data.solution import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS
 from strapdown.io.solutions.solution_netcdf import attributes
 from strapdown.sim.trajectory import demo_flight
 

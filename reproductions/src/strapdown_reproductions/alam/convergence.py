@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.sensor_models.gnss import Gnss

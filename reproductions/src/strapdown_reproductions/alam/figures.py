@@ -8,7 +8,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.geometry.geodesy import displacement
 from strapdown.pages.drawing import COLOURS, GREY, WITHHELD, finish, line, log_ticks, note, panels
 from strapdown.typing import Array, Ints

@@ -14,8 +14,8 @@ import pandas as pd
 
 from strapdown.alignment.initial import align
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Solution
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import Errors, errors
 from strapdown.experiments.outages.protocols import protocol

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from strapdown.core.loop.contract import DECAYING, HELD
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Solution
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.sensor_models.errors import Triad

@@ -15,8 +15,8 @@ import pandas as pd
 
 from strapdown import filters, io
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.engine.smoothing import smooth

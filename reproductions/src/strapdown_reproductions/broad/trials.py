@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.typing import Mask
 
 

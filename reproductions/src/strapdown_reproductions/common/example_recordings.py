@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.typing import Array, Mask
 

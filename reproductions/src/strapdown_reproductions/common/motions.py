@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sensor_models.simulated import Simulated

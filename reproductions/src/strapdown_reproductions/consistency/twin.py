@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.evaluation.consistency import band
 from strapdown.geometry.geodesy import radii
 from strapdown.sensor_models.imu import grade

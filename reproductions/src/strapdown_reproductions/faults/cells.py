@@ -7,7 +7,7 @@ import numpy as np
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 
 from .catalogue import FAULTS
 from .fault import NOMINAL, WORLD, Fault

@@ -18,8 +18,8 @@ import numpy as np
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, VALID
-from strapdown.data.solution.solution import Trajectory
-from strapdown.data.solution.verdict import NOT_JUDGED, Verdict
+from strapdown.data.solution import Trajectory
+from strapdown.data.verdict import NOT_JUDGED, Verdict
 from strapdown.evaluation.metrics import errors, interpolated
 from strapdown.typing import Array, Ints
 

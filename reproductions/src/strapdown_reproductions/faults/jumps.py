@@ -9,8 +9,8 @@ import numpy as np
 
 from strapdown import filters
 from strapdown.core.loop.contract import DOUBTFUL
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Solution
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.geometry.geodesy import displaced
 

@@ -10,8 +10,8 @@ from zlib import crc32
 import numpy as np
 
 from strapdown.core.loop.contract import InitialState
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.geometry.geodesy import displaced
 from strapdown.typing import Array, Ints, Mask
 

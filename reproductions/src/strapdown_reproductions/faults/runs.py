@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from strapdown import filters
 from strapdown.core.loop.contract import STATES, Filter, InitialState
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Solution, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Solution, Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.smoothing import smooth
 from strapdown.engine.stream import Fix, Sample, Stream

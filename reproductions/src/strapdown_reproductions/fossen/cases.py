@@ -27,8 +27,8 @@ from strapdown.core.loop.contract import (
     InitialState,
     Noise,
 )
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.filters.ins.open_loop import OPEN_LOOP

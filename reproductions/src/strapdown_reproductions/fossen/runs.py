@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from strapdown.core.loop.contract import BA, BG, DECAYING
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.typing import Array, Progress
 
 from ..common.runner import on_threads

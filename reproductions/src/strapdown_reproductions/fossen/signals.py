@@ -17,8 +17,8 @@ from scipy.integrate import solve_ivp
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.sensor_models.ahrs import Ahrs, AhrsPlan
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.core.loop.contract import InitialState
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.experiments.monte_carlo.wrong_installation import Installation, drawn, start_of
 
 from ..common.motions import (

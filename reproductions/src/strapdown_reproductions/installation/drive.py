@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.engine.installation import StateParameter
 from strapdown.experiments.monte_carlo.wrong_installation import installed_wrong, parameters_of
 

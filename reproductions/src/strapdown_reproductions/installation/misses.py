@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.evaluation.metrics import errors, outages, rms
 from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from strapdown.data.solution.solution import Solution
+from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.consistency import nees_of
 from strapdown.typing import Array

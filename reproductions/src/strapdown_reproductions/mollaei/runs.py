@@ -15,7 +15,7 @@ import pandas as pd
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Filter
-from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
 from strapdown.flight.asked import records

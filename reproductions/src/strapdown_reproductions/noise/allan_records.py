@@ -21,12 +21,12 @@ from strapdown.allan.deviation import Allan, Curve, Sensor, allan
 from strapdown.allan.page import longest
 from strapdown.allan.suggested_grade import MISFIT, expected, suggest
 from strapdown.core.loop.contract import Imu, Noise
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.io import read
 from strapdown.io.locate import data_folder
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec, grade
-from strapdown.units.conversion.conversion import in_units
+from strapdown.units.conversion import in_units
 
 from ..common.example_recordings import DESCRIPTIONS
 

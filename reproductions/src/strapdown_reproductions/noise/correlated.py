@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Correlated
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Correlated
 from strapdown.engine.batch import fuse
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.tuning.tune import tune

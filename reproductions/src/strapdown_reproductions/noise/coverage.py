@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from strapdown import io
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.engine.batch import fuse
 from strapdown.engine.heading_hypotheses import aligned
 from strapdown.sensor_models.imu import ImuSpec, grade

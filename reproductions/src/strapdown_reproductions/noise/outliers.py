@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.engine.batch import fuse
 from strapdown.geometry.geodesy import displaced
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Solution
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Solution
 from strapdown.evaluation.metrics import errors
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss

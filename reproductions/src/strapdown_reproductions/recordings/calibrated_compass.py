@@ -14,7 +14,7 @@ import pandas as pd
 from strapdown import io
 from strapdown.alignment.static_attitude import levelled
 from strapdown.calibration.fitting import calibrate
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, rms
 from strapdown.typing import Say

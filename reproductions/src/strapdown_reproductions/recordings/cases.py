@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from strapdown import io
 from strapdown.alignment.static_attitude import body_to_navigation, gyrocompass
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding, Trajectory
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions
 from strapdown.typing import Array, Mask

@@ -19,7 +19,7 @@ from strapdown.alignment.static_attitude import Gyrocompass, gyrocompass
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
-from strapdown.data.solution.recording import Recording
+from strapdown.data.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, outages, rms
 from strapdown.fileio.files import together

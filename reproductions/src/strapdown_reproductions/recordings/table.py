@@ -16,7 +16,7 @@ import pandas as pd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Filter
-from strapdown.data.solution.solution import Solution
+from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import errors, rms

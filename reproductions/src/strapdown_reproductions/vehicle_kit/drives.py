@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.motions import car

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 
 from ..common.example_recordings import windows_of
 

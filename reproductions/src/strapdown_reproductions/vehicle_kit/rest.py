@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.io import read
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 import strapdown as sd
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.preprocessing.stationary import stretches
 from strapdown.preprocessing.wheel_slip import slipping as found, without_slip
 from strapdown.sensor_models.gnss import Gnss

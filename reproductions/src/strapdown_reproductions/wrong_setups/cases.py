@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from strapdown import io
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions
 from strapdown.sensor_models.magnetometer import Magnetometer

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from strapdown.checks import DataError
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Solution
-from strapdown.data.solution.verdict import TRUSTED, Reason
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Solution
+from strapdown.data.verdict import TRUSTED, Reason
 from strapdown.engine.batch import fuse
 from strapdown.io.facts import recording_facts
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.checks import DataError
-from strapdown.data.solution.solution import Solution, Trajectory
+from strapdown.data.solution import Solution, Trajectory
 from strapdown.evaluation.metrics import Errors, attitude_angles, errors
 from strapdown.typing import Array
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strapdown.data.solution.recording import Recording
-from strapdown.data.solution.solution import Aiding
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Aiding
 from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.imu import grade
 from strapdown.typing import Array

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.data.solution.verdict import CAUSES
+from strapdown.data.verdict import CAUSES
 
 from .mistakes import Mistake
 

@@ -4,7 +4,7 @@ and tables."""
 import numpy as np
 import pandas as pd
 
-from strapdown.data.solution.verdict import DOUBTFUL
+from strapdown.data.verdict import DOUBTFUL
 
 from ..common import markdown
 from ..common.runner import StudyTables
