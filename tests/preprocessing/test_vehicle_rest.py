@@ -10,7 +10,7 @@ from strapdown.data.solution import Aiding
 from strapdown.preprocessing.imu_samples import increments
 from strapdown.preprocessing.stationary import at_rest
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
-from strapdown.preprocessing.wheel_slip import MAX, slipping, without_slip
+from strapdown.preprocessing.wheel_slip import MAX_SLIP, slipping, without_slip
 
 pytestmark = pytest.mark.short
 
@@ -110,8 +110,8 @@ def test_what_lasts_is_followed_again():
     imu, speed = driven()
     bad = replace(speed, y=speed.y * np.where(speed.t > 30, 1.5, 1.0)[:, None])
     found = slipping(bad, imu)
-    assert found[(speed.t > 30) & (speed.t < 30 + MAX)].all()
-    assert not found[speed.t > 30.1 + MAX].any()
+    assert found[(speed.t > 30) & (speed.t < 30 + MAX_SLIP)].all()
+    assert not found[speed.t > 30.1 + MAX_SLIP].any()
 
 
 def test_a_wheel_speed_that_always_contradicts_is_kept_and_said():

@@ -8,8 +8,9 @@ import pytest
 from strapdown.core.loop.contract import DOUBTFUL as CONTRADICTED, Imu
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding, Innovations, Solution, Trajectory
-from strapdown.data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict, evidence
+from strapdown.data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict
 from strapdown.evaluation.fix_statistics import MEDIANS
+from strapdown.verdict import evidence
 
 pytestmark = pytest.mark.short
 COUNT = 1000

@@ -7,10 +7,11 @@ import pytest
 
 import strapdown as sd
 from strapdown.data.solution import DOUBTFUL
-from strapdown.data.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED, evidence
+from strapdown.data.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
 from strapdown.geometry.geodesy import displaced
 from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss
+from strapdown.verdict import evidence
 
 SEED = 2000
 

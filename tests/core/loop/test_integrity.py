@@ -23,7 +23,7 @@ from strapdown.filters import find
 from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.trajectory import static
-from strapdown.units.conversion import quantities
+from strapdown.units import quantities
 
 pytestmark = pytest.mark.short
 

@@ -21,12 +21,12 @@ accumulate, clear, effective, moments, moments_size = (
     mixture.moments,
     mixture.moments_size,
 )
-resample, resample_size, root, systematic, weigh = (
+resample, resample_size, root, systematic, update_weights = (
     mixture.resample,
     mixture.resample_size,
     mixture.root,
     mixture.systematic,
-    mixture.weigh,
+    mixture.update_weights,
 )
 
 
@@ -60,12 +60,16 @@ def test_weights_by_log_sum_exp():
     before = rng.dirichlet(np.ones(6))
     logs = np.array([-2000.0, -2001.0, math.nan, -math.inf, -1e5, -1999.5])
     weights = before.copy()
-    assert weigh(logs.copy(), weights) == 0
+    assert update_weights(logs.copy(), weights) == 0
     expected = np.where(np.isfinite(logs), logs, -np.inf) + np.log(before)
     assert np.allclose(weights, np.exp(expected - logsumexp(expected)), rtol=1e-12, atol=0)
     gone = np.array([0.5, 0.0, 0.5])
-    assert weigh(np.array([-1.0, 0.0, -1.0]), gone) == 0 and gone.tolist() == [0.5, 0.0, 0.5]
-    assert weigh(np.array([math.nan, 0.0, -math.inf]), gone) == 1 and gone.tolist() == [
+    assert update_weights(np.array([-1.0, 0.0, -1.0]), gone) == 0 and gone.tolist() == [
+        0.5,
+        0.0,
+        0.5,
+    ]
+    assert update_weights(np.array([math.nan, 0.0, -math.inf]), gone) == 1 and gone.tolist() == [
         0.5,
         0.0,
         0.5,
@@ -299,7 +303,7 @@ def filtered(x0, P0, ys, moved, seen, Q, R, N, kernel=None, share=0.5, seed=0):
         S, e = np.einsum("ki,ki->k", H, PH) + R, y - h
         x = x + PH * (e / S)[:, None]
         P = P - PH[:, :, None] * PH[:, None, :] / S[:, None, None]
-        weigh(-0.5 * (e * e / S + np.log(S)), weights)
+        update_weights(-0.5 * (e * e / S + np.log(S)), weights)
         found.append((x, P, weights.copy()))
         if effective(weights) < share * N:
             mean, spread = about(found[-1])
