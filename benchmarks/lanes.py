@@ -1,6 +1,6 @@
 """Runs side by side: the closed loop on lanes with its noise beside the scalar loop, and what bounds it.
 
-`python benchmarks/lanes.py` prints the table of docs/explanation/lanes.md: parts of a run-step, cost by number of
+`python benchmarks/run_batch.py` prints the table of docs/explanation/run_batch.md: parts of a run-step, cost by number of
 runs, and the distance to what the processor can do.
 """
 
@@ -18,7 +18,7 @@ from strapdown.core.loop import loop
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 from strapdown.engine.run_batch import Keeper, RunBatch
-from strapdown.experiments.monte_carlo import batch_scoring as lane_scoring, run_batch as lanes
+from strapdown.experiments.monte_carlo import batch_scoring, run_batch
 from strapdown.experiments.monte_carlo.scoring import epochs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
@@ -55,18 +55,20 @@ class Flight:
 
     def side(self):
         """(simulation, filter) of the runs in lanes, before their first sample."""
-        simulated = lanes.SimulatedSamples(self.made, self.spec, self.shared, self.streams, self.at)
+        simulated = run_batch.SimulatedSamples(
+            self.made, self.spec, self.shared, self.streams, self.at
+        )
         recordings = [recording for recording, _ in self.records]
         side = RunBatch(
             begin(*self.asked_for()),
             [start for _, start in self.records],
             recordings,
             Keeper(
-                lane_scoring.keep_errors_in_lanes,
-                lane_scoring.known(self.at),
+                batch_scoring.keep_errors_in_lanes,
+                batch_scoring.known(self.at),
                 simulated.biases,
-                lane_scoring.SCRATCH,
-                lane_scoring.NUMBERS,
+                batch_scoring.SCRATCH,
+                batch_scoring.NUMBERS,
             ),
         )
         return simulated, side

@@ -11,7 +11,7 @@ from described import CONSTRAINTS, SPEED, TOML, described
 from installed import car, turned_case, wrong
 
 import strapdown as sd
-from strapdown.calibration.installation import calibrate as module, iterated as settling
+from strapdown.calibration.installation import calibrate as module, iterated
 from strapdown.calibration.installation.findings import (
     IMPLAUSIBLE,
     NOT_CONFIRMED,

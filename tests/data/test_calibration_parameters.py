@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from strapdown.data import calibration_parameters as estimable
+from strapdown.data import calibration_parameters
 from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.data.verdict import CAUSES
 
 pytestmark = pytest.mark.short
-PARAMETERS = {**estimable.OF_SOURCE, **estimable.OF_IMU}.values()
+PARAMETERS = {**calibration_parameters.OF_SOURCE, **calibration_parameters.OF_IMU}.values()
 
 
 @pytest.mark.parametrize("of", PARAMETERS, ids=lambda of: of.name)

@@ -12,7 +12,7 @@ from synthetic import flight as circling, solution as made_up
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.engine import with_ahrs as attitude_first
+from strapdown.engine import with_ahrs
 from strapdown.engine.options import run_options
 from strapdown.engine.with_ahrs import ASSUMED, REMEDY, deviations
 from strapdown.filters import find, names
@@ -23,7 +23,7 @@ FED = CLOSED_LOOP._replace(name="fed", needs=("attitude",))
 
 
 def source(recording, ahrs, **asked):
-    return attitude_first.source(recording, ahrs, run_options(**asked))
+    return with_ahrs.source(recording, ahrs, run_options(**asked))
 
 
 def same_innovations(first, second):

@@ -43,8 +43,14 @@ OTHERS = {"reader.open", "entry.load", "EntryPoint().load", "?.load", "builder.l
 """Of the same name, and not of files."""
 ALLOWED = {
     # the ways themselves
-    "opening.py": {"path.open", "tomllib.loads", "json.loads", "self.open", "zipfile.ZipFile"},
-    "file_limits.py": {"path.open"},  # a pipe, to copy it
+    "fileio/file_access.py": {
+        "path.open",
+        "tomllib.loads",
+        "json.loads",
+        "self.open",
+        "zipfile.ZipFile",
+    },
+    "fileio/limits.py": {"path.open"},  # a pipe, to copy it
     # counted by open_bytes, or of regular
     "io/tables/table_file.py": {
         "gzip.open",
@@ -61,7 +67,7 @@ ALLOWED = {
     },  # of open_bytes, or of regular and check_lines
     "io/tables/table_arrays.py": {"ParquetFile"},  # of regular
     "io/readers/rosbag2.py": {"sqlite3.connect"},  # of regular
-    "checksum.py": {"open"},  # of regular, by own/hdf5_content; and to append
+    "fileio/checksum.py": {"open"},  # of regular, by own/hdf5_content; and to append
     "cli/app.py": {"os.open"},  # the null device, to write
     # what is in memory already
     "io/own/text_rules.py": {"json.loads"},
@@ -77,7 +83,7 @@ ALLOWED = {
     "sensor_models/receiver.py": {"tomllib.loads", "resource.read_text"},
     "experiments/monte_carlo/sources.py": {"file.read_bytes"},
     "sensor_models/geoid.py": {"files().joinpath().read_bytes"},
-    "time_scales.py": {"files().joinpath().read_text"},
+    "units/time_scales.py": {"files().joinpath().read_text"},
     "pages/shell.py": {"resources.files().joinpath().read_text"},
     "core/compile/kernel_cache.py": {
         "ast.parse",
@@ -103,8 +109,8 @@ ALLOWED = {
     "native/export/header.py": {"?.read_text"},
     "native/export/wasm.py": {"?.read_bytes"},
     # what is written
-    "files.py": {"h5netcdf.File"},
-    "file_locks.py": {"open"},
+    "fileio/files.py": {"h5netcdf.File"},
+    "fileio/locks.py": {"open"},
     "io/solutions/solution_csv.py": {"gzip.open", "lzma.open"},
     "experiments/monte_carlo/campaign.py": {
         "open",
@@ -113,7 +119,7 @@ ALLOWED = {
         "xarray.open_mfdataset",
     },
 }
-"""{file: calls that open or parse without the ways of `opening`}, by why they may."""
+"""{file: calls that open or parse without the ways of `file_access`}, by why they may."""
 
 
 def called(node):
@@ -135,7 +141,7 @@ def calls(file):
 
 
 def test_nothing_else_opens_a_file():
-    """Whoever adds a reader opens by `opening`, `open_bytes`, `mapped`, `open_hdf5`, ..., or says here
+    """Whoever adds a reader opens by `file_access`, `open_bytes`, `mapped`, `open_hdf5`, ..., or says here
     why not."""
     found = {}
     for file in PACKAGE.rglob("*.py"):

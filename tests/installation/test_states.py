@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data import calibration_parameters as estimable
+from strapdown.data import calibration_parameters
 from strapdown.data.solution import Aiding
 from strapdown.engine.installation import with_estimates
 from strapdown.installation import screening
@@ -287,7 +287,7 @@ def test_an_estimate_beyond_what_is_plausible_is_a_reason(turning):
     far = replace(solution, columns=solution.columns | {column: np.full(len(solution.t), -2.5)})
     (reason,) = installation(far).reasons
     assert "-2.500 +- 0.0" in reason.seen and "at most 2 s is plausible" in reason.seen
-    assert reason.weight == pytest.approx(3 * 2.5 / estimable.CLOCK.most)
+    assert reason.weight == pytest.approx(3 * 2.5 / calibration_parameters.CLOCK.most)
 
 
 @pytest.mark.parametrize("share, status", [(2.1, "consistent"), (1.9, "not observable")])

@@ -6,7 +6,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data import calibration_parameters as estimable
+from strapdown.data import calibration_parameters
 from strapdown.io import read
 
 pytestmark = pytest.mark.short
@@ -38,7 +38,7 @@ def test_names_have_their_own_priors(build):
     recording = read(build(toml=asked))
     position, velocity, wheel = (dict(a.estimate) for a in recording.aidings)
     assert position == {"clock": (0.1,), "lever-arm": (0.5, 0.5, 0.5)} and velocity == {}
-    assert wheel == {"scale": estimable.SCALE.sd, "clock": (0.1,)}
+    assert wheel == {"scale": calibration_parameters.SCALE.sd, "clock": (0.1,)}
     assert recording.meta["estimate"] == {
         "mounting": (0.0, radians(2), radians(2)),
         "gyro-scale": (0.01,) * 3,

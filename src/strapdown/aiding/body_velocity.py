@@ -6,7 +6,7 @@ h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S
 
 from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, helper, kernel
 from ..typing import Array
-from . import augmented as estimated
+from . import augmented
 
 
 @helper
@@ -15,8 +15,8 @@ def along(
 ) -> int:
     """One row: y - velocity of the point `source.parameters[0:3]` (m, body, from the IMU) along body
     axis 0, 1 or 2."""
-    if estimated.any_of(belief, source):
-        estimated.along(axis, belief, y, source, innovation, H)
+    if augmented.any_of(belief, source):
+        augmented.along(axis, belief, y, source, innovation, H)
         return 1
     C, v, w = belief.C, belief.v, belief.omega
     i, j = (axis + 1) % 3, (axis + 2) % 3

@@ -5,14 +5,14 @@ from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, k
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import wrap
 from ..typing import Array
-from . import augmented as estimated
+from . import augmented
 
 
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
-    if estimated.any_of(belief, source):
-        innovation[0] = wrap(y[0] - estimated.heading(belief, source, H))
+    if augmented.any_of(belief, source):
+        innovation[0] = wrap(y[0] - augmented.heading(belief, source, H))
         return 1
     C = belief.C
     # zero where the x axis points up or down

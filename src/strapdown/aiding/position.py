@@ -5,7 +5,7 @@ from ..core.mathematics.earth import radii
 from ..core.mathematics.elementary import cosine
 from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
-from . import augmented as estimated
+from . import augmented
 
 
 @kernel(OBSERVE)
@@ -15,8 +15,8 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2])
     innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * cosine(belief.lla[0])
     innovation[2] = belief.lla[2] - y[2]
-    if estimated.any_of(belief, source):
-        estimated.position(belief, source, innovation, H)
+    if augmented.any_of(belief, source):
+        augmented.position(belief, source, innovation, H)
         return 3
     l0, l1, l2 = turned(belief.C, source.parameters[0], source.parameters[1], source.parameters[2])
     innovation[0] -= l0

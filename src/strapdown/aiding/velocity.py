@@ -3,16 +3,16 @@ lever-arm term (7e-5 rad/s) is left out."""
 
 from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..typing import Array
-from . import augmented as estimated
+from . import augmented
 
 
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: antenna velocity y - h, m/s NED."""
-    if estimated.any_of(belief, source):
+    if augmented.any_of(belief, source):
         for i in range(3):
             innovation[i] = y[i] - belief.v[i]
-        estimated.velocity(belief, source, innovation, H)
+        augmented.velocity(belief, source, innovation, H)
         return 3
     C, w = belief.C, belief.omega
     l0, l1, l2 = source.parameters[0], source.parameters[1], source.parameters[2]

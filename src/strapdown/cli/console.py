@@ -604,13 +604,16 @@ def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]"
 
 
 def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
-    from ..data import calibration_parameters as estimable
+    from ..data import calibration_parameters
 
     words, equals, sd = (part.strip() for part in piece.partition("="))
     name = words.split()[-1] if words else ""
-    known = {**estimable.ASKED_OF_IMU, **estimable.asked_at([*estimable.OF_SOURCE])}
+    known = {
+        **calibration_parameters.ASKED_OF_IMU,
+        **calibration_parameters.asked_at([*calibration_parameters.OF_SOURCE]),
+    }
     if words.lower().startswith("imu "):  # whose scale is another
-        known |= estimable.ASKED_OF_IMU
+        known |= calibration_parameters.ASKED_OF_IMU
     what = known[check_choice(name, option, known)][0]
     if not equals:
         return {words: None}
@@ -621,7 +624,9 @@ def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
             f"{what.unit and ' in '}{what.unit}"
         )
     with located(option):
-        of_each = estimable.prior(what, values if len(values) > 1 else values[0], in_tables=True)
+        of_each = calibration_parameters.prior(
+            what, values if len(values) > 1 else values[0], in_tables=True
+        )
     return {words: of_each if len(values) > 1 else of_each[0]}
 
 

@@ -12,7 +12,7 @@ KNOWN = 0.5
 rest alone brings an arm from 1 m to 0.4 m, though nothing shows it."""
 
 
-class Estimable(NamedTuple):
+class CalibrationParameter(NamedTuple):
     """A parameter of one or more components, each of which becomes a state where its prior standard
     deviation is above zero. A state is true - given, as errors are. Numbers are in SI."""
 
@@ -65,7 +65,7 @@ triad that defines the axes itself, to which all attitude refers then."""
 TURNS = "turn about all axes, by more than 90 deg and to both sides"
 TILTS = "tilt it to all sides, or accelerate along all axes"
 
-CLOCK = Estimable(
+CLOCK = CalibrationParameter(
     name="clock",
     components=("",),
     unit="s",
@@ -83,7 +83,7 @@ CLOCK = Estimable(
     place="clock_state",
 )
 """s to add to the time stamps of a source."""
-LEVER_ARM = Estimable(
+LEVER_ARM = CalibrationParameter(
     name="lever-arm",
     components=AXES,
     unit="m",
@@ -100,7 +100,7 @@ LEVER_ARM = Estimable(
     digits=2,
     place="arm_state",
 )
-MOUNTING = Estimable(
+MOUNTING = CalibrationParameter(
     name="mounting",
     components=ANGLES,
     unit="deg",
@@ -119,7 +119,7 @@ MOUNTING = Estimable(
 )
 """Rotation vector exp(mu x) from the body axes as described to those of the vehicle. Forward motion
 shows pitch and heading; roll is a state where its prior is given."""
-SCALE = Estimable(
+SCALE = CalibrationParameter(
     name="scale",
     components=("",),
     unit="",
@@ -137,7 +137,7 @@ SCALE = Estimable(
     place="scale_state",
 )
 """By which an odometer reads too much."""
-GYRO_SCALE = Estimable(
+GYRO_SCALE = CalibrationParameter(
     name="gyro-scale",
     components=AXES,
     unit="",
@@ -152,7 +152,7 @@ ACCEL_SCALE = GYRO_SCALE._replace(
     name="accel-scale", cause="accelerometer", motions=(TILTS,) * 3, increments=3
 )
 """By which a sensor reads too much."""
-GYRO_MISALIGNMENT = Estimable(
+GYRO_MISALIGNMENT = CalibrationParameter(
     name="gyro-misalignment",
     components=MISALIGNED,
     unit="deg",
@@ -179,7 +179,7 @@ OF_IMU = {
     for each in (MOUNTING, GYRO_SCALE, ACCEL_SCALE, GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT)
 }
 
-Known: TypeAlias = Mapping[str, Sequence[Estimable]]
+Known: TypeAlias = Mapping[str, Sequence[CalibrationParameter]]
 """{name as a user writes it: what it stands for}."""
 ASKED_OF_IMU: Known = {name: (each,) for name, each in OF_IMU.items()} | {
     "scale": (GYRO_SCALE, ACCEL_SCALE),
@@ -195,7 +195,7 @@ def asked_at(names: Sequence[str]) -> Known:
 
 def asked(value: Any, known: Known) -> dict[str, tuple[float, ...]]:
     """{name: prior standard deviations, SI} of what a file asks for: a list of names, or a table of
-    names with their prior in `Estimable.unit`, one number or one per component. Raises
+    names with their prior in `CalibrationParameter.unit`, one number or one per component. Raises
     DataError."""
     if not known:
         raise DataError("nothing of this source can be estimated; leave it out")
@@ -216,7 +216,7 @@ def asked(value: Any, known: Known) -> dict[str, tuple[float, ...]]:
     return found
 
 
-def prior(what: Estimable, sd: Any, in_tables: bool = False) -> tuple[float, ...]:
+def prior(what: CalibrationParameter, sd: Any, in_tables: bool = False) -> tuple[float, ...]:
     """Prior standard deviations by component, SI, from one number for all or one each, SI or
     `in_tables` in the unit of these; for None its own. Raises DataError."""
     if sd is None:

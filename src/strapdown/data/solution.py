@@ -198,7 +198,7 @@ class Aiding(Value):
     parameters: tuple[float, ...] = ()  # e.g. lever arm from the IMU to the antenna, m, body
     gate: float | None = None  # bound on the NIS; None: 0.1 % false alarms; inf: no gate
     name: str = ""  # shown in tables; the kind by default
-    # {parameter of the installation (names of `estimable`) to estimate: prior standard deviations}
+    # {parameter of the installation (names of `calibration_parameters`) to estimate: prior standard deviations}
     estimate: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     # of a constraint across the wheels: side slip, rad per m/s^2 of lateral acceleration; adds to sd
     slip: float = 0.0

@@ -1,5 +1,5 @@
 """Reasons to doubt a result or a recording, with their probable cause, and the verdict that they
-give. `cross_checks` and `diagnosis` make Reasons."""
+give. `inspection`, `installation` and `verdict` make Reasons."""
 
 from __future__ import annotations
 

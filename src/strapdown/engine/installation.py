@@ -20,8 +20,15 @@ from ..core.loop.contract import (
 )
 from ..core.mathematics.coupling import Coupling
 from ..core.mathematics.error_dynamics import cross_matrix
-from ..data import calibration_parameters as estimable
-from ..data.calibration_parameters import AXES, CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data import calibration_parameters
+from ..data.calibration_parameters import (
+    AXES,
+    CLOCK,
+    LEVER_ARM,
+    MOUNTING,
+    SCALE,
+    CalibrationParameter,
+)
 from ..data.recording import Recording
 from ..data.solution import Aiding, SolutionMeta
 from ..preprocessing.axes import rotation_matrix
@@ -48,7 +55,7 @@ under "estimate"."""
 class StateParameter(NamedTuple):
     """A component of a parameter that is a state."""
 
-    of: Estimable
+    of: CalibrationParameter
     component: int
     sources: tuple[int, ...]  # of the aidings; of the IMU's all that see it
     sd: float  # prior, SI
@@ -98,18 +105,22 @@ def asked_of(sources: Iterable[Aiding], estimate: Estimate) -> tuple[tuple[Aidin
     """(sources with what of them is to be estimated, what of the IMU). Raises DataError."""
     aidings = list(without_estimates(sources))
     of_imu: dict[str, tuple[float, ...]] = {}
-    known = dict.fromkeys([*estimable.OF_SOURCE, *estimable.ASKED_OF_IMU])
+    known = dict.fromkeys([*calibration_parameters.OF_SOURCE, *calibration_parameters.ASKED_OF_IMU])
     for words, sd in _wanted(estimate).items():
         *owner, name = words.split()
         check_choice(name, "estimate", known)
         whose = " ".join(owner)
         of_it = whose.lower() == IMU
-        if name not in estimable.OF_SOURCE and whose and not of_it:
+        if name not in calibration_parameters.OF_SOURCE and whose and not of_it:
             raise DataError(f"estimate: {name} is of the IMU, not of {whose!r}")
-        if name not in estimable.OF_SOURCE or (of_it and name in estimable.ASKED_OF_IMU):
-            of_imu |= {what.name: _prior(what, sd) for what in estimable.ASKED_OF_IMU[name]}
+        if name not in calibration_parameters.OF_SOURCE or (
+            of_it and name in calibration_parameters.ASKED_OF_IMU
+        ):
+            of_imu |= {
+                what.name: _prior(what, sd) for what in calibration_parameters.ASKED_OF_IMU[name]
+            }
             continue
-        prior = _prior(estimable.OF_SOURCE[name], sd)
+        prior = _prior(calibration_parameters.OF_SOURCE[name], sd)
         for i in _asked_at(aidings, name, whose):
             aidings[i] = replace(aidings[i], estimate={**aidings[i].estimate, name: prior})
     return tuple(aidings), of_imu
@@ -146,9 +157,9 @@ def _wanted(estimate: Estimate) -> dict[str, Prior]:
     return dict(estimate) if isinstance(estimate, Mapping) else dict.fromkeys(names)
 
 
-def _prior(what: Estimable, sd: Prior) -> tuple[float, ...]:
+def _prior(what: CalibrationParameter, sd: Prior) -> tuple[float, ...]:
     with located("estimate"):
-        return estimable.prior(what, sd)
+        return calibration_parameters.prior(what, sd)
 
 
 def parameters(
@@ -157,7 +168,7 @@ def parameters(
     """The parameters that are states, in their order. Sources of position and velocity with the
     same lever arm are one antenna: what both ask for is one state."""
     found: list[StateParameter] = []
-    for name, what in estimable.OF_SOURCE.items():
+    for name, what in calibration_parameters.OF_SOURCE.items():
         done: set[int] = set()
         for i, a in enumerate(aidings):
             if name not in a.estimate or i in done:
@@ -169,7 +180,7 @@ def parameters(
             ]
             done |= set(together)
             found += _components(what, a.estimate[name], tuple(together), a.name or a.kind)
-    for name, what in estimable.OF_IMU.items():
+    for name, what in calibration_parameters.OF_IMU.items():
         if name in of_imu:
             seeing = tuple(
                 i for i, a in enumerate(aidings) if name in aiding.find(a.kind).estimable
@@ -179,7 +190,7 @@ def parameters(
 
 
 def _components(
-    what: Estimable, sd: Sequence[float], sources: tuple[int, ...], owner: str
+    what: CalibrationParameter, sd: Sequence[float], sources: tuple[int, ...], owner: str
 ) -> list[StateParameter]:
     return [
         StateParameter(what, k, sources, value, owner) for k, value in enumerate(sd) if value > 0
@@ -233,7 +244,9 @@ def _of_right_clock(aidings: Sequence[Aiding], parameter: StateParameter) -> lis
     ]
 
 
-def as_given(recording: Recording, of: Estimable, component: int, sources: Sequence[int]) -> float:
+def as_given(
+    recording: Recording, of: CalibrationParameter, component: int, sources: Sequence[int]
+) -> float:
     """A component as the recording has it, SI: of a clock 0, of a scale 1, a lever arm of sources from
     the reference point of the vehicle, a mounting as roll, pitch, heading."""
     if of is LEVER_ARM:

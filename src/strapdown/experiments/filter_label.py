@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from .. import filters
 from ..checks import DataError, check_choice
 from ..core.loop.contract import STATES, Filter, InitialState, Noise
-from ..data import calibration_parameters as estimable
+from ..data import calibration_parameters
 from ..engine.prepare import check_options, new_belief
 
 ESTIMATE, NOTHING = "estimate", "none"
@@ -88,9 +88,9 @@ def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
     return names
 
 
-def check_parameter(words: str) -> estimable.Estimable:
+def check_parameter(words: str) -> calibration_parameters.CalibrationParameter:
     """The parameter that "clock" or "position clock" names. Raises DataError."""
-    known = {**estimable.OF_SOURCE, **estimable.OF_IMU}
+    known = {**calibration_parameters.OF_SOURCE, **calibration_parameters.OF_IMU}
     return known[check_choice((words.split() or [""])[-1], "estimate", known)]
 
 

@@ -1,7 +1,7 @@
 """Limits on files, so that none stops or fills the process that reads it: a regular file, of
 bounded size once unpacked, of bounded depth and number of entries.
 
-`opening` has the ways of opening a file, which ask here; nothing else opens one. What unpacks or
+`file_access` has the ways of opening a file, which ask here; nothing else opens one. What unpacks or
 allocates by what a file says counts it with a `Meter`. The limits in force are those of the
 innermost `reading_limits`.
 """

@@ -10,7 +10,7 @@ import numpy as np
 from .. import filters
 from ..checks import DataError
 from ..core.loop.contract import Filter
-from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording, check_recording
 from ..engine.finish import solution
 from ..engine.installation import as_given
@@ -284,7 +284,7 @@ class _Runs:
             for of, axis in never
         ]
 
-    def missing(self, of: Estimable, axis: int) -> str:
+    def missing(self, of: CalibrationParameter, axis: int) -> str:
         """The source without which no motion shows a component."""
         if of is MOUNTING and SHOWN_BY[axis] not in self.kinds:
             return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"

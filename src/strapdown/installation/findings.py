@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.mathematics.rotation import matrix_to_euler
-from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.operations import operation
 from ..data.recording import Recording
 from ..data.solution import Aiding, Solution
@@ -40,7 +40,7 @@ def interval(value: float, sd: float, unit: str) -> str:
 class Estimate:
     """An estimate of a component of a parameter. Numbers are in `unit`: s, m, deg, or none."""
 
-    of: Estimable
+    of: CalibrationParameter
     axis: int  # of its components
     name: str  # such as "clock of gnss", "lever arm forward"
     sources: tuple[str, ...]  # names of those that it concerns
@@ -160,7 +160,8 @@ def named(unknown: Unknown, names: Sequence[str], antennas: int) -> str:
 
 
 def edits(
-    recording: Recording, found: Iterable[tuple[Estimable, Sequence[int], int, float, float]]
+    recording: Recording,
+    found: Iterable[tuple[CalibrationParameter, Sequence[int], int, float, float]],
 ) -> list[Edit]:
     """The edits of recording.toml for (parameter, sources, axis, change, its standard deviation),
     SI, of what was found."""

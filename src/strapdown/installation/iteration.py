@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.calibration_parameters import CLOCK, Estimable
+from ..data.calibration_parameters import CLOCK, CalibrationParameter
 from ..engine.prepare import Run
 from ..engine.sensitivity import SensitivityFit, Sums
 from ..typing import Array
@@ -25,7 +25,7 @@ NOTABLE = 3.0
 class Unknown(NamedTuple):
     """What is estimated as one number: a constant, or one that several share."""
 
-    of: Estimable
+    of: CalibrationParameter
     sources: tuple[int, ...]  # of the recording
     axis: int
     direction: Array  # (m,) what it is in the constants

@@ -17,7 +17,7 @@ from ..core.loop.contract import Imu
 from ..core.mathematics.earth import gravity
 from ..core.mathematics.error_dynamics import cross_matrix
 from ..core.mathematics.rotation_vectors import exponentials
-from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
 from ..data.solution import Aiding
 from ..engine.installation import errors_of_start
@@ -40,7 +40,7 @@ SHOWN_BY = {1: "zero-vertical-velocity", 2: "zero-lateral-velocity"}
 class Constant(NamedTuple):
     """One unknown number of an installation."""
 
-    of: Estimable
+    of: CalibrationParameter
     sources: tuple[int, ...]  # of the recording, whose measurements it changes
     axis: int = 0  # 0, 1, 2 of a lever arm or a mounting
 
@@ -173,7 +173,7 @@ class InstallationModel:
         by = (n * turn[:, 1] - e * turn[:, 0]) / np.maximum(n * n + e * e, 1e-12)
         return self._columns({MOUNTING: by[:, None]}, s)[:, 0]
 
-    def _columns(self, by: dict[Estimable, Array], s: int) -> Array:
+    def _columns(self, by: dict[CalibrationParameter, Array], s: int) -> Array:
         """(k, rows, m) from the derivatives (k, rows, axes) by each kind of constant, of source s;
         arms are given in axes of the vehicle, so that they turn with the mounting."""
         some = next(iter(by.values()))

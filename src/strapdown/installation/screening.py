@@ -10,7 +10,7 @@ import numpy as np
 from .. import filters
 from ..core.loop.contract import POS, STATES, VEL, InitialState, Noise
 from ..core.mathematics.rotation import matrix_to_euler
-from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
 from ..data.solution import Aiding, Solution
 from ..data.verdict import Reason
@@ -49,7 +49,7 @@ class Suspect(NamedTuple):
     excess: float  # of that sum over its expectation
 
     @property
-    def of(self) -> Estimable:
+    def of(self) -> CalibrationParameter:
         """The parameter."""
         return self.unknowns[0].of
 

@@ -10,8 +10,15 @@ import numpy as np
 
 from ..checks import DataError, brief
 from ..core.mathematics.rotation import matrix_to_euler
-from ..data import calibration_parameters as estimable
-from ..data.calibration_parameters import CLOCK, KNOWN, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data import calibration_parameters
+from ..data.calibration_parameters import (
+    CLOCK,
+    KNOWN,
+    LEVER_ARM,
+    MOUNTING,
+    SCALE,
+    CalibrationParameter,
+)
 from ..data.operations import operation
 from ..data.solution import Solution
 from ..data.verdict import Reason
@@ -44,7 +51,7 @@ class EstimatedParameter(Estimate):
 
     @property
     def parameter(self) -> str:
-        """Its name in `estimable`: "clock"."""
+        """Its name in `calibration_parameters`: "clock"."""
         return self.of.name
 
     @property
@@ -156,8 +163,10 @@ def _last(solution: Solution, facts: dict[str, Any], prefix: str = "") -> float:
     return float(solution.columns[prefix + facts["column"]][-1]) / _of(facts).factor
 
 
-def _of(facts: dict[str, Any]) -> Estimable:
-    return (estimable.OF_IMU if facts["of_imu"] else estimable.OF_SOURCE)[facts["name"]]
+def _of(facts: dict[str, Any]) -> CalibrationParameter:
+    return (calibration_parameters.OF_IMU if facts["of_imu"] else calibration_parameters.OF_SOURCE)[
+        facts["name"]
+    ]
 
 
 def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> EstimatedParameter:
@@ -185,7 +194,7 @@ def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> Estim
     )
 
 
-def _motion(solution: Solution, of: Estimable, axis: int) -> str:
+def _motion(solution: Solution, of: CalibrationParameter, axis: int) -> str:
     """What would show it."""
     kinds = set(solution.meta["kinds"].values())
     if of is MOUNTING and axis in SHOWN_BY and SHOWN_BY[axis] not in kinds:

@@ -61,7 +61,7 @@ def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[Reason]:
 
 
 def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
-    """A Reason for each problem of a sensor by itself or beside the IMU; those that `cross_checks`
+    """A Reason for each problem of a sensor by itself or beside the IMU; those that `inspection`
     finds are not among them. `gyro_bias_sd` (rad/s) is what the description of the IMU allows."""
     imu = recording.imu
     yield from unusual_imu(recording, gyro_bias_sd)

@@ -29,7 +29,7 @@ from ..checks import DataError, check_choice, did_you_mean
 from ..core.compile import kernel_cache, library, machine_code, signatures
 from ..core.compile.jit import Kernel
 from ..fileio.locks import part_of
-from . import emit, ir, relocation as placing
+from . import emit, ir, relocation
 
 SLOW = ("core.loop", "xkf", "two_stage", "sigma_point", "particle", "nlo", "flight", "ekf")
 """Parts of the names of kernels that take longest: they come first, so that none of them is left over
@@ -100,7 +100,7 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     with tempfile.TemporaryDirectory() as temporary:
         objects = _objects(kernels, levels, _cache() or Path(temporary), say)
         made = {
-            level: machine_code.written(*placing.place([path.read_bytes() for path in paths]))
+            level: machine_code.written(*relocation.place([path.read_bytes() for path in paths]))
             for level, paths in objects.items()
         }
     if edited := [

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from .. import plugins
 from ..checks import DataError, check_keys
 from ..core.loop.contract import ATT, BA, BG, POS, VEL
-from ..data import calibration_parameters as estimable
+from ..data import calibration_parameters
 from ..data.solution import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
@@ -309,7 +309,10 @@ FIGURES: list[Figure] = [
         "Biases",
         together=True,
     ),
-    *(_of_installation(name) for name in (*estimable.OF_SOURCE, *estimable.OF_IMU)),
+    *(
+        _of_installation(name)
+        for name in (*calibration_parameters.OF_SOURCE, *calibration_parameters.OF_IMU)
+    ),
     Figure(
         "innovations",
         "Innovations",

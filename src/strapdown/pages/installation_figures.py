@@ -34,7 +34,7 @@ SIGMAS = 2.0
 
 
 def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Figure | None:
-    """The errors, true - given, of the parameters of that name (of `estimable`) over time, of a
+    """The errors, true - given, of the parameters of that name (of `calibration_parameters`) over time, of a
     Solution or {name: Solution}, with their bands and those of their priors, a panel for each
     parameter; None where none was estimated."""
     shown = each(solutions)

@@ -89,7 +89,7 @@ class ImuSpec:
         return self.accel.bias_sd(self.warm_up), self.gyro.bias_sd(self.warm_up)
 
     def axes_sd(self) -> dict[str, tuple[float, ...]]:
-        """{parameter of `estimable`: standard deviations of its components} of the scale factors and
+        """{parameter of `calibration_parameters`: standard deviations of its components} of the scale factors and
         misalignments that it states; {} without any."""
         found = {}
         for scale, misalignment, triad in (

@@ -19,7 +19,7 @@ from strapdown.core.compile import jit, library, machine_code
 from strapdown.core.compile.signatures import ABI
 from strapdown.core.loop.contract import OBSERVE
 from strapdown.core.mathematics import elementary
-from strapdown.native import emit, relocation as placing
+from strapdown.native import emit, relocation
 from strapdown.sim.trajectory import demo_flight
 
 PACKAGE = library.PACKAGE
@@ -54,7 +54,7 @@ def of_object(symbol):
     """A file of machine code with the one function, which does nothing."""
     text = DOES_NOTHING.format(symbol=symbol)
     made = emit.emit([text], emit.LIBRARY[HERE[-1]], [symbol])
-    return machine_code.written(*placing.place([made.content]))
+    return machine_code.written(*relocation.place([made.content]))
 
 
 def digest(content):

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ...core.loop.contract import Filter
-from ...data.calibration_parameters import CLOCK, MOUNTING, Estimable
+from ...data.calibration_parameters import CLOCK, MOUNTING, CalibrationParameter
 from ...data.recording import Recording
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions
@@ -78,7 +78,9 @@ def check_states(recording: Recording) -> None:
     augmented_states(asked.aidings, asked.meta.get("estimate", {}))
 
 
-def _priors(wanted: Iterable[tuple[Estimable, Sequence[str], int]]) -> dict[str, tuple[float, ...]]:
+def _priors(
+    wanted: Iterable[tuple[CalibrationParameter, Sequence[str], int]],
+) -> dict[str, tuple[float, ...]]:
     """As `estimate` takes them, of (parameter, names of sources, axis): {name: prior standard deviation
     by component}."""
     priors: dict[str, list[float]] = {}

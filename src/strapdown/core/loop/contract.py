@@ -351,6 +351,6 @@ class Measurement(NamedTuple):
     states: tuple[str, ...] = ()
     state_sd: float = 0.0  # their initial standard deviation
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)
-    # parameters of the installation that its observation knows as states: names of `estimable`
+    # parameters of the installation that its observation knows as states: names of `calibration_parameters`
     estimable: tuple[str, ...] = ()
     lanes: bool = False  # whether its kernel also compiles for eight runs at once

@@ -25,7 +25,7 @@ from ...sensor_models.streams import RandomStream
 from ...sim.synthesis import OF_IMU, OF_START, Simulator
 from ...typing import Array
 from ..filter_label import Labelled
-from . import batch_scoring as lane_scoring
+from . import batch_scoring
 from .scoring import Epochs, FixRows, Scored, ScoredRows, scored
 
 SAMPLES = 512
@@ -46,7 +46,7 @@ class Lanes:
     ) -> None:
         self.wanted, self.made, self.imu, self.at, self.limits = wanted, made, imu, at, limits
         self._shared = imu.shared(made.felt(imu))
-        self._true = lane_scoring.known(at)
+        self._true = batch_scoring.known(at)
         self._first: list[Run | None] = []  # by filter, without numbers of its own; None: no lanes
 
     def run(self, streams: Sequence[RandomStream]) -> tuple[list[list[Scored | None]], Array]:
@@ -72,11 +72,11 @@ class Lanes:
                 starts,
                 recordings,
                 Keeper(
-                    lane_scoring.keep_errors_in_lanes,
+                    batch_scoring.keep_errors_in_lanes,
                     self._true,
                     simulated.biases,
-                    lane_scoring.SCRATCH,
-                    lane_scoring.NUMBERS,
+                    batch_scoring.SCRATCH,
+                    batch_scoring.NUMBERS,
                 ),
             )
             for first in self._first
@@ -104,7 +104,7 @@ class Lanes:
 def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
     """Those that a filter needs on sources of these kinds, as far as they have lanes."""
     wide = [kind for kind in kinds if find(kind).lanes]
-    return [*kernels(filter, wide, lane_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
+    return [*kernels(filter, wide, batch_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
 
 
 class SimulatedSamples:
@@ -171,10 +171,10 @@ def _scored(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> list[S
     )
     kept[at.truth.t >= ended[:, None]] = np.nan
     rows = ScoredRows(
-        kept[..., lane_scoring.ERROR],
-        kept[..., lane_scoring.RPH],
-        kept[..., lane_scoring.SD],
-        kept[..., lane_scoring.NEES],
+        kept[..., batch_scoring.ERROR],
+        kept[..., batch_scoring.RPH],
+        kept[..., batch_scoring.SD],
+        kept[..., batch_scoring.NEES],
     )
     fixes = FixRows(
         side.fixes.t,

@@ -20,7 +20,7 @@ from ...data.calibration_parameters import (
     LEVER_ARM,
     MOUNTING,
     SCALE,
-    Estimable,
+    CalibrationParameter,
     prior,
 )
 from ...data.recording import Recording
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 Installation: TypeAlias = Mapping[str, Prior]
-"""{parameter: standard deviation, SI, one or one per component; None for that of `estimable`}."""
+"""{parameter: standard deviation, SI, one or one per component; None for that of `calibration_parameters`}."""
 
 
 class Installed(NamedTuple):
@@ -124,7 +124,7 @@ def start_of(installed: Installed, start: InitialState) -> InitialState:
     )
 
 
-def _given_wrong(a: Aiding, of: Estimable, component: int, error: float) -> Aiding:
+def _given_wrong(a: Aiding, of: CalibrationParameter, component: int, error: float) -> Aiding:
     if of is CLOCK:
         return replace(a, t=a.t - error)
     if of is SCALE:
@@ -169,7 +169,9 @@ def _turned(reference: Trajectory | None, turn: Rotation) -> Trajectory | None:
     return replace(reference, q_nb=own.as_quat()[:, [3, 0, 1, 2]])
 
 
-def _triad(vectors: Mapping[str, Array], scale: Estimable, misalignment: Estimable) -> Array:
+def _triad(
+    vectors: Mapping[str, Array], scale: CalibrationParameter, misalignment: CalibrationParameter
+) -> Array:
     """(3, 3) from the true rates or forces to those of sensors with these errors."""
     made = np.eye(3)
     if scale.name in vectors:

@@ -2,14 +2,14 @@
 
 from typing import NamedTuple
 
-from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, Estimable
+from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, CalibrationParameter
 
 
 class Edit(NamedTuple):
     """One key of a section, with a new value."""
 
     source: int | None  # [[aiding]], from 0; None: [imu]
-    of: Estimable
+    of: CalibrationParameter
     # s to add to the offset; m of all three axes; roll, pitch, heading, rad; a factor
     value: tuple[float, ...]
     sd: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
