@@ -1,6 +1,6 @@
 """Runs side by side: the closed loop on lanes with its noise beside the scalar loop, and what bounds it.
 
-`python benchmarks/run_batch.py` prints the table of docs/explanation/run_batch.md: parts of a run-step, cost by number of
+`python benchmarks/lanes.py` prints the table of docs/explanation/lanes.md: parts of a run-step, cost by number of
 runs, and the distance to what the processor can do.
 """
 

@@ -29,11 +29,11 @@ provide(
         "at": f"{__name__}.evaluation.other_instants:at",
         "save solution": f"{__name__}.io.solution:write_solution",
         "save recording": f"{__name__}.io:write_recording",
-        "judge": f"{__name__}.diagnosis.judge:judge",
-        "card": f"{__name__}.notebook.cards:card_of",
-        "figure": f"{__name__}.notebook.plots:figure_of",
-        "frame": f"{__name__}.notebook.labelled:frame_of",
-        "dataset": f"{__name__}.notebook.labelled:dataset_of",
+        "judge": f"{__name__}.verdict.judge:judge",
+        "card": f"{__name__}.pages.notebook.cards:card_of",
+        "figure": f"{__name__}.pages.notebook.plots:figure_of",
+        "frame": f"{__name__}.pages.notebook.labelled:frame_of",
+        "dataset": f"{__name__}.pages.notebook.labelled:dataset_of",
     }
 )
 

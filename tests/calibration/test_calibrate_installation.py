@@ -244,7 +244,7 @@ def test_two_clocks_that_trade_off_are_said():
 
 def test_what_does_not_settle_is_not_written(monkeypatch):
     recording = wrong(car(1073, 100.0), "clock", 0.2)
-    monkeypatch.setattr(settling, "MAX_TURNS", 1)
+    monkeypatch.setattr(iterated, "MAX_TURNS", 1)
     made = sd.calibrate_installation(recording)
     assert of(made, "clock").status == NOT_CONFIRMED and not made.edits
     assert made.notes[-1].startswith("the estimates do not settle, so none is written")

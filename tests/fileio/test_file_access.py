@@ -39,7 +39,14 @@ ATTRIBUTES = {
 }
 """Names of what opens a file or parses its text, whatever they are called on."""
 BARE = {"open", "loadmat", "ParquetFile"}
-OTHERS = {"reader.open", "entry.load", "EntryPoint().load", "?.load", "builder.load"}
+OTHERS = {
+    *("self.loads", "balance.loads", "vehicle.loads", "known.trim.loads"),  # forces of an aircraft
+    "reader.open",
+    "entry.load",
+    "EntryPoint().load",
+    "?.load",
+    "builder.load",
+}
 """Of the same name, and not of files."""
 ALLOWED = {
     # the ways themselves
