@@ -347,7 +347,7 @@ import sys
 import strapdown as sd
 from sensor import VERTICAL_SPEED
 from mine import CAREFUL
-from strapdown.sensor_models.simulated import Simulated
+from strapdown.sensor_models.any_sensor import Simulated
 
 if __name__ == "__main__":
     sd.register(VERTICAL_SPEED, CAREFUL)
@@ -436,7 +436,7 @@ import importlib, pathlib, sys, time
 import numpy as np
 import strapdown as sd
 import sensor
-from strapdown.sensor_models.simulated import Simulated
+from strapdown.sensor_models.any_sensor import Simulated
 
 def measured():
     made = sd.simulate("demo", 5.0, seed=1, sensors=(Simulated("vertical-speed", 1e-6),))

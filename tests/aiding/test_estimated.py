@@ -16,7 +16,7 @@ from strapdown.core.loop.stages.clock import followed_back, keep
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution import Aiding
 from strapdown.data.vehicle import find
-from strapdown.engine.limits import limits
+from strapdown.engine.plausible_limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.imu import grade

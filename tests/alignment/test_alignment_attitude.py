@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.alignment.course import COURSE_SD
+from strapdown.alignment.course_heading import COURSE_SD
 from strapdown.alignment.initial import EARTH_RADIUS, align
 from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
 from strapdown.checks import DataError

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.alignment.course import COURSE_SD
+from strapdown.alignment.course_heading import COURSE_SD
 from strapdown.alignment.initial import UNKNOWN_SD, align, body_to_navigation
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu

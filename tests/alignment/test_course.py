@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.alignment.course import (
+from strapdown.alignment.course_heading import (
     COURSE_SD,
     DRIFT,
     MOVING,

@@ -7,8 +7,8 @@ from gapped import gapped, whole, with_sources
 from recordings import at_rest, without_samples
 
 import strapdown as sd
-from strapdown.alignment.course import courses, heading_of
-from strapdown.alignment.fixes import position_and_velocity
+from strapdown.alignment.course_heading import courses, heading_of
+from strapdown.alignment.first_fixes import position_and_velocity
 from strapdown.alignment.initial_heading import mean_force
 from strapdown.alignment.rest import rests
 from strapdown.geometry.geodesy import wrap

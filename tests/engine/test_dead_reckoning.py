@@ -13,7 +13,7 @@ from strapdown.core.loop.contract import InitialState
 from strapdown.core.loop.cursor import Work
 from strapdown.core.loop.reacquisition import make_room
 from strapdown.core.mathematics.source import new_source
-from strapdown.sensor_models.simulated import Simulated
+from strapdown.sensor_models.any_sensor import Simulated
 
 pytestmark = pytest.mark.short
 KINDS = ("speed", "zero-lateral-velocity", "zero-vertical-velocity")

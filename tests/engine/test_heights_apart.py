@@ -11,8 +11,8 @@ from test_weighed import live
 
 import strapdown as sd
 from strapdown.data.solution import Correlated
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.trajectory import demo_flight
 
 MAX = 1.5  # rms error with a wrong source of height, over that without the source

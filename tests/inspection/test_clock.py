@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.inspection.clock import check, coarse_lag
+from strapdown.inspection.clock_offsets import check, coarse_lag
 from strapdown.inspection.motion import InspectedRecording
 
 

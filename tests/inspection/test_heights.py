@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from strapdown.data.solution import Aiding
-from strapdown.inspection.heights import check
+from strapdown.inspection.height_differences import check
 from strapdown.inspection.motion import InspectedRecording
 
 

@@ -10,8 +10,8 @@ import strapdown as sd
 from strapdown import plugins
 from strapdown.checks import DataError
 from strapdown.io import registry
-from strapdown.io.contract import Log, Reader, Section
 from strapdown.io.inspection import draft, inspect
+from strapdown.io.reader import Log, Reader, Section
 from strapdown.io.tables.table_file import FileTable
 
 pytestmark = pytest.mark.short

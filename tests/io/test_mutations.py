@@ -66,7 +66,7 @@ PLUGIN = """
 import numpy as np
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.io.contract import Log, Reader
+from strapdown.io.reader import Log, Reader
 
 
 def bad(path):

@@ -16,8 +16,8 @@ import strapdown as sd
 from strapdown import plugins
 from strapdown.checks import DataError
 from strapdown.io import readers as room, registry as readers
-from strapdown.io.contract import Reader
 from strapdown.io.inspection import inspect
+from strapdown.io.reader import Reader
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.short

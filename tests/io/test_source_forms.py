@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.geometry.geodesy import from_ecef, ned_axes, to_ecef
-from strapdown.io.description.inspection import inspect_description
+from strapdown.io.description.inspected_description import inspect_description
 from strapdown.io.description.read import read_description as read
 from strapdown.sensor_models.geoid import undulation
 

@@ -6,9 +6,9 @@ import pytest
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.scenario_file import read
 from strapdown.sim.synthesis import Simulator, simulate

@@ -14,8 +14,8 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.geometry.geodesy import displaced
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
 

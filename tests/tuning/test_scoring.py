@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from strapdown.tuning.fisher_scoring import climb, profile
 from strapdown.tuning.likelihood import Point, Seen
-from strapdown.tuning.scoring import climb, profile
 from strapdown.units.constants import CHI_SQUARE_95
 
 ROOT = 20 * np.linalg.cholesky(np.array([[1, 0, -0.7], [0, 1, -0.6], [-0.7, -0.6, 1]])).T

@@ -24,8 +24,8 @@ from ..geometry.rotation_products import running_matrices
 from ..preprocessing.lever_arm import swung
 from ..preprocessing.unbroken import felt, is_unbroken, nearest_felt
 from ..typing import Array, Ints
-from .course import SURE, best_instant, courses, heading_of
-from .fixes import UNKNOWN_SPEED, position_and_velocity, source, velocities
+from .course_heading import SURE, best_instant, courses, heading_of
+from .first_fixes import UNKNOWN_SPEED, position_and_velocity, source, velocities
 from .initial_heading import (
     LEVEL_SD_MOVING,
     LEVEL_SD_REST,

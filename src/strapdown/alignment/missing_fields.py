@@ -4,7 +4,7 @@ import numpy as np
 
 from ..core.loop.contract import ATT, POS, VEL, InitialState
 from ..data.recording import Recording
-from .fixes import source
+from .first_fixes import source
 from .initial import align
 from .initial_heading import StatesBiases
 from .location import GIVEN_SD

@@ -11,7 +11,7 @@ from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.unbroken import unbroken
 from ..typing import Array, Ints, Mask
 from ..units.constants import REST_SPEED
-from .fixes import position_and_velocity, velocities
+from .first_fixes import position_and_velocity, velocities
 from .initial_heading import StatesBiases
 
 REST_TIME = 2.0  # s: shortest rest that is worth averaging

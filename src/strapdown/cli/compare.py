@@ -156,7 +156,7 @@ def show(found: "sd.Comparison") -> None:
     are few, the summary, the answer, who failed."""
     from ..experiments.outages.figures import are_listed
     from ..experiments.outages.tables import in_order
-    from ..experiments.outages.words import sentences
+    from ..experiments.outages.texts import sentences
 
     print_verdicts(found.verdicts)
     for note in found.notes:

@@ -64,7 +64,7 @@ def tune(
 ) -> None:
     """Find the noise of the IMU and of each source, and how long errors of GNSS last, from a log;
     write them for --imu and --sources, or into its recording.toml."""
-    from ..tuning.files import check_absent, check_changeable, imu_file, name_of, sources_file
+    from ..tuning.noise_files import check_absent, check_changeable, imu_file, name_of, sources_file
 
     whole, grade = read_given(recording, imu, take)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)

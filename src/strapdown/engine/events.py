@@ -20,8 +20,8 @@ from ..units import quantities
 from ..units.wording import counted
 from .rejections import runs
 from .rejections.contradictions import RejectedRun
+from .rejections.texts import rejected
 from .rejections.windows import WindowFixes
-from .rejections.words import rejected
 
 MAX_OF_A_KIND = 20
 """Events of one kind and source that are kept apart; the last one takes in all that follow."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import filters
-from ..alignment.course import MOVING
-from ..alignment.fixes import source
+from ..alignment.course_heading import MOVING
+from ..alignment.first_fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, HeadingFound
 from ..alignment.rest import rests

@@ -36,7 +36,7 @@ from .arrivals import MAX_WAITING_FIXES, Sample, UsableFix
 from .events import Events
 from .finish import solution, stopped
 from .installation import OfImu
-from .limits import limits
+from .plausible_limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare, stages_of
 
 ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (

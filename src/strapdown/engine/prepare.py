@@ -54,8 +54,8 @@ from ..units.constants import MAX_PAUSE
 from . import installation
 from .events import Events
 from .installation import OfImu
-from .limits import floors, limits
 from .options import GivenImu, RunOptions
+from .plausible_limits import floors, limits
 from .source_noise import correlated_rows, place_noise, weighable, with_correlated_errors
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500

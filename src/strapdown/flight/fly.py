@@ -38,17 +38,9 @@ from .aircraft.wind import NORMALS, Turbulence, begin, gust, turbulence as gusts
 from .asked import LOOP, SENSORS, WORLD, Loop, Sensors, World, check_options
 from .autopilot import Gains, Segment, Steering
 from .autopilot_gains import gains, steering
-from .checks import (
-    check,
-    check_sensors,
-    checked_filter,
-    checked_windows,
-    handed,
-    steps_of,
-    times,
-)
 from .inputs import TOLD_SIZE
 from .plan import FlightPlan, flight_plan, route
+from .refusals import check, check_sensors, checked_filter, checked_windows, handed, steps_of, times
 from .sensor_errors import (
     FixErrors,
     ImuErrors,

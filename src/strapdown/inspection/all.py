@@ -5,7 +5,15 @@ from dataclasses import replace
 
 from ..data.recording import Recording
 from ..data.verdict import GRAVE
-from . import clock, fix_noise, heights, plane, position_velocity, repeats, turns
+from . import (
+    clock_offsets as clock,
+    fix_noise,
+    height_differences as heights,
+    plane,
+    position_velocity,
+    repeats,
+    turns,
+)
 from .finding import Checked, label
 from .motion import InspectedRecording
 

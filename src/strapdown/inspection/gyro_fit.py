@@ -8,7 +8,7 @@ import numpy as np
 from ..core.loop.contract import Imu
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
-from .clock import left_over
+from .clock_offsets import left_over
 from .finding import MIN_FIXES
 from .motion import Felt, InspectedRecording, Moved, felt, moved
 

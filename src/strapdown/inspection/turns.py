@@ -11,7 +11,7 @@ from ..data.solution import Aiding
 from ..data.vehicle import find as find_vehicle
 from ..data.verdict import Reason
 from ..typing import Array
-from .clock import correlations
+from .clock_offsets import correlations
 from .finding import MIN_FIXES, Checked, label
 from .gyro_fit import EVIDENCE, likelier
 from .motion import InspectedRecording, course_rate, moved

@@ -8,7 +8,7 @@ import numpy as np
 from ..checks import DataError
 from ..data.calibration_parameters import CLOCK
 from ..inspection import plane, position_velocity
-from ..inspection.clock import coarse_lag
+from ..inspection.clock_offsets import coarse_lag
 from ..inspection.motion import InspectedRecording
 from ..typing import Array
 from .model import Constant

@@ -21,8 +21,8 @@ from ..sensor_models.imu import grade
 from ..typing import Array, Ints, Mask
 from ..units.time_scales import span, utc
 from ..units.wording import counted
-from .contract import Findings
 from .magnetic_record import facts_and_reasons as of_field
+from .reader import Findings
 
 
 def recording_facts(recording: Recording, *more: str) -> Findings:

@@ -46,7 +46,7 @@ def inspect(path: File, /, *more: File, **instances: int | None) -> Inspection:
     paths = [Path(each) for each in (path, *more)]
     reader = looker(paths[0])
     if reader.open is not None or more:
-        from .description.inspection import inspect_logs  # loads pydantic: 0.2 s
+        from .description.inspected_description import inspect_logs  # loads pydantic: 0.2 s
 
         label = ", ".join(map(str, paths))
         with reading_within(label):

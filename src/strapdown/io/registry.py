@@ -17,7 +17,7 @@ from typing import Any
 from .. import plugins
 from ..checks import DataError, printable
 from ..fileio.limits import reading_within, regular
-from .contract import Reader
+from .reader import Reader
 from .tables.table_file import PACKED, SUFFIXES as OF_TEXT, files_in, head_of
 
 START = 1 << 12

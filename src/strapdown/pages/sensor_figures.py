@@ -18,7 +18,7 @@ from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..data.recording import Recording
 from ..data.solution import Solution
-from ..engine.limits import AT_FULL_SCALE
+from ..engine.plausible_limits import AT_FULL_SCALE
 from ..io.magnetic_record import MIN_LEVELS, PILE, TIMES
 from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..sensor_models.imu import ImuSpec, grade

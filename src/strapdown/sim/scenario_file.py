@@ -28,10 +28,10 @@ from ..fileio.toml_keys import (
     within,
 )
 from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
 from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
-from ..sensor_models.simulated import Simulated
 from ..typing import File
 from . import motions
 from .jsbsim import JsbsimTarget, jsbsim_motion

@@ -15,13 +15,13 @@ from ..core.loop.contract import STATES
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.solution import Trajectory
 from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.geomagnetism import geomagnetic_field
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.imu import ImuSpec, grade
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.sampling import check_rate
-from ..sensor_models.simulated import Simulated
 from ..typing import Array, File
 from .trajectory import DEG, Motion, sample
 

@@ -15,12 +15,12 @@ from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Aiding, Trajectory
 from ..geometry.geodesy import displaced
 from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.receiver import receiver
-from ..sensor_models.simulated import Simulated
 from ..sensor_models.streams import RandomStream, SeedLike
 from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find

@@ -11,7 +11,7 @@ from ..evaluation.fix_statistics import counts
 from ..typing import Array
 from ..units.constants import CHI_SQUARE_95
 from .findings import AT_MAX, AT_MIN, KEPT, OPEN, TUNED, Direction, NoiseParameter, SourceFit
-from .scoring import LikelihoodProfile, Top, climb
+from .fisher_scoring import LikelihoodProfile, Top, climb
 from .search import Search
 from .unknowns import NoiseUnknown
 

@@ -12,7 +12,7 @@ from ..data.solution import Solution
 from ..evaluation.fix_statistics import lasts
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, File
-from .files import change, difference, name_of, write
+from .noise_files import change, difference, name_of, write
 from .numbers import WHITE, NoiseNumber
 
 if TYPE_CHECKING:

@@ -16,11 +16,11 @@ from ..engine.prepare import Run
 from ..evaluation.fix_statistics import correlation, counts, lasts
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
+from .fisher_scoring import LikelihoodProfile, Top, climb, profile
 from .likelihood import Likelihood
 from .numbers import IMU, TIME, WHITE
 from .outliers import passed, rough, used
 from .part import check_length, part, smoothed_start
-from .scoring import LikelihoodProfile, Top, climb, profile
 from .time_correlation import with_lasting
 from .unknowns import (
     APART,

@@ -7,9 +7,9 @@ import numpy as np
 
 from ..data.solution import Correlated
 from ..typing import Array
+from .fisher_scoring import Top, climb
 from .likelihood import Likelihood
 from .numbers import IMU, WHITE
-from .scoring import Top, climb
 from .unknowns import NoiseUnknown, groups, lasting
 
 TIMES = (3.0, 10.0, 30.0, 100.0)

@@ -17,7 +17,7 @@ from strapdown.core.loop.loop import SAME_TIME
 from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.data.vehicle import VEHICLES
 from strapdown.engine.events import MAX_OF_A_KIND, Events, log_row
-from strapdown.engine.limits import AT_FULL_SCALE, limits
+from strapdown.engine.plausible_limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
 from strapdown.geometry.geodesy import displaced

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.core.loop.body_motion import ROWS
 from strapdown.core.loop.contract import FilterState
-from strapdown.core.loop.motion import ROWS
 from strapdown.core.loop.stages.clock import AHEAD, BEHIND, followed_back, keep
 from strapdown.core.mathematics.earth import gravity
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution import Aiding
 from strapdown.data.vehicle import find
-from strapdown.engine.limits import limits
+from strapdown.engine.plausible_limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.imu import grade

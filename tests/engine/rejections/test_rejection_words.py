@@ -13,7 +13,7 @@ from strapdown.engine.rejections import causes
 from strapdown.engine.rejections.causes import CauseFound
 from strapdown.engine.rejections.contradictions import RejectedRun
 from strapdown.engine.rejections.runs import joined
-from strapdown.engine.rejections.words import rejected
+from strapdown.engine.rejections.texts import rejected
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.geometry.geodesy import displaced
 from strapdown.pages import fix_figures, summary

@@ -24,8 +24,8 @@ from strapdown.experiments.monte_carlo.wrong_installation import (
     start_of,
 )
 from strapdown.installation.model import applied, constants
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.synthesis import Simulator
 
 CAR = sd.scenario("car").replace(

@@ -13,7 +13,7 @@ from pages import own
 
 from strapdown.experiments.outages import figures
 from strapdown.experiments.outages.page import page
-from strapdown.experiments.outages.words import answers, failures, ranked, ratio, sentences, unlike
+from strapdown.experiments.outages.texts import answers, failures, ranked, ratio, sentences, unlike
 from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short

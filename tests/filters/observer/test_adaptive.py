@@ -12,8 +12,8 @@ import strapdown as sd
 from strapdown import aiding, filters
 from strapdown.core.loop.contract import InitialState, Kind, Noise, compile_kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.filters.observer import adaptive
-from strapdown.filters.observer.adaptive import AIR, COUNT, GYRO, WIND
+from strapdown.filters.observer import adaptive_law
+from strapdown.filters.observer.adaptive_law import AIR, COUNT, GYRO, WIND
 from strapdown.filters.observer.covariance import step
 from strapdown.filters.observer.equations import ADAPTIVE, FADE, XI
 from strapdown.geometry.geodesy import displaced, displacement
@@ -33,7 +33,7 @@ def begun(change=None, **options):
     rph, lla = (0.1, 0.05, 0.7), (0.8, 0.1, 500.0)
     given = InitialState(0.0, lla, (30.0, 25.0, 0.0), rph, (0.0,) * 3, (0.0,) * 3, SD)
     belief = NLO.start(given, SILENT, **options)
-    own = adaptive.ADAPTIVE.named(belief.workspace[ADAPTIVE])
+    own = adaptive_law.ADAPTIVE.named(belief.workspace[ADAPTIVE])
     belief.workspace[FADE], own["BEGUN"][...] = 0.0, 1.0
     if change is not None:
         moved = own["SCALE"] * change
@@ -69,7 +69,7 @@ def test_its_answers_are_those_of_an_observer_that_is_moved():
     bias, or wind."""
     exact, seen, small = begun(**DEAF), [], 1e-4
     fly(exact, 8, seen)
-    own = adaptive.ADAPTIVE.named(exact.workspace[ADAPTIVE])
+    own = adaptive_law.ADAPTIVE.named(exact.workspace[ADAPTIVE])
     for j in range(COUNT):
         belief = begun(small * (np.arange(COUNT) == j), **DEAF)
         fly(belief, 8, iter_of(seen))
@@ -96,25 +96,25 @@ def test_its_least_squares_are_the_dense_ones_and_never_lose():
     rows, also as it forgets."""
     belief, rng = begun(memory=20.0, xi_noise=0.2), np.random.default_rng(4)
     own = belief.workspace[ADAPTIVE]
-    named, J, left = adaptive.ADAPTIVE.named(own), np.eye(COUNT), rng.standard_normal(COUNT)
+    named, J, left = adaptive_law.ADAPTIVE.named(own), np.eye(COUNT), rng.standard_normal(COUNT)
     before, kept = np.inf, left.copy()
     for _ in range(60):
         X, a = 0.3 * rng.standard_normal((3, COUNT)), 0.2 * rng.standard_normal(COUNT)
         named["U_XI"][:], named["U_TILT"][2] = X, a
         wind = np.array([-np.sin(0.7), np.cos(0.7)]) * named["SCALE"][AIR:] / 40.0
         h = a + np.r_[np.zeros(AIR), wind]
-        own[adaptive.SINCE], J = 1.0, J + np.outer(h, h) * 3.0
-        adaptive.see_course(own, belief.C, h @ left, 1 / 40.0, 3.0)
-        adaptive.see_force(own, X @ left, 5.0)
+        own[adaptive_law.SINCE], J = 1.0, J + np.outer(h, h) * 3.0
+        adaptive_law.see_course(own, belief.C, h @ left, 1 / 40.0, 3.0)
+        adaptive_law.see_force(own, X @ left, 5.0)
         J = J + 5.0 * X.T @ X
         J += (np.eye(COUNT) - J) / 20.0
-        adaptive.forget(own, True)
-        known = adaptive.factor(own)
+        adaptive_law.forget(own, True)
+        known = adaptive_law.factor(own)
         np.testing.assert_allclose(np.tril(named["J"]), np.tril(J), rtol=1e-9)
         assert known == pytest.approx(1 - np.diag(np.linalg.inv(J))[:GYRO].max(), abs=1e-9)
         change = named["SUM"].copy()
         expected = np.linalg.solve(J, change)
-        adaptive.solve(own, change)
+        adaptive_law.solve(own, change)
         np.testing.assert_allclose(change, expected, rtol=1e-8)
         named["SUM"][:], left = 0.0, left - change
         assert left @ J @ left < before
@@ -128,7 +128,7 @@ def test_with_fast_fixes_and_no_turns_xi_is_minus_c_times_the_bias():
     slow = dict(k1=1e-9, k2=1e-9, ki=0.0, k1_start=1e-9, k2_start=1e-9, ki_start=0.0)
     belief = begun(**slow, **DEAF, wander=10.0, wander_start=10.0)
     fly(belief, 10, [], turn=0.0, sd_of=1e-3)
-    own = adaptive.ADAPTIVE.named(belief.workspace[ADAPTIVE])
+    own = adaptive_law.ADAPTIVE.named(belief.workspace[ADAPTIVE])
     np.testing.assert_allclose(own["U_XI"][:, :GYRO] / own["SCALE"][:GYRO], -belief.C, atol=0.02)
 
 

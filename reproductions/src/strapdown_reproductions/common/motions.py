@@ -8,9 +8,9 @@ import numpy as np
 
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from strapdown.data.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim import motions
 from strapdown.sim.synthesis import simulate
 from strapdown.sim.trajectory import DEG, Motion, demo_flight

@@ -9,8 +9,8 @@ import numpy as np
 import strapdown as sd
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.motions import car
 from strapdown.typing import Array
 

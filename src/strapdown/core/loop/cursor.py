@@ -7,8 +7,8 @@ from ..compile.records import Table, rows_of
 from ..compile.signatures import record
 from ..compile.workspace import MAX_STATES
 from ..mathematics.coupling import Coupling
+from .body_motion import BodyMotion
 from .log import LogRow
-from .motion import BodyMotion
 
 CHANNELS = 7
 """Tests of a source's innovations: whitened ones above and below what is allowed, by component, and

@@ -33,9 +33,9 @@ from .gaps import (
 from .integrity import NO_ACCEL, NO_GYRO, flag_unreliable, plausible, recover_attitude
 from .kernels import KERNELS, Kernels, predict_at, step_at
 from .log import LOG_FULL, Code, say
+from .loop_tape import call_step, save_step
 from .measurement import use_next
 from .tables import FIXES, IMU, OUTPUT, Fixes, Imu, Output, Status
-from .tape import call_step, save_step
 
 SAME_TIME = 1e-6  # s: a measurement this close to a sample's end is taken there
 

@@ -33,9 +33,9 @@ from .integrity import (
 )
 from .kernels import Kernels, correct_at, observe_at
 from .log import Code, say
+from .loop_tape import call_stage, save_step
 from .reacquisition import height_alone, make_room
 from .tables import Fixes, FixRow, Output, Status, Use
-from .tape import call_stage, save_step
 
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 LIFT_ALONE = 1.0  # s, of velocities in the body that nothing else helps

@@ -39,7 +39,7 @@ from ...pages.drawing import (
 from ...pages.notebook.plots import titled
 from ...typing import Array, Ints, Mask
 from ...units.wording import metres
-from .words import ErrorRatio, ranked, ratio
+from .texts import ErrorRatio, ranked, ratio
 
 if TYPE_CHECKING:
     from .protocols import Window

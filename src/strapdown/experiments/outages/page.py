@@ -12,7 +12,7 @@ from ...pages.shell import Document, Page
 from ...pages.verdict_block import verdict_block
 from ...units.wording import counted
 from . import figures, tables
-from .words import answers, failures, ranked, unlike
+from .texts import answers, failures, ranked, unlike
 
 if TYPE_CHECKING:
     from .result import Comparison

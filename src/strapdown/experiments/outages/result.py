@@ -187,7 +187,7 @@ class Comparison:
     def _repr_html_(self) -> str:
         from ...pages.notebook.cards import card, lines, of_verdicts
         from .tables import summary
-        from .words import answers
+        from .texts import answers
 
         facts = {"outages": self.words, "withheld": ", ".join(self.kinds)}
         said = lines([*answers(self), *self.notes])

@@ -17,7 +17,7 @@ from ...pages.parts import Html, Ruled, TableCell, around, caption, paragraphs, 
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY
 from ...units.wording import number
-from .words import ranked, unlike
+from .texts import ranked, unlike
 
 if TYPE_CHECKING:
     from .result import Comparison

@@ -29,7 +29,7 @@ from ...core.mathematics.joseph import (
 from ...core.mathematics.kalman import decay
 from ...core.mathematics.rotation import turned
 from ...typing import Array
-from . import adaptive
+from . import adaptive_law
 from .equations import (
     ACROSS,
     ADAPTATION,
@@ -202,22 +202,22 @@ def after_fix(belief: FilterState, sd: Array, kind: int, source: SourceRow, H: A
 def _learnt(belief: FilterState, P: Array, a: Array, b: Array, r: Array) -> None:
     """P by what the adaptive part has learnt of the course, and then of xi."""
     workspace, C = belief.workspace, belief.C
-    own, K = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive.CHANGE]
+    own, K = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive_law.CHANGE]
     clear(workspace)
     left = 1 / (1 - workspace[SHARE])
-    for i in range(adaptive.COUNT):
-        K[i] = own[adaptive.COURSE][i]
-    adaptive.solve(own, K)
+    for i in range(adaptive_law.COUNT):
+        K[i] = own[adaptive_law.COURSE][i]
+    adaptive_law.solve(own, K)
     _move(own, C, a, 0)
     b[0, 8], b[0, CRAB] = left, left
     r[0, 0] = left * left * workspace[COURSE_SD] * workspace[COURSE_SD]
     spread(P, workspace[OWN], a, b, r)
     clear(workspace)
-    x = matrix(own, adaptive.U_XI, 3, adaptive.COUNT)
+    x = matrix(own, adaptive_law.U_XI, 3, adaptive_law.COUNT)
     for row in range(3):
-        for i in range(adaptive.COUNT):
-            K[i] = -own[adaptive.WEIGHT] * x[row, i]
-        adaptive.solve(own, K)
+        for i in range(adaptive_law.COUNT):
+            K[i] = -own[adaptive_law.WEIGHT] * x[row, i]
+        adaptive_law.solve(own, K)
         _move(own, C, a, row)
         b[row, XI + row] = 1.0
     spread(P, workspace[OWN], a, b, r)
@@ -227,12 +227,12 @@ def _learnt(belief: FilterState, P: Array, a: Array, b: Array, r: Array) -> None
 def _move(own: Array, C: Array, a: Array, row: int) -> None:
     """a[row] of a change of what the adaptive part knows, in CHANGE."""
     for i in range(3):
-        a[row, i] = -adaptive.answer(own, adaptive.U_P, i)
-        a[row, 3 + i] = -adaptive.answer(own, adaptive.U_V, i)
-        a[row, 6 + i] = -adaptive.answer(own, adaptive.U_TILT, i)
-        a[row, 9 + i] = -own[adaptive.SCALE][i] * own[adaptive.CHANGE][i]
-        a[row, 12 + i] = -adaptive.answer(own, adaptive.U_GYRO, i)
-        a[row, XI + i] = adaptive.answer(own, adaptive.U_XI, i)
+        a[row, i] = -adaptive_law.answer(own, adaptive_law.U_P, i)
+        a[row, 3 + i] = -adaptive_law.answer(own, adaptive_law.U_V, i)
+        a[row, 6 + i] = -adaptive_law.answer(own, adaptive_law.U_TILT, i)
+        a[row, 9 + i] = -own[adaptive_law.SCALE][i] * own[adaptive_law.CHANGE][i]
+        a[row, 12 + i] = -adaptive_law.answer(own, adaptive_law.U_GYRO, i)
+        a[row, XI + i] = adaptive_law.answer(own, adaptive_law.U_XI, i)
 
 
 @helper

@@ -27,7 +27,7 @@ from ...core.mathematics.kalman import decay
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
 from ...typing import Array
-from . import adaptive
+from . import adaptive_law
 from .translation_gains import AGE, SPREAD, TRANSLATION, VELOCITY_AGE, pulled
 
 OBSERVER = Slots()
@@ -69,7 +69,7 @@ WORK = OBSERVER.array("WORK", 9)
 EIGEN = OBSERVER.matrix("EIGEN", 4, 4)  # MOMENT as it is made diagonal
 MOTION = OBSERVER.part("MOTION", TRANSLATION)  # the translational motion observer
 LAW = OBSERVER.number("LAW")  # of the accelerometer bias
-ADAPTIVE = OBSERVER.part("ADAPTIVE", adaptive.ADAPTIVE)
+ADAPTIVE = OBSERVER.part("ADAPTIVE", adaptive_law.ADAPTIVE)
 JACOBIAN = OBSERVER.matrix("JACOBIAN", 3, MAX_STATES)  # H of a fix, which is not used
 EMBEDDED = Slots()
 """What an observer inside another filter takes of its workspace."""
@@ -162,8 +162,8 @@ def _answer_sample(bar: FilterState, k: float, dt: float, free: bool) -> None:
     C, workspace, f, own = bar.C, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
     f0, f1, f2 = turned(C, f[0], f[1], f[2])
     ki = where(free, gain(workspace, KI), 0.0)
-    adaptive.sample(own, C, f0, f1, f2, where(free, k, 0.0), ki, dt)
-    own[adaptive.SINCE] += where(free, dt, 0.0)
+    adaptive_law.sample(own, C, f0, f1, f2, where(free, k, 0.0), ki, dt)
+    own[adaptive_law.SINCE] += where(free, dt, 0.0)
 
 
 @helper
@@ -351,11 +351,11 @@ def take(
     workspace, e = bar.workspace, innovation
     free = (not outage(workspace)) | (kind == Kind.POSITION or kind == Kind.VELOCITY)
     free = free & wanted
-    workspace[SHARE] = workspace[ADAPTIVE][adaptive.WEIGHT] = 0.0
+    workspace[SHARE] = workspace[ADAPTIVE][adaptive_law.WEIGHT] = 0.0
     for i in range(9):
         workspace[GAIN][i] = 0.0
-    for i in range(adaptive.COUNT):
-        workspace[ADAPTIVE][adaptive.COURSE][i] = 0.0
+    for i in range(adaptive_law.COUNT):
+        workspace[ADAPTIVE][adaptive_law.COURSE][i] = 0.0
     if kind == Kind.HEADING:
         measured = (e[0] == e[0]) & wanted
         since = min(workspace[SINCE_HEADING], MAX_GAP)
@@ -406,7 +406,7 @@ def _translate(bar: FilterState, kind: int, innovation: Array, sd: Array, wanted
             )
             if int(workspace[LAW]) == BY_XI:
                 each = K[3 * row : 3 * row + 3]
-                adaptive.fix(workspace[ADAPTIVE], axis, kind == Kind.VELOCITY, each)
+                adaptive_law.fix(workspace[ADAPTIVE], axis, kind == Kind.VELOCITY, each)
             since = where(measured, 0.0, since)
             e = where(measured, e, 0.0)
             for i in range(3):
@@ -433,47 +433,47 @@ def _answer_heading(bar: FilterState, by_wind: float) -> None:
     C, workspace, f = bar.C, bar.workspace, bar.f
     f0, f1, f2 = turned(C, f[0], f[1], f[2])
     share, ki = workspace[SHARE], workspace[LEARNT]
-    adaptive.heading(workspace[ADAPTIVE], C, f0, f1, f2, share, ki, by_wind)
+    adaptive_law.heading(workspace[ADAPTIVE], C, f0, f1, f2, share, ki, by_wind)
 
 
 @inlined
 def _learn(bar: FilterState, wanted: bool) -> None:
     """Biases and wind by xi and what the course has told, and the observer by what it answers."""
     workspace, own, ba, xi = bar.workspace, bar.workspace[ADAPTIVE], bar.ba, bar.workspace[XI]
-    adaptive.begin(own, wanted & (workspace[FADE] < 1) & (own[adaptive.BEGUN] == 0))
-    noise, T = own[adaptive.XI_NOISE], min(own[adaptive.SINCE], MAX_GAP)
+    adaptive_law.begin(own, wanted & (workspace[FADE] < 1) & (own[adaptive_law.BEGUN] == 0))
+    noise, T = own[adaptive_law.XI_NOISE], min(own[adaptive_law.SINCE], MAX_GAP)
     weight = (1 - min(workspace[FADE], 1.0)) * T / (noise * noise)
-    adaptive.see_force(own, xi, where(wanted, weight, 0.0))
-    adaptive.forget(own, wanted)
-    known = adaptive.factor(own)
-    change, scale, wind = own[adaptive.CHANGE], own[adaptive.SCALE], own[adaptive.WIND]
-    for i in range(adaptive.COUNT):
-        change[i] = own[adaptive.SUM][i]
-        own[adaptive.SUM][i] = 0.0
-    adaptive.solve(own, change)
+    adaptive_law.see_force(own, xi, where(wanted, weight, 0.0))
+    adaptive_law.forget(own, wanted)
+    known = adaptive_law.factor(own)
+    change, scale, wind = own[adaptive_law.CHANGE], own[adaptive_law.SCALE], own[adaptive_law.WIND]
+    for i in range(adaptive_law.COUNT):
+        change[i] = own[adaptive_law.SUM][i]
+        own[adaptive_law.SUM][i] = 0.0
+    adaptive_law.solve(own, change)
     bounded(
         ba, scale[0] * change[0], scale[1] * change[1], scale[2] * change[2], workspace[ACCEL_BOUND]
     )
     displace(
         bar.lla,
-        adaptive.answer(own, adaptive.U_P, 0),
-        adaptive.answer(own, adaptive.U_P, 1),
-        adaptive.answer(own, adaptive.U_P, 2),
+        adaptive_law.answer(own, adaptive_law.U_P, 0),
+        adaptive_law.answer(own, adaptive_law.U_P, 1),
+        adaptive_law.answer(own, adaptive_law.U_P, 2),
     )
     rotate_left(
-        adaptive.answer(own, adaptive.U_TILT, 0),
-        adaptive.answer(own, adaptive.U_TILT, 1),
-        adaptive.answer(own, adaptive.U_TILT, 2),
+        adaptive_law.answer(own, adaptive_law.U_TILT, 0),
+        adaptive_law.answer(own, adaptive_law.U_TILT, 1),
+        adaptive_law.answer(own, adaptive_law.U_TILT, 2),
         bar.C,
     )
     for i in range(3):
-        bar.v[i] += adaptive.answer(own, adaptive.U_V, i)
-        xi[i] -= adaptive.answer(own, adaptive.U_XI, i)
+        bar.v[i] += adaptive_law.answer(own, adaptive_law.U_V, i)
+        xi[i] -= adaptive_law.answer(own, adaptive_law.U_XI, i)
     bounded(
         bar.bg,
-        adaptive.answer(own, adaptive.U_GYRO, 0),
-        adaptive.answer(own, adaptive.U_GYRO, 1),
-        adaptive.answer(own, adaptive.U_GYRO, 2),
+        adaptive_law.answer(own, adaptive_law.U_GYRO, 0),
+        adaptive_law.answer(own, adaptive_law.U_GYRO, 1),
+        adaptive_law.answer(own, adaptive_law.U_GYRO, 2),
         workspace[GYRO_BOUND],
     )
     for i in range(2):
@@ -488,7 +488,7 @@ def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool
     workspace = bar.workspace
     mode, by_xi = int(workspace[MODE]), int(workspace[LAW]) == BY_XI
     if by_xi:
-        wind = workspace[ADAPTIVE][adaptive.WIND]
+        wind = workspace[ADAPTIVE][adaptive_law.WIND]
         north, east = north - wind[0], east - wind[1]
     speed = math.sqrt(north * north + east * east)
     told = min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED
@@ -510,13 +510,13 @@ def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool
     seconds = min(since, MAX_GAP)
     by_wind = 1 / where(fast, speed, 1.0)
     if by_xi:
-        own, slip = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive.SLIP]
+        own, slip = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive_law.SLIP]
         z = wrap(course - arctangent2(bar.C[1, 0], bar.C[0, 0]))
         weight = (
             (1 - min(workspace[FADE], 1.0)) * seconds / (slip * slip + own_sd * own_sd * seconds)
         )
         fast_z = where(fast, z, 0.0)
-        adaptive.see_course(own, bar.C, fast_z, by_wind, where(fast, weight, 0.0))
+        adaptive_law.see_course(own, bar.C, fast_z, by_wind, where(fast, weight, 0.0))
     if mode == PRINTED:
         C, speed = bar.C, where(speed > 0, speed, 1.0)
         _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds, fast)

@@ -20,7 +20,7 @@ from ...checks import check_choice, check_number
 from ...core.loop.contract import FilterState, InitialState, Noise, Source
 from ...core.mathematics.embedded import as_numbers
 from ...typing import Array, ArrayLike, Mask
-from . import adaptive, equations, translation_gains
+from . import adaptive_law, equations, translation_gains
 
 DEFAULTS = dict(
     course="tilt-compensated",
@@ -124,13 +124,13 @@ def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> No
     block[at.MODE], block[at.TOLD] = at.COURSES[o["course"]], noise.accel
     block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE_INTERVALS
     block[at.LAW] = at.LAWS[o["bias_law"]]
-    law = adaptive.ADAPTIVE.named(block[at.ADAPTIVE])
+    law = adaptive_law.ADAPTIVE.named(block[at.ADAPTIVE])
     law["XI_NOISE"][...], law["MEMORY"][...] = o["xi_noise"], o["memory"]
     law["SLIP"][...] = math.radians(o["slip"])
     law["SCALE"][:] = (*start.sd[9:12], *np.maximum(start.sd[12:15], GYRO_LEFT), *(o["wind"],) * 2)
-    law["J"][:] = law["ROOT"][:] = np.eye(adaptive.COUNT)
-    law["U_GYRO"][:, adaptive.GYRO : adaptive.AIR] = np.diag(
-        law["SCALE"][adaptive.GYRO : adaptive.AIR]
+    law["J"][:] = law["ROOT"][:] = np.eye(adaptive_law.COUNT)
+    law["U_GYRO"][:, adaptive_law.GYRO : adaptive_law.AIR] = np.diag(
+        law["SCALE"][adaptive_law.GYRO : adaptive_law.AIR]
     )
     own = translation_gains.TRANSLATION.named(block[at.MOTION])
     own["DESIGN"][...] = translation_gains.DESIGNS[_design(o)]

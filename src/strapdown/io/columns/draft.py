@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..contract import GUESS, Log, Section
 from ..description.source_files import times_of
+from ..reader import GUESS, Log, Section
 from ..tables.table_arrays import tables_of
 from ..tables.table_file import FileTable
 from .column_names import ACCEL, GYRO, ColumnNames, plain

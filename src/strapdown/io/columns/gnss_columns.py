@@ -10,9 +10,9 @@ import numpy as np
 from ...core.mathematics.earth import A
 from ...typing import Array, Mask
 from ...units.conversion import UNITS
-from ..contract import Section
 from ..description.schema_base import KeyCondition
 from ..description.source_files import holds
+from ..reader import Section
 from .column_names import (
     DEVIATIONS,
     ECEF,

@@ -19,9 +19,9 @@ from ...preprocessing.plausible import (
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY as G
 from ...units.conversion import UNITS
-from ..contract import GUESS, Section
 from ..description.magnetic_sources import EARTH_FIELD
 from ..description.schema_aiding import HEADING
+from ..reader import GUESS, Section
 from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, ColumnNames
 
 ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...units.time_scales import DAY, WEEK, gps_of, iso
-from ..contract import Log, Section
+from ..reader import Log, Section
 from ..tables.table_file import FileTable
 from .schema_base import Time
 from .source_files import times_of

@@ -14,7 +14,7 @@ from ...data.recording import Recording
 from ...typing import File
 from ...units.conversion import factor
 from ...units.time_scales import rate_of
-from ..contract import GUESS, ROLES, Log, Section
+from ..reader import GUESS, ROLES, Log, Section
 from ..registry import ask, looker
 from ..tables.table_file import FileTable
 from .clocks import OneClock, one_clock

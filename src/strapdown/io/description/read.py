@@ -26,8 +26,8 @@ from ...preprocessing.wheel_slip import without_slip
 from ...typing import Array, File
 from ...units.conversion import DEG, factor
 from ...units.time_scales import iso, utc
-from ..contract import Made
 from ..magnetic_record import sound
+from ..reader import Made
 from ..tables.table_file import FileTable
 from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures

@@ -17,7 +17,7 @@ from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotat
 from ...typing import Array
 from ...units.conversion import factor
 from ...units.time_scales import gps_of
-from ..contract import GUESS
+from ..reader import GUESS
 from .schema_aiding import (
     ECEF,
     FORMS,

@@ -23,8 +23,8 @@ from ...units.time_scales import (
     seconds_since,
     year_of,
 )
-from ..contract import Log
 from ..locate import locate
+from ..reader import Log
 from ..registry import ask, looker
 from ..tables.calendar_text import Moments, Pattern, read_moments
 from ..tables.table_arrays import MATLAB, tables_of

@@ -33,8 +33,8 @@ from ...sensor_models.errors import Triad
 from ...sensor_models.imu import ImuSpec
 from ...typing import Array, ArrayLike, File, Mask
 from ...units.wording import counted
-from ..contract import Findings, Reader
 from ..facts import recording_facts
+from ..reader import Findings, Reader
 from ..tables.table_file import reading
 
 ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}

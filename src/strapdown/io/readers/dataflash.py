@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ...units.time_scales import WEEK
-from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, trajectories
 from ..decoding.autopilots.dataflash import HEAD, DataFlash
-from ..decoding.records import Tables
+from ..decoding.record_walk import Tables
+from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 MAGIC = HEAD + b"\x80"

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...typing import Array, Ints
-from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import parsed
 from ..decoding.phones.phone import (
     PhoneFixColumns,
@@ -26,6 +25,7 @@ from ..decoding.phones.phone import (
     no_imu,
     triple,
 )
+from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from ..contract import Log, Reader
 from ..decoding.robots.mcap_records import MAGIC
+from ..reader import Log, Reader
 from ..tables.table_file import packed
 
 

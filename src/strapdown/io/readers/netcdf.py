@@ -20,10 +20,10 @@ from ...fileio.files import netcdf, replacing
 from ...preprocessing.fixes import checked_aidings, overlap
 from ...typing import Array, File
 from ...units.quantities import dimension, innovation_dimension, si
-from ..contract import Findings, Reader
 from ..facts import recording_facts
 from ..own.array_rules import Column, Schema, check_arrays
 from ..own.hdf5_content import Content, OwnFormat, content_of
+from ..reader import Findings, Reader
 from ..solutions.solution_netcdf import Variables, fill, plain
 from ..unfelt_tilt import accusation, decided
 

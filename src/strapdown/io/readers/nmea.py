@@ -5,10 +5,10 @@ import re
 from pathlib import Path
 
 from ...checks import DataError
-from ..contract import Log, Reader
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import find_sentences
 from ..decoding.receivers.ubx_frames import find_frames
+from ..reader import Log, Reader
 from ..tables.table_file import head_of, packed, read_bytes
 
 START = 1 << 18

@@ -24,8 +24,8 @@ from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import mistakes, refuse_mistakes
 from ...typing import Array, File
-from ..contract import Findings, Reader
 from ..facts import recording_facts
+from ..reader import Findings, Reader
 from ..tables.table_file import is_number, open_text, packed, reading
 
 ARCSEC = np.pi / 180 / 3600

@@ -4,7 +4,7 @@ and is loaded where it is needed."""
 from pathlib import Path
 
 from ...data.recording import Recording
-from ..contract import Findings, Reader
+from ..reader import Findings, Reader
 
 
 def read(path: Path) -> Recording:
@@ -16,7 +16,7 @@ def read(path: Path) -> Recording:
 
 def inspect(path: Path) -> Findings:
     """Findings on all that a description names. Raises DataError where it is no TOML."""
-    from ..description.inspection import inspect_description
+    from ..description.inspected_description import inspect_description
 
     return inspect_description(path)
 

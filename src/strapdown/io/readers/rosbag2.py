@@ -12,7 +12,7 @@ import numpy as np
 from ...checks import DataError
 from ...fileio.file_access import files_of
 from ...fileio.limits import regular
-from ..contract import Log, Reader
+from ..reader import Log, Reader
 from ..tables.table_file import PACKED, packed, read_bytes
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from ...checks import DataError
 from ...geometry.geodesy import from_ecef, ned_axes, to_ecef
 from ...typing import Array, Ints
 from ...units.time_scales import DAY, GPS_ZERO, WEEK
-from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
 from ..decoding.receivers.nmea_sentences import number
+from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 START = 1 << 16

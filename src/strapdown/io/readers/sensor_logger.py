@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...units.conversion import G
-from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import CSV, Export, export, heads
 from ..decoding.phones.phone import (
     GRAVITY,
@@ -26,6 +25,7 @@ from ..decoding.phones.phone import (
     median_force,
     no_imu,
 )
+from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable
 
 TIME = {"column": "time", "unit": "ns", "clock": "unix"}

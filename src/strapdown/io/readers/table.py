@@ -3,7 +3,7 @@ guessed, and what is guessed is said."""
 
 from pathlib import Path
 
-from ..contract import Log, Reader
+from ..reader import Log, Reader
 from ..tables.table_arrays import SUFFIXES
 
 

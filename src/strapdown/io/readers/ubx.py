@@ -13,13 +13,13 @@ import numpy as np
 
 from ...checks import DataError
 from ...units.time_scales import gps_from_unix
-from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
 from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
 from ..decoding.receivers.ubx_frames import UbxFrames, UbxMessage, clock, find_frames
 from ..decoding.receivers.ubx_imu import ImuEpochs, imu_sections
+from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 START = 1 << 18

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ...units.time_scales import gps_from_unix, iso
-from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.px4 import (
     DELAYS,
@@ -21,7 +20,8 @@ from ..decoding.autopilots.px4 import (
     trajectories,
 )
 from ..decoding.autopilots.ulog import MAGIC, ULog
-from ..decoding.records import Tables
+from ..decoding.record_walk import Tables
+from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable, packed, read_bytes
 
 

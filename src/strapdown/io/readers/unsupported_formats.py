@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ..contract import Log, Reader
 from ..decoding.receivers.nmea_sentences import PATTERN
 from ..decoding.receivers.ubx_frames import find_frames
+from ..reader import Log, Reader
 from ..tables.table_file import head_of, packed
 
 START = 1 << 16

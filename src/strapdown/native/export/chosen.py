@@ -17,8 +17,8 @@ from ...data.solution import Aiding
 from ...data.vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import without_estimates
-from ...engine.limits import limits
 from ...engine.options import GivenImu, run_options
+from ...engine.plausible_limits import limits
 from ...engine.prepare import (
     Run,
     check_needs,

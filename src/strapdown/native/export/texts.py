@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ...core.loop import contract
+from ...core.loop.body_motion import BodyMotion
 from ...core.loop.cursor import Axis, Books, Limits, LoopState, Work
 from ...core.loop.log import Code, LogRow
-from ...core.loop.motion import BodyMotion
 from ...core.loop.tables import FixRow
 from ...core.mathematics import solution_row
 from ...core.mathematics.coupling import Coupling

@@ -26,11 +26,11 @@ from ...mathematics.belief import STATES, FilterState
 from ...mathematics.mechanization import stationary_increments
 from ...mathematics.rotation import rotate_left, turned
 from ...mathematics.source import Kind, SourceRow
+from ..body_motion import ANGLE, ROWS, BodyMotion, S, X
 from ..cursor import Cursor
 from ..integrity import flag_unreliable
 from ..kernels import STAGE, STEP as PREDICTED, Kernels
 from ..log import Code, say
-from ..motion import ANGLE, ROWS, BodyMotion, S, X
 from ..tables import Fixes
 
 STEP = 0.0099  # s that rows are kept apart, at least

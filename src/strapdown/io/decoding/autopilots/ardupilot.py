@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
-from ...contract import Section
+from ...reader import Section
 from . import autopilot
 from .dataflash import DataFlash
 

@@ -10,7 +10,7 @@ from ....preprocessing.attitude_record import quaternions
 from ....preprocessing.imu_samples import ARRAYS
 from ....typing import Array
 from ....units.time_scales import iso
-from ...contract import Section
+from ...reader import Section
 
 VEHICLES: dict[float, str] = {
     **dict.fromkeys((1, *range(19, 26)), "aircraft"),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....checks import DataError
-from ..records import Follow, Walked, structured
+from ..record_walk import Follow, Walked, structured
 
 HEAD = b"\xa3\x95"
 FORMAT, FORMAT_LENGTH = 128, 89

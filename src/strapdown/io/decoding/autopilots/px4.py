@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
-from ...contract import GUESS, Section
+from ...reader import GUESS, Section
 from . import autopilot
 from .ulog import ULog
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ....checks import DataError
 from ....units.wording import counted
-from ..records import Follow, Walked, how_it_begins, structured
+from ..record_walk import Follow, Walked, how_it_begins, structured
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER = 16  # bytes: magic, version, time of the start

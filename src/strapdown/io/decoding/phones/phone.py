@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....typing import Array
-from ...contract import Section
+from ...reader import Section
 from ...tables.table_file import FileTable
 
 AXES = "RFU"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....typing import Ints
-from ...contract import Log, Section
+from ...reader import Log, Section
 from ...tables.table_file import FileTable
 from .cyclic_times import CyclicClock, in_order, same_time
 from .nmea_sentences import TIME_FIELD, SentenceKind, Sentences, clock as clock_of

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....typing import Array, Ints
 from ....units.time_scales import DAY, days_of, gps_from_unix
-from ..records import Bytes, structured
+from ..record_walk import Bytes, structured
 from .cyclic_times import WEEK_MS, CyclicClock, clock_of, moments
 
 

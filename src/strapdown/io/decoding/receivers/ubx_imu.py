@@ -8,7 +8,7 @@ import numpy as np
 
 from ....typing import Array, Ints
 from ....units.time_scales import rate_of
-from ...contract import GUESS, Section
+from ...reader import GUESS, Section
 from ...tables.table_file import FileTable
 from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
 from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, UbxSensors, sensors

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....typing import Array, Ints
-from ..records import side_by_side
+from ..record_walk import side_by_side
 from .cyclic_times import in_order
 from .ubx_frames import UbxFrames, UbxMessage
 

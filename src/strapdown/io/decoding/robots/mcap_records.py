@@ -10,7 +10,7 @@ import numpy as np
 from ....checks import DataError
 from ....fileio.limits import LimitError, Meter
 from ....typing import Ints
-from ..records import how_it_begins
+from ..record_walk import how_it_begins
 from .packed_chunks import unpack
 from .ros_messages import Messages, RosTopic, take
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....typing import Array
-from ...contract import Section
+from ...reader import Section
 from .robot_parts import Made, Robot, deviations, median, not_measured, vector
 from .robot_streams import TopicStream
 from .ros_messages import Columns

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....typing import Array
-from ...contract import Section
+from ...reader import Section
 from .robot_streams import TopicStream
 from .ros_messages import Columns
 from .ros_transforms import WORLD, Pose, RosFrames

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ....sensor_models.errors import MAX_NUMBER
-from ...contract import Log, Section
+from ...reader import Log, Section
 from ...tables.table_file import FileTable
 from .robot_aiding import barometer, fix, imu, magnetometer, odometry, twist
 from .robot_parts import BASE, Made, Robot

@@ -8,9 +8,8 @@ from ...core.loop.contract import Imu
 from ...data.recording import Recording, RecordingMeta
 from ...data.solution import Aiding
 from ...data.verdict import Reason
-from ...inspection.heights import above_sea_level
+from ...inspection.height_differences import above_sea_level
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
-from ..contract import Findings
 from ..facts import (
     aiding_facts,
     clock_facts,
@@ -21,6 +20,7 @@ from ..facts import (
 )
 from ..locate import locate
 from ..magnetic_record import facts_and_reasons
+from ..reader import Findings
 from ..unfelt_tilt import fixes_confirm
 from .calibrations import kept_temperatures
 from .fix_columns import Whereabouts

@@ -16,7 +16,7 @@ from ..geometry.geodesy import displacement
 from ..preprocessing.stationary import at_rest
 from ..preprocessing.unbroken import is_unbroken, unbroken
 from ..typing import Array
-from .fixes import velocities
+from .first_fixes import velocities
 from .initial_heading import UNKNOWN_SD, HeadingFound
 
 COURSE_SD = np.radians(15.0)  # sideslip, and the crab of what is fast against the wind
