@@ -23,6 +23,13 @@ def test_a_room_says_what_it_is(room):
     assert text.startswith("# ") and 100 < len(text) < 3000
 
 
+def test_the_rooms_can_be_counted():
+    """As many as one can keep in mind: 25 rooms, and 6 modules beside them."""
+    rooms = {room for room in ROOMS if room.parent == PACKAGE}
+    modules = {file.name for file in PACKAGE.glob("*.py")} - {"__init__.py", "__main__.py"}
+    assert len(rooms) <= 25 and len(modules) <= 6
+
+
 def test_public_names_are_those_of_the_stub():
     """Type checkers read __init__.pyi, Python loads by it: each name must be what its module has."""
     tree = ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))

@@ -107,7 +107,7 @@ def write_study(out: File, work: StudyWork, found: Outcome) -> list[dict[str, An
         )
         claims = [{**claim, "verdict": TOO_FEW} for claim in claims]
     headed = [(heading, table) for _, heading, table in found.shown]
-    left_open = f"What the {work.kind} leaves open, and what was chosen"
+    open_questions = f"What the {work.kind} leaves open, and what was chosen"
     text = markdown.findings(found.size, claims, [*headed, *found.listed], found.between, work.kind)
     page = ReproductionPage(
         work.title,
@@ -115,7 +115,7 @@ def write_study(out: File, work: StudyWork, found: Outcome) -> list[dict[str, An
         claims,
         {name: (None, table) for name, _, table in found.shown} | dict(found.tables),
         figures=found.figures,
-        notes=[*headed, (left_open, found.choices), *found.notes],
+        notes=[*headed, (open_questions, found.choices), *found.notes],
         texts={"findings.md": text},
         banner=banner,
     )
