@@ -37,7 +37,7 @@ ARM = (
 
 
 class GnssColumns(NamedTuple):
-    """What the table of a receiver has."""
+    """Sections drafted from the table of a GNSS receiver, with facts and open questions."""
 
     sections: list[Section]
     facts: list[str]

@@ -55,7 +55,7 @@ def nearest_grade(imu: Imu) -> tuple[str, str]:
 
 
 def _allowed(name: str, seen: ShownGrade) -> bool:
-    """Whether a grade allows all of it; NaN is allowed."""
+    """Return True where a grade allows all that was seen; NaN is allowed."""
     spec = grade(name)
     accel_sd, gyro_sd = spec.bias_sd()
     return not (

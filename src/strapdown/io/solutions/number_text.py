@@ -100,7 +100,8 @@ def _lines(columns: Sequence[np.ndarray[Any, Any]]) -> bytes:
 
 
 def _large(column: np.ndarray[Any, Any]) -> bool:
-    """Whether any number of it is infinite or too large for a cell, once rounded."""
+    """Return True where a number of the column is infinite or, once rounded, too large for a
+    cell."""
     return bool((np.abs(column.astype(float)) >= MAX_EXACT - 0.5 * 10.0**-DECIMALS).any())
 
 

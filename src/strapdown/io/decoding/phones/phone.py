@@ -1,4 +1,4 @@
-"""What logs of phones have in common: the axes, what a fix of the phone's location says, how it
+"""Parts that logs of phones share: the axes, the columns of the phone's location, and how the phone
 was held."""
 
 import re
