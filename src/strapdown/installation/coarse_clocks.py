@@ -1,5 +1,5 @@
-"""What must be right, at least roughly, before anything can be estimated: clocks that are seconds
-off, velocities in a wrong unit or frame, axes of the IMU."""
+"""Gross errors to exclude before anything can be estimated: clocks that are seconds off, velocities
+in a wrong unit or frame, axes of the IMU."""
 
 from collections.abc import Sequence
 
