@@ -38,7 +38,7 @@ class Gains(NamedTuple):
 
 
 class Pilot:
-    """What the autopilot knows of its aircraft and of the place."""
+    """Constants of the autopilot: limits and trim of its aircraft, and the place."""
 
     max_roll: float  # rad
     max_pitch: float  # rad
@@ -59,7 +59,7 @@ class Pilot:
 
 
 class AutopilotMemory:
-    """What the autopilot remembers."""
+    """The autopilot's own state between steps."""
 
     segment: int  # row of the route
     # integrals of errors, rad s, m s, m

@@ -1,4 +1,4 @@
-"""What a flight is checked for before it begins, and what it hands to its filter."""
+"""Checks of a flight before it begins, and the inputs of its filter."""
 
 import inspect
 from typing import Any

@@ -124,7 +124,7 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """What became of a flight; all of it up to where it stopped."""
+    """Result of a flight, up to where it stopped."""
 
     recording: Recording  # what the sensors measured, the truth as reference
     solution: Solution  # what the filter made of it on the way
@@ -240,7 +240,7 @@ def fly(
 
 
 class _Case(NamedTuple):
-    """What decides a flight's route, trim and gains."""
+    """Inputs that determine a flight's route, trim and gains."""
 
     plan: FlightPlan
     craft: Aircraft
@@ -251,8 +251,8 @@ class _Case(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What all flights of one plan, aircraft and wind share; nothing in it is written to, and a
-    Flight has copies."""
+    """Values that all flights of one plan, aircraft and wind share; nothing in it is written to,
+    and a Flight has copies."""
 
     parameters: Parameters
     trim: Trim
