@@ -23,7 +23,7 @@ SPOILT = ("frame", "unit", "unknown")
 
 
 def check(recording: Recording) -> Checked:
-    """What all checks say of a Recording, the weightiest reason first."""
+    """Return the findings of all checks of a Recording, the weightiest reason first."""
     found = position_velocity.check(InspectedRecording(recording))
     useless = {
         reason.source

@@ -60,7 +60,7 @@ class Lag(NamedTuple):
 
     @property
     def believed(self) -> bool:
-        """Whether it is far likelier than any other."""
+        """True where this lag is far likelier than any other."""
         return self.evidence > EVIDENCE and self.sd < 1.0
 
 

@@ -38,12 +38,12 @@ class InspectedRecording:
 
     @cached_property
     def felt(self) -> Felt:
-        """What its IMU felt."""
+        """The motion by its IMU."""
         return felt(self.recording.imu)
 
     @cached_property
     def mirrored(self) -> Felt:
-        """What its IMU felt if its y axis had the wrong sign."""
+        """The motion by its IMU with the opposite sign of the y axis."""
         y = np.array([1.0, -1.0, 1.0])
         imu = self.recording.imu
         return felt(imu._replace(dtheta=imu.dtheta * y, dv=imu.dv * y))
@@ -109,7 +109,7 @@ def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
 
 
 class Felt(NamedTuple):
-    """What the IMU felt, in axes that do not turn with the body: those it had at the beginning.
+    """Motion by the IMU, in axes that do not rotate with the body: those it had at the beginning.
     The integrals of row k are those up to t[k]."""
 
     t: Array  # (n,) s, STEP apart

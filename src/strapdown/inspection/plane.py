@@ -78,7 +78,7 @@ def check(subject: InspectedRecording) -> Checked:
 
 
 def confirm(axes: str) -> str:
-    """What confirms axes that are a guess."""
+    """Return the instruction to confirm guessed axes."""
     return (
         f"look up in the data sheet of the IMU where x, y and z point, then confirm the axes by this "
         f'line in [imu] of recording.toml: axes = "{axes}"'
@@ -208,8 +208,8 @@ def _reason(fit: PlaneFit, source: str, weight: float, meta: Mapping[str, Any]) 
 
 
 def _turned_axes(degrees: int, guess: str | None) -> str:
-    """What to write where the axes must turn by so many deg about down: all of it where they were a
-    guess, since those that a user stated are not known here."""
+    """Return the instruction to rotate the axes by `degrees` about down: the whole line where they
+    were a guess, since axes that a user stated are not known here."""
     if guess is None:
         return f'turn `axes` of [imu] by {degrees:+d} deg (of FRD that is "{TURNS[degrees]}")'
     C = axes_matrix(TURNS[degrees], BODY_AXES) @ axes_matrix(guess, BODY_AXES)

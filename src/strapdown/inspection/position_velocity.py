@@ -184,7 +184,7 @@ def pairs(aidings: tuple[Aiding, ...]) -> Iterator[tuple[Aiding, Aiding]]:
 
 
 def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
-    """What the positions and the velocities of one receiver say of each other."""
+    """Compare the positions and the velocities of one receiver."""
     what = f"{label(position)} against {label(velocity)}"
     pair = _pair(position, velocity)
     if pair is None:

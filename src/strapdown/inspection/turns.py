@@ -113,7 +113,7 @@ def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:
 
 
 def _by_accelerations(subject: InspectedRecording, found: Checked) -> Checked:
-    """What was found, and a unit of the gyro that fits the accelerations of the fixes better."""
+    """Return `found`, or the unit of the gyro that fits the accelerations of the fixes better."""
     imu = subject.recording.imu
     rms = float(np.sqrt((imu.dtheta**2).sum() / (imu.dt**2).sum()))
     for factor in (np.degrees(1), np.radians(1)):
