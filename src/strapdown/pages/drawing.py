@@ -1,5 +1,5 @@
-"""What all figures share: colours of solutions, thinning long runs, the frame of an axis, bands,
-shading of gaps and events, layout."""
+"""Helpers that all figures share: colours of solutions, thinning long runs, the frame of an axis,
+bands, shading of gaps and events, layout."""
 
 from __future__ import annotations
 
@@ -333,8 +333,8 @@ def ribbon(
     group: str | None = None,
     **place: int,
 ) -> None:
-    """What lies between two lines, shaded, shown and hidden with the line of that group; place: row
-    and col of its panel."""
+    """Shade the area between two lines, shown and hidden with the line of `group`; place: row and
+    col of its panel."""
     figure.add_trace(
         go.Scatter(
             x=column(np.r_[x, x[::-1]]),
@@ -524,7 +524,7 @@ def time_axis(
 
 
 def time_label(zero: float) -> str:
-    """Of a time axis that counts from there."""
+    """Return the label of a time axis that counts from `zero`, s."""
     return "time [s]" if not zero else f"time since {zero:.0f} s [s]"
 
 

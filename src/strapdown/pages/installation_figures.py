@@ -83,7 +83,7 @@ def _panel(
 
 
 def _label(found: EstimatedParameter, several: bool) -> str:
-    """Of an axis: component, sources where they differ, and unit."""
+    """Return the label of an axis: component, sources where they differ, and unit."""
     words = [found.component or found.parameter]
     words += [f"of {' and '.join(found.sources)}"] if several else []
     return escape(" ".join(words)) + (f" [{found.unit}]" if found.unit else "")

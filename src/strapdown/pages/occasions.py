@@ -1,5 +1,5 @@
-"""What happened when, as lists that jump: events, alike ones folded, and stretches that are not as
-they should be."""
+"""Lists of events, similar ones folded, and of stretches with faults; their entries jump to the
+time in the figures."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ MAX_SOURCES = 6
 
 
 class TriadFigure(NamedTuple):
-    """What a triad of the IMU read."""
+    """Readings of a triad of the IMU, for a figure."""
 
     name: str
     quantity: str
@@ -110,7 +110,8 @@ def _sources(recording: Recording) -> Iterator[tuple[str, Array]]:
 
 
 def _recorded(kind: str) -> bool:
-    """Whether fixes of this kind come from a sensor; so does what a plugin brought that is gone."""
+    """Return True where fixes of this kind come from a sensor; an unknown kind, of a plugin that is
+    gone, counts as one."""
     try:
         return find(kind).recorded
     except ValueError:

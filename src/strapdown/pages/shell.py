@@ -1,5 +1,5 @@
-"""What all pages share: one self-contained HTML file that works offline, asks the network for
-nothing, and is written whole or not at all."""
+"""The shell of all pages: one self-contained HTML file that works offline, requests nothing from
+the network, and is written whole or not at all."""
 
 from __future__ import annotations
 
@@ -159,7 +159,8 @@ def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag:
 
 
 def _told(heading: str, content: Mapping[str, Any]) -> str:
-    """What a figure shows, for those who do not see it: its axes with their ranges, its lines."""
+    """Return a figure in words, for those who do not see it: its axes with their ranges, its
+    lines."""
     layout, told = content["layout"], [heading]
     for letter, word in (("y", "up"), ("x", "across")):
         axes = [axis for key, axis in layout.items() if re.fullmatch(f"{letter}axis[0-9]*", key)]

@@ -26,8 +26,8 @@ def claimed_sd(made: Solution | Errors) -> Array:
 
 
 def heading_held(solution: Solution) -> bool:
-    """Whether the filter of a Solution estimates its heading; that of others runs free with the
-    gyros and is no result. True of unknown filters."""
+    """Return True where the filter of a Solution estimates its heading; the heading of others
+    drifts with the gyros and is no result. True for unknown filters."""
     try:
         return 8 in find(solution.meta.get("filter", "")).estimates
     except ValueError:
