@@ -38,7 +38,7 @@ STEPS, DONE = 200, 1e-13
 
 
 class EllipsoidFit(NamedTuple):
-    """What was found: calibrated = matrix @ (y - bias)."""
+    """Result of a fit: calibrated = matrix @ (y - bias)."""
 
     bias: Array  # (3,) unit of y
     matrix: Array  # (3, 3)
