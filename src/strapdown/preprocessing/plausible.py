@@ -40,7 +40,8 @@ COLDEST, HOTTEST = -60.0, 130.0
 
 
 def is_temperature(values: ArrayLike) -> bool:
-    """Whether these are degC of an IMU; all zeros stand for none, as simulators write them."""
+    """Return True where the values are degC of an IMU; all zeros stand for none, as simulators
+    write them."""
     values = np.asarray(values, float)
     known = values[np.isfinite(values)]
     return bool(known.any() and known.min() > COLDEST and known.max() < HOTTEST)

@@ -44,7 +44,8 @@ def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
 
 
 def moving(aidings: Iterable[Aiding], t: Array) -> Mask:
-    """Whether a wheel speed or velocity before or after the times t (n,), s, surely says so."""
+    """Return True where a wheel speed or velocity shortly before or after the times t (n,), s, is
+    significantly above rest (n,)."""
     found = np.zeros(len(t), bool)
     for a in aidings:
         if a.kind not in ("speed", "velocity") or not len(a.t):
