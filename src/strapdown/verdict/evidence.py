@@ -1,5 +1,5 @@
-"""What the run of a filter says of itself: its biases, its innovations, its course and its claims,
-each against what a right set-up shows.
+"""Evidence from the run of a filter: its biases, innovations, course and claims, each against those
+of a correct set-up.
 
 The bounds are beyond what recordings with a right set-up reached, recorded ones and simulated ones
 with other random numbers than those of any published figure (docs/how-to/verdict.md).
@@ -438,7 +438,8 @@ def doubts(solution: Solution) -> Iterator[Reason]:
 
 
 def heading_never_seen(solution: Solution) -> bool:
-    """Whether the heading is no better known at the end than at the start, and badly."""
+    """Return True where the std of the heading fell little from start to end, and ends above 5
+    deg."""
     sd = solution.trajectory.sd
     if sd is None or not np.isfinite(sd[-1, ATT.stop - 1]):
         return False
