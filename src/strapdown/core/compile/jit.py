@@ -263,8 +263,8 @@ def caller(signature: Signature) -> Callable[[int], Any]:
 
 
 def row_in(kind: Row) -> Callable[[Array, int], Any]:
-    """What shows the numbers of an array from a place on as a row, whose fields are all real:
-    (flat, first) -> row, a view without allocation."""
+    """Return the view of an array's numbers from a place on as a row, whose fields are all real: a
+    function (flat, first) -> row, without allocation."""
 
     def twin(flat: Array, first: int) -> Any:
         dtype = dtype_of(kind)
