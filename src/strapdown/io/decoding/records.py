@@ -67,7 +67,7 @@ class Walked(ABC):
 
     @abstractmethod
     def _whole(self, at: int, end: int) -> int:
-        """Take in whole records from `at`; where the first stands that is none."""
+        """Take in whole records from `at`; return the place where they end."""
 
     @abstractmethod
     def _is_cut(self, at: int, end: int) -> bool:

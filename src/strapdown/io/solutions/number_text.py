@@ -25,7 +25,7 @@ CHUNK = 1 << 13
 
 
 def _digits(many: int) -> Bytes:
-    """(10^many, many) characters of all numbers of so many digits."""
+    """Return the characters (10^many, many) of all numbers of `many` digits."""
     powers = 10 ** np.arange(many)[::-1]
     return (np.arange(10**many)[:, None] // powers % 10 + ord("0")).astype(np.uint8)
 

@@ -139,7 +139,7 @@ def _date(at: int) -> dict[str, tuple[int, str]]:
 
 def _solution(at: int) -> dict[str, tuple[int, str]]:
     """Return {name: (offset, type)} of the fields that NAV-PVT and NAV-PVAT share, from the
-    longitude on, which is `at` this offset."""
+    longitude, at offset `at`, on."""
     names = ("lon", "lat", "height", "hMSL", "hAcc", "vAcc", "velN", "velE", "velD")
     unsigned = {"hAcc", "vAcc"}
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
