@@ -16,7 +16,7 @@ from .model import Constant
 MIN_LAG = 0.5
 """s: a smaller lag is left to the estimate, which finds it better."""
 APART = 1.0
-"""s: by so much the lags of two sources must differ to be believed to."""
+"""s: lags of two sources count as different where they differ by more."""
 
 
 def check_axes(subject: InspectedRecording) -> None:

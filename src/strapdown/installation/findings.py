@@ -110,7 +110,7 @@ class Diagnosis:
     solution: Solution  # of the last run: of that recording
     runs: int  # of the filter
     gain: float  # sum of min(NIS, 30) of all fixes, as given less as found
-    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
+    misfit: float  # mean of min(NIS, 30) as found, over that of a correct set-up: about 1
     reasons: tuple[Reason, ...]  # the weightiest first
     changes: tuple[str, ...]  # what to write into recording.toml, a line each
 

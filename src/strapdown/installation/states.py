@@ -41,9 +41,9 @@ OF_BODY = ("attitude", "magnetic-field", "gravity")
 
 @dataclass(frozen=True)
 class EstimatedParameter(Estimate):
-    """A parameter of the installation as a filter with states for it has it in the end. The change is
-    the state: of a mounting about the axis of the vehicle; of a scale the share by which the odometer
-    reads too much."""
+    """A parameter of the installation by the last estimate of a filter with states for it. The
+    change is the state: of a mounting about the axis of the vehicle; of a scale the share by which
+    the odometer reads too much."""
 
     value: float  # what belongs there; of a scale what the scale in recording.toml is to be times
     prior: float  # standard deviation of the change before
@@ -159,7 +159,7 @@ def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
 
 
 def _last(solution: Solution, facts: dict[str, Any], prefix: str = "") -> float:
-    """The error in the end, or with "sd of " its standard deviation, SI."""
+    """Return the last estimate of the error, or with "sd of " its standard deviation, SI."""
     return float(solution.columns[prefix + facts["column"]][-1]) / _of(facts).factor
 
 
