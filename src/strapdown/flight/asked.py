@@ -27,7 +27,7 @@ class World(NamedTuple):
     aircraft: Aircraft | File = "aerosonde"  # its name, its file or itself
     earth: str = "geodetic"  # "flat": for filters of a flat Earth
     wind: Sequence[float] | Array = (0.0, 0.0, 0.0)  # steady, NED, m/s
-    # what autopilot and model are told of the wind; None: all
+    # the wind that autopilot and model know; None: all of it
     told_wind: Sequence[float] | Array | None = None
     turbulence: str = "none"  # a level of aircraft.wind.TURBULENCE_LEVELS
 

@@ -246,7 +246,7 @@ class _Case(NamedTuple):
     craft: Aircraft
     earth: str
     wind: tuple[float, ...]  # (3,) m/s NED
-    told: tuple[float, ...]  # what the autopilot is told of it
+    told: tuple[float, ...]  # the part that the autopilot knows
     dt: float  # s, of a sample
 
 
