@@ -17,7 +17,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     heights.check,
     repeats.check,
 )
-"""In the order in which they are told, after that of positions against velocities."""
+"""In the order of their report, after that of positions against velocities."""
 SPOILT = ("frame", "unit", "unknown")
 """Causes for which a velocity is of no use to the other checks."""
 

@@ -17,8 +17,8 @@ MIN_BLOCKS = 5
 class Checked(NamedTuple):
     """Findings of one check of a recording, or of all."""
 
-    facts: list[str]  # lines: what was found to be as it should
-    reasons: list[Reason]  # what should not be so in a right set-up
+    facts: list[str]  # lines: what agrees
+    reasons: list[Reason]  # what a correct set-up would not show
     inconclusive: list[str]  # lines "what could not be checked: why"
 
     @classmethod

@@ -23,10 +23,10 @@ STEP = 0.05
 """Seconds between the instants at which the IMU's integrals are kept."""
 FAST, SURE = 3.0, 5.0
 """m/s from which a course is known at any standard deviation of the velocity, and below which none
-is: a receiver at rest and a lever arm that swings make so much. Between them the speed must be so many
-standard deviations: the course is then known to 11 deg."""
+is: a receiver at rest and a lever arm that swings reach that speed. Between them the speed must be
+SURE standard deviations: the course is then known to 11 deg."""
 PAUSE_INTERVALS = 3
-"""A pause of the fixes of more than so many intervals is not bridged."""
+"""A pause of the fixes of more than this many intervals is not bridged."""
 
 
 @dataclass(frozen=True)

@@ -30,13 +30,13 @@ CLEAR, NOISIEST, EVIDENCE = 0.6, 0.8, 10.0
 """Correlation, freed of the claimed noise of the fixes up to a share of it, from which the force is that of the accelerations, and what is asked of the logarithm
 of the likelihood of a left-handed set over that of the axes as they are."""
 SURE, MIN_TURN = 5.0, np.radians(20.0)
-"""An angle is a reason from so many standard deviations and rad on: wind and current set a course
-off the heading by up to that."""
+"""Standard deviations and rad from which an angle is a reason: wind and current set a course off
+the heading by up to that."""
 RIGHT_ANGLE = np.radians(20.0)
 """What is this near to 90, 180 or 270 deg is called so."""
 MOUNTING = "mounting of the IMU about the vertical"
 TURNS = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
-"""Axes of what is turned by so many deg, in terms of the right ones, forward-right-down."""
+"""{deg: axes of an IMU rotated by that, in terms of the correct ones, forward-right-down}."""
 
 
 class PlaneFit(NamedTuple):
