@@ -41,11 +41,11 @@ WITHHELD = "rgba(59,125,216,0.13)"
 OUTAGE = "rgba(134,142,150,0.18)"
 """Of the stretches without an accepted fix of the position."""
 OUTAGE_INTERVALS = 3.0
-"""So many usual intervals between accepted fixes of the position are an outage."""
+"""Usual intervals between accepted fixes of the position from which a pause is an outage."""
 FAR = 5.0
-"""A solution whose frame is more than so many times as high as the least one leaves that."""
+"""A solution whose frame is more than this many times as high as the least one leaves that."""
 SHADED_BANDS = 2
-"""The bands of at most so many solutions are shaded; of more, dotted lines are drawn."""
+"""The bands of at most this many solutions are shaded; those of more are dotted lines."""
 MARKED = 20
 """At most this many events and status stretches of each kind are drawn; the page lists all
 events."""

@@ -319,7 +319,7 @@ def _curve(
 def _band(
     figure: go.Figure, one: ShownSolution, t: Array, centre: Array, half: Array, row: int, of: int
 ) -> None:
-    """The band of a solution, one of so many; the entry of its line in the legend hides it too."""
+    """Draw the band of one solution of `of`; the entry of its line in the legend hides it too."""
     if one.alone:
         band(figure, t, centre, half, row)
     else:

@@ -16,7 +16,7 @@ from .drawing import outages, stretches
 from .parts import LISTED
 
 FOLDED = 4
-"""So many events that differ in their numbers alone are folded."""
+"""Number of events, differing in their numbers alone, from which they are folded."""
 STATUS_NAMES: dict[int, str] = {BRIDGED: "gap bridged", DOUBTFUL: "doubtful", INVALID: "not valid"}
 
 
