@@ -33,7 +33,7 @@ WEAKEST = 0.02
 which a parameter counts as determined: a misfit of 0.5 % that happens to have the worst pattern
 then makes an error of 25 %."""
 OUTLIER = 5.0
-"""Misfits beyond so many standard deviations, robustly estimated, are left out."""
+"""Misfits beyond this many standard deviations, robustly estimated, are left out."""
 STEPS, DONE = 200, 1e-13
 
 

@@ -84,7 +84,7 @@ class Installation:
     recording: Recording  # set up as found
     given: Recording  # as it was
     runs: int  # of `diagnose`
-    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
+    misfit: float  # mean of min(NIS, 30) as found, over that of a correct set-up: about 1
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
