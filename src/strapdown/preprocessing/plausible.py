@@ -159,7 +159,7 @@ def _gravity_sign(force: Array) -> list[tuple[str, str]]:
 
 
 UNFELT = "while the specific force stays steady"
-"""What is said of tilting that only a multicopter does not feel."""
+"""Words of the message on tilting that the accelerometer does not show, as on a multicopter."""
 USUAL_GYRO_BIAS = np.radians(2.5)
 """rad/s that gyros without a description may read at rest."""
 

@@ -25,8 +25,8 @@ HEARD = 1.5  # s for which a speed counts
 def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
     """(n,) bool: every second that holds the sample is quiet, see `FORCE`, in the manner of the
     likelihood ratio of Skog et al. (2010), IEEE TBME 57(11); rates are taken from their median, which
-    of a vehicle is the bias of its gyro. And no wheel speed or velocity among the aidings surely says
-    that it moves."""
+    of a vehicle is the bias of its gyro. And no wheel speed or velocity among the sources shows
+    significant motion."""
     seconds = float(np.median(imu.dt))
     many = max(1, round(STEP / seconds))
     width = max(2, round(WINDOW / (many * seconds)))
