@@ -189,9 +189,9 @@ def compile_kernel(kernel: Any) -> bool:
 def compile_together(
     kernels: Iterable[Any], what: str, say: Callable[[str], None] | None = None
 ) -> None:
-    """Compile those kernels that are not at hand, on all cores. `say` is told where that takes seconds,
-    how many as far as this machine has shown it, and how far it is. A kernel that does not compile is
-    left to whoever calls it."""
+    """Compile those kernels that are not at hand, on all cores. `say` gets a line where that takes
+    seconds: how many, as far as this machine has shown it, and the progress. A kernel that does not
+    compile is left to whoever calls it."""
     slow = [kernel for kernel in dict.fromkeys(kernels) if not kernel.at_hand]
     if slow:
         from . import side_by_side
