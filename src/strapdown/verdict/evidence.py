@@ -2,7 +2,8 @@
 of a correct set-up.
 
 The bounds are beyond what recordings with a correct set-up reached, recorded ones and simulated
-ones with other random numbers than those of any published figure (docs/how-to/verdict.md)."""
+ones with other random numbers than those of any published figure (docs/how-to/verdict.md).
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
