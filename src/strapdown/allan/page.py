@@ -45,7 +45,7 @@ NOISE_SLOPES = {
 
 @dataclass(frozen=True)
 class Analysis:
-    """What `analyse` found in a recording."""
+    """Result of `analyse` for a recording."""
 
     recording: Recording  # the stretch that was used
     result: Allan
@@ -82,7 +82,7 @@ class Analysis:
 
     @property
     def disturbed(self) -> bool:
-        """Whether the record holds more than noise: the fitted terms miss the estimates of an
+        """True where the record holds more than noise: the fitted terms miss the estimates of an
         axis."""
         return any(
             curve.fit.misfit > MISFIT

@@ -17,7 +17,7 @@ something else than the sensor's noise."""
 
 
 class Suggestion(NamedTuple):
-    """What `suggest` makes of an Allan analysis."""
+    """Result of `suggest` for an Allan analysis."""
 
     grade: str  # the nearest one
     # {grade: factor between its expected and the estimated deviations, geometric mean over sensors

@@ -33,12 +33,12 @@ WEAKEST = 0.02
 which a parameter counts as determined: a misfit of 0.5 % that happens to have the worst pattern
 then makes an error of 25 %."""
 OUTLIER = 5.0
-"""Misfits beyond so many standard deviations, robustly estimated, are left out."""
+"""Misfits beyond this many standard deviations, robustly estimated, are left out."""
 STEPS, DONE = 200, 1e-13
 
 
 class EllipsoidFit(NamedTuple):
-    """What was found: calibrated = matrix @ (y - bias)."""
+    """Result of a fit: calibrated = matrix @ (y - bias)."""
 
     bias: Array  # (3,) unit of y
     matrix: Array  # (3, 3)

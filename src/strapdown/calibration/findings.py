@@ -1,4 +1,4 @@
-"""What a calibration found, as values, rows of a table and a file."""
+"""Result of a calibration, as values, rows of a table and a file."""
 
 from dataclasses import dataclass, field
 from typing import Any

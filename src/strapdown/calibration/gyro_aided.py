@@ -59,7 +59,7 @@ class Windows(NamedTuple):
 
 
 class State(NamedTuple):
-    """What is estimated."""
+    """Estimated quantities."""
 
     A: Array  # (3, 3)
     b: Array  # (3,)

@@ -1,5 +1,5 @@
-"""What a calibration says of its data: rests of an accelerometer, directions that were seen, and
-the choice between two fits of a magnetometer."""
+"""Content of calibration data: rests of an accelerometer, directions that were seen, and the choice
+between two fits of a magnetometer."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What a flight is asked for: the world, the sensors and the loop through the filter."""
+"""Options of a flight: the world, the sensors and the loop through the filter."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -22,23 +22,23 @@ RECEIVER = Gnss(interval=0.2)
 
 
 class World(NamedTuple):
-    """What flies, over which Earth and in which air."""
+    """The aircraft, the Earth and the air."""
 
     aircraft: Aircraft | File = "aerosonde"  # its name, its file or itself
     earth: str = "geodetic"  # "flat": for filters of a flat Earth
     wind: Sequence[float] | Array = (0.0, 0.0, 0.0)  # steady, NED, m/s
-    # what autopilot and model are told of the wind; None: all
+    # the wind that autopilot and model know; None: all of it
     told_wind: Sequence[float] | Array | None = None
     turbulence: str = "none"  # a level of aircraft.wind.TURBULENCE_LEVELS
 
     @property
     def told(self) -> tuple[float, ...]:
-        """What autopilot and model are told of the wind, (3,) m/s NED."""
+        """The wind that autopilot and model know, (3,) m/s NED."""
         return tuple(map(float, self.wind if self.told_wind is None else self.told_wind))
 
 
 class Sensors(NamedTuple):
-    """What the aircraft carries, and how well it measures."""
+    """The sensors aboard, with their rates and errors."""
 
     imu: ImuSpec | File = "industrial"  # grade, file or ImuSpec
     rate: float = 100.0  # steps of aircraft, autopilot and IMU per second

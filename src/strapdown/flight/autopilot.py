@@ -38,11 +38,11 @@ class Gains(NamedTuple):
 
 
 class Pilot:
-    """What the autopilot knows of its aircraft and of the place."""
+    """Constants of the autopilot: limits and trim of its aircraft, and the place."""
 
     max_roll: float  # rad
     max_pitch: float  # rad
-    # errors beyond which the integrals stand still, rad and m
+    # errors beyond which the integrals are frozen, rad and m
     course_zone: float
     height_zone: float
     # metres per rad north and east of the route's origin, and its place, rad
@@ -59,7 +59,7 @@ class Pilot:
 
 
 class AutopilotMemory:
-    """What the autopilot remembers."""
+    """The autopilot's own state between steps."""
 
     segment: int  # row of the route
     # integrals of errors, rad s, m s, m
@@ -104,7 +104,7 @@ class Steering(NamedTuple):
     pilot: Table[Pilot]  # one row
     memory: Table[AutopilotMemory]  # one row
     route: Table[Segment]
-    wind: Array  # (3,) m/s NED: the steady wind it is told
+    wind: Array  # (3,) m/s NED: the steady wind that it knows
 
 
 STEERING = record(
@@ -123,7 +123,7 @@ def steer(
 ) -> None:
     """commands[0:4] (elevator, aileron, rudder in rad, throttle) for a position (rad, rad, m),
     velocity (m/s, NED), attitude C_nb and body rates (rad/s), in the steady wind that the
-    autopilot is told; its memory goes on by dt (s)."""
+    autopilot knows; its memory advances by dt (s)."""
     _track(steering, lla, v)
     hold(steering, lla[2], v, C, omega, dt, commands)
 
@@ -156,7 +156,7 @@ def deviation(segment: Segment, north: float, east: float) -> tuple[float, float
 
 @helper
 def height_along(segment: Segment, along: float) -> float:
-    """Height of a segment, m, so many metres along it; level before and beyond."""
+    """Height of a segment, m, at `along`, m, along it; level before and beyond."""
     return segment.height + segment.rise * min(max(along, 0.0), segment.length)
 
 

@@ -113,7 +113,7 @@ def sections(flight: Flight) -> Sections:
 
 
 def facts(flight: Flight) -> dict[str, str]:
-    """What was flown, {name: text}, for the head of a page."""
+    """Return the facts of a flight, {name: text}, for the head of a page."""
     meta, end = flight.recording.meta, float(flight.recording.imu.t[-1])
     cut = ", ".join(
         f"{start:g} to {min(stop, end):g} s" for start, stop in meta["outages"] if start < end

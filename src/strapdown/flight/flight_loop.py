@@ -96,7 +96,7 @@ class RouteProgress:
 
 
 class FlightLogRow:
-    """What the log has of a sample, at its end. flight.LOG names its numbers."""
+    """Row of the log at the end of a sample. flight.LOG names its numbers."""
 
     commands: Annotated[Array, 4]
     controls: Annotated[Array, 4]  # positions
@@ -166,7 +166,7 @@ class FlightVehicle(NamedTuple):
 
 
 class FlightErrors(NamedTuple):
-    """What the sensors add."""
+    """Errors of the sensors."""
 
     dtheta: Array  # (n, 3) rad, of each step of the aircraft
     dv: Array  # (n, 3) m/s
@@ -180,7 +180,7 @@ class FlightErrors(NamedTuple):
 
 
 class Journal(NamedTuple):
-    """What happened."""
+    """Results of the loop: the true motion, the log, and progress along the route."""
 
     lla: Array  # (n + 1, 3)
     v: Array  # (n + 1, 3)
@@ -336,7 +336,8 @@ def _add(measured: Array, dtheta: Array, dv: Array) -> None:
 
 @helper
 def _imagine(step: int, vehicle: FlightVehicle, belief: FilterState, h: float) -> None:
-    """What the IMU would measure aboard the model in a step, biases included."""
+    """Compute the increments that the IMU would measure aboard the model in a step, biases
+    included."""
     imaginary, measured = vehicle.work[MODEL_INCREMENTS], vehicle.work[STEP_INCREMENTS]
     step_at(step)(
         vehicle.parameters[0],
@@ -563,7 +564,8 @@ def _write(
 
 @helper
 def _write_asked(log: FlightLogRow, steering: Steering, lla: Array) -> None:
-    """What the autopilot asks for, and how far the aircraft is off its route."""
+    """Write to the log the autopilot's set-points and the deviation of the aircraft from its
+    route."""
     memory, pilot = steering.memory[0], steering.pilot[0]
     log.course, log.roll, log.pitch = memory.course, memory.roll, memory.pitch + pilot.trim_pitch
     log.height, log.asked_airspeed = memory.height, memory.airspeed

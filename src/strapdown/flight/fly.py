@@ -116,7 +116,7 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """What became of a flight; all of it up to where it stopped."""
+    """Result of a flight, up to where it stopped."""
 
     recording: Recording  # what the sensors measured, the truth as reference
     solution: Solution  # what the filter made of it on the way
@@ -232,19 +232,19 @@ def fly(
 
 
 class _Case(NamedTuple):
-    """What decides a flight's route, trim and gains."""
+    """Inputs that determine a flight's route, trim and gains."""
 
     plan: FlightPlan
     craft: Aircraft
     earth: str
     wind: tuple[float, ...]  # (3,) m/s NED
-    told: tuple[float, ...]  # what the autopilot is told of it
+    told: tuple[float, ...]  # the part that the autopilot knows
     dt: float  # s, of a sample
 
 
 class _Known(NamedTuple):
-    """What all flights of one plan, aircraft and wind share; nothing in it is written to, and a
-    Flight has copies."""
+    """Values that all flights of one plan, aircraft and wind share; nothing in it is written to,
+    and a Flight has copies."""
 
     parameters: Parameters
     trim: Trim

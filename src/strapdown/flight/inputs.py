@@ -1,4 +1,5 @@
-"""What a filter that computes with the controls is told before each sample, in its workspace."""
+"""Inputs, in the workspace, of a filter that computes with the controls; the loop sets them before
+each sample."""
 
 from ..core.compile.workspace import Slots
 

@@ -1,5 +1,5 @@
-"""What is to be flown: waypoints with heights and airspeeds, and the route of lines and arcs
-that an aircraft can follow through them."""
+"""Flight plans: waypoints with heights and airspeeds, and the route of lines and arcs that an
+aircraft can follow through them."""
 
 import math
 from collections.abc import Callable, Sequence

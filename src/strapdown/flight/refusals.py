@@ -1,4 +1,4 @@
-"""What a flight is checked for before it begins, and what it hands to its filter."""
+"""Checks of a flight before it begins, and the inputs of its filter."""
 
 import inspect
 from typing import Any
@@ -128,7 +128,7 @@ def steps_of(rate: float, filter_rate: float | None) -> int:
 
 def times(duration: float, rate: float, steps: int = 1) -> tuple[Array, Array, Array, Array]:
     """(ends of the samples, their lengths, ends of the steps, their lengths), s: of samples at
-    `rate` (1/s) of so many steps each."""
+    `rate` (1/s) of `steps` steps each."""
     count = check_number(duration, "duration", "s", above=0) * rate
     if round(count) < 2 or count * steps > MAX_FLIGHT_SAMPLES:
         raise DataError(

@@ -1,5 +1,5 @@
-"""What the parts of a recording say of each other, before any filter runs.
+"""Checks of the parts of a recording against each other, before any filter runs.
 
-all.py runs every check; checked.py is what a check gives; motion.py has the motion as fixes tell it
-and as the IMU feels it, which the others compare.
+all.py runs every check; finding.py has the result of a check; motion.py has the motion by the fixes
+and by the IMU, which the others compare.
 """

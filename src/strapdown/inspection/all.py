@@ -25,13 +25,13 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     heights.check,
     repeats.check,
 )
-"""In the order in which they are told, after that of positions against velocities."""
+"""In the order of their report, after that of positions against velocities."""
 SPOILT = ("frame", "unit", "unknown")
 """Causes for which a velocity is of no use to the other checks."""
 
 
 def check(recording: Recording) -> Checked:
-    """What all checks say of a Recording, the weightiest reason first."""
+    """Return the findings of all checks of a Recording, the weightiest reason first."""
     found = position_velocity.check(InspectedRecording(recording))
     useless = {
         reason.source

@@ -39,7 +39,7 @@ STRETCH = 30.0
 """Seconds over which the gyros hold axes still."""
 BLOCKS, MIN_BLOCKS = 10, 4
 SURE, MIN_OFFSET = 5.0, 0.08
-"""A lag is a reason from so many standard deviations and seconds on."""
+"""Standard deviations and seconds from which a lag is a reason."""
 LEAPS = {
     18.0: "the leap seconds between GPS time and UTC",
     37.0: "the leap seconds between TAI and UTC",
@@ -60,7 +60,7 @@ class Lag(NamedTuple):
 
     @property
     def believed(self) -> bool:
-        """Whether it is far likelier than any other."""
+        """True where this lag is far likelier than any other."""
         return self.evidence > EVIDENCE and self.sd < 1.0
 
 

@@ -1,4 +1,4 @@
-"""What a check of a recording gives."""
+"""Result of a check of a recording."""
 
 from typing import NamedTuple
 
@@ -15,10 +15,10 @@ MIN_BLOCKS = 5
 
 
 class Checked(NamedTuple):
-    """What one check, or all, say of a recording."""
+    """Findings of one check of a recording, or of all."""
 
-    facts: list[str]  # lines: what was found to be as it should
-    reasons: list[Reason]  # what should not be so in a right set-up
+    facts: list[str]  # lines: what agrees
+    reasons: list[Reason]  # what a correct set-up would not show
     inconclusive: list[str]  # lines "what could not be checked: why"
 
     @classmethod
@@ -39,7 +39,7 @@ class Checked(NamedTuple):
 
 
 def label(aiding: Aiding) -> str:
-    """What a source is called."""
+    """Return the name of a source, or else its kind."""
     return aiding.name or aiding.kind
 
 

@@ -46,8 +46,8 @@ def likelier(subject: InspectedRecording, gyro: Array | float) -> float:
 
 
 def _motions(imu: Imu, gyro: Array | float) -> tuple[Felt, Felt]:
-    """What the IMU felt with its gyro multiplied by `gyro`, and the same without its mean rate: that
-    may be a bias, or a turn."""
+    """Return the motion by the IMU with its gyro multiplied by `gyro`, and the same without its
+    mean rate, which may be a bias or a turn."""
     turns = imu.dtheta * gyro
     mean = turns.sum(axis=0) / imu.dt.sum()
     return (

@@ -71,7 +71,7 @@ def _heights(aiding: Aiding) -> tuple[Array, Array, Array]:
 
 
 def _compared(one: str, other: str, off: Array, claimed: float) -> Checked:
-    """What differences (m,) in m of two heights say, whose standard deviation is claimed."""
+    """Return the findings on differences (m,) in m of two heights; `claimed` is their std."""
     what = f"height of {one} less that of {other}"
     middle = float(np.median(off))
     scatter = 1.48 * float(np.median(np.abs(off - middle)))

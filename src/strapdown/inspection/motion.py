@@ -23,10 +23,10 @@ STEP = 0.05
 """Seconds between the instants at which the IMU's integrals are kept."""
 FAST, SURE = 3.0, 5.0
 """m/s from which a course is known at any standard deviation of the velocity, and below which none
-is: a receiver at rest and a lever arm that swings make so much. Between them the speed must be so many
-standard deviations: the course is then known to 11 deg."""
+is: a receiver at rest and a lever arm that swings reach that speed. Between them the speed must be
+SURE standard deviations: the course is then known to 11 deg."""
 PAUSE_INTERVALS = 3
-"""A pause of the fixes of more than so many intervals is not bridged."""
+"""A pause of the fixes of more than this many intervals is not bridged."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class InspectedRecording:
 
     @cached_property
     def felt(self) -> Felt:
-        """What its IMU felt."""
+        """The motion by its IMU."""
         return felt(self.recording.imu)
 
     @cached_property
     def mirrored(self) -> Felt:
-        """What its IMU felt if its y axis had the wrong sign."""
+        """The motion by its IMU with the opposite sign of the y axis."""
         y = np.array([1.0, -1.0, 1.0])
         imu = self.recording.imu
         return felt(imu._replace(dtheta=imu.dtheta * y, dv=imu.dv * y))
@@ -109,7 +109,7 @@ def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
 
 
 class Felt(NamedTuple):
-    """What the IMU felt, in axes that do not turn with the body: those it had at the beginning.
+    """Motion by the IMU, in axes that do not rotate with the body: those it had at the beginning.
     The integrals of row k are those up to t[k]."""
 
     t: Array  # (n,) s, STEP apart

@@ -30,13 +30,13 @@ CLEAR, NOISIEST, EVIDENCE = 0.6, 0.8, 10.0
 """Correlation, freed of the claimed noise of the fixes up to a share of it, from which the force is that of the accelerations, and what is asked of the logarithm
 of the likelihood of a left-handed set over that of the axes as they are."""
 SURE, MIN_TURN = 5.0, np.radians(20.0)
-"""An angle is a reason from so many standard deviations and rad on: wind and current set a course
-off the heading by up to that."""
+"""Standard deviations and rad from which an angle is a reason: wind and current set a course off
+the heading by up to that."""
 RIGHT_ANGLE = np.radians(20.0)
 """What is this near to 90, 180 or 270 deg is called so."""
 MOUNTING = "mounting of the IMU about the vertical"
 TURNS = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
-"""Axes of what is turned by so many deg, in terms of the right ones, forward-right-down."""
+"""{deg: axes of an IMU rotated by that, in terms of the correct ones, forward-right-down}."""
 
 
 class PlaneFit(NamedTuple):
@@ -78,7 +78,7 @@ def check(subject: InspectedRecording) -> Checked:
 
 
 def confirm(axes: str) -> str:
-    """What confirms axes that are a guess."""
+    """Return the instruction to confirm guessed axes."""
     return (
         f"look up in the data sheet of the IMU where x, y and z point, then confirm the axes by this "
         f'line in [imu] of recording.toml: axes = "{axes}"'
@@ -208,8 +208,8 @@ def _reason(fit: PlaneFit, source: str, weight: float, meta: Mapping[str, Any]) 
 
 
 def _turned_axes(degrees: int, guess: str | None) -> str:
-    """What to write where the axes must turn by so many deg about down: all of it where they were a
-    guess, since those that a user stated are not known here."""
+    """Return the instruction to rotate the axes by `degrees` about down: the whole line where they
+    were a guess, since axes that a user stated are not known here."""
     if guess is None:
         return f'turn `axes` of [imu] by {degrees:+d} deg (of FRD that is "{TURNS[degrees]}")'
     C = axes_matrix(TURNS[degrees], BODY_AXES) @ axes_matrix(guess, BODY_AXES)

@@ -25,9 +25,9 @@ WINDOW, BLOCK = 5.0, 20.0
 MIN_WINDOWS, MIN_STEPS = 6, 8
 """Displacements that move, and steps from block to block that are needed."""
 MAX_FIXES = 1500
-"""Positions that are compared: more would say little more."""
+"""Positions that are compared: more would add little."""
 MOVING = 5.0
-"""A displacement tells something from so many claimed standard deviations on."""
+"""Claimed standard deviations from which a displacement is significant."""
 WRONG, RIGHT = 0.3, 0.2
 """Median misfit of displacements, as a share of them: axes are wrong above WRONG, and others
 explain them where they halve it and come below RIGHT."""
@@ -184,7 +184,7 @@ def pairs(aidings: tuple[Aiding, ...]) -> Iterator[tuple[Aiding, Aiding]]:
 
 
 def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
-    """What the positions and the velocities of one receiver say of each other."""
+    """Compare the positions and the velocities of one receiver."""
     what = f"{label(position)} against {label(velocity)}"
     pair = _pair(position, velocity)
     if pair is None:

@@ -22,7 +22,7 @@ SURE, VERY_SURE = 0.7, 0.95
 """Correlation from which turns are the same ones, and from which a ratio that no unit explains
 counts: the antenna of a rolling ship swings, and its course with it."""
 MIN_TURN = np.radians(1.0)
-"""Root mean square rate of the course that tells something, rad/s."""
+"""Least root mean square rate of the course that is compared, rad/s."""
 FAST_TURNS = 1.0
 """Root mean square rate of a gyro that may be in deg/s, read as rad/s."""
 REMEDY = "correct `gyro.unit` or `gyro.scale` of [imu]"
@@ -113,7 +113,7 @@ def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:
 
 
 def _by_accelerations(subject: InspectedRecording, found: Checked) -> Checked:
-    """What was found, and a unit of the gyro that fits the accelerations of the fixes better."""
+    """Return `found`, or the unit of the gyro that fits the accelerations of the fixes better."""
     imu = subject.recording.imu
     rms = float(np.sqrt((imu.dtheta**2).sum() / (imu.dt**2).sum()))
     for factor in (np.degrees(1), np.radians(1)):

@@ -1,5 +1,5 @@
-"""What must be right, at least roughly, before anything can be estimated: clocks that are seconds
-off, velocities in a wrong unit or frame, axes of the IMU."""
+"""Gross errors to exclude before anything can be estimated: clocks that are seconds off, velocities
+in a wrong unit or frame, axes of the IMU."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from .model import Constant
 MIN_LAG = 0.5
 """s: a smaller lag is left to the estimate, which finds it better."""
 APART = 1.0
-"""s: by so much the lags of two sources must differ to be believed to."""
+"""s: lags of two sources count as different where they differ by more."""
 
 
 def check_axes(subject: InspectedRecording) -> None:

@@ -156,7 +156,7 @@ class _Runs:
         return first
 
     def apart(self, trial: Trial) -> bool:
-        """Whether the clocks of the GNSS sources differ from each other."""
+        """Return True where the clocks of the GNSS sources differ from each other."""
         together = unknowns(self.constants)
         clocks = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
         others = clocks[1:]  # beside what is common to all: by how much they differ from the first
@@ -164,7 +164,7 @@ class _Runs:
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
     def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
-        """What the last trial says of what was sought."""
+        """Return the diagnosis of the sought parameters by the last trial."""
         final = estimated(last, sought, self.way.centre)
         wrong, alone = self.surely(last, sought, final)
         value, theta, best = final.value.copy(), first.theta, first.made
@@ -206,7 +206,7 @@ class _Runs:
         )
 
     def wrong(self, unknown: Unknown, final: Estimated, i: int) -> bool:
-        """Whether the i-th estimate is one to report."""
+        """Return True where the i-th estimate is large and significant enough to report."""
         least = unknown.of.min_reported
         if "velocity" not in self.kinds:
             least = MIN_CLOCK_ALONE if unknown.of is CLOCK else np.inf
@@ -260,7 +260,7 @@ class _Runs:
         )
 
     def never(self, sought: Sequence[Unknown]) -> list[Diagnosed]:
-        """What no motion would show with these sources, with what is missing."""
+        """Return the parameters that no motion can show with these sources, and what is missing."""
         known = {(each.of, each.axis) for each in sought}
         never = [
             each

@@ -1,4 +1,4 @@
-"""What is said of the parameters of an installation: each estimate with its status, in the terms of
+"""Findings on the parameters of an installation: each estimate with its status, in the terms of
 recording.toml, and what to change there."""
 
 from collections.abc import Iterable, Sequence
@@ -57,7 +57,7 @@ class Estimate:
 
     @property
     def unit(self) -> str:
-        """Of its numbers."""
+        """The unit of its numbers."""
         return self.of.unit
 
     @property
@@ -91,7 +91,7 @@ class Diagnosed(Estimate):
 
     @property
     def value(self) -> float:
-        """What it is, as estimated."""
+        """The estimated value."""
         return self.given + self.change
 
     @property
@@ -103,14 +103,14 @@ class Diagnosed(Estimate):
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What `diagnose` found."""
+    """Result of `diagnose`."""
 
     parameters: tuple[Diagnosed, ...]
     recording: Recording  # set up as found
     solution: Solution  # of the last run: of that recording
     runs: int  # of the filter
     gain: float  # sum of min(NIS, 30) of all fixes, as given less as found
-    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
+    misfit: float  # mean of min(NIS, 30) as found, over that of a correct set-up: about 1
     reasons: tuple[Reason, ...]  # the weightiest first
     changes: tuple[str, ...]  # what to write into recording.toml, a line each
 

@@ -23,7 +23,7 @@ NOTABLE = 3.0
 
 
 class Unknown(NamedTuple):
-    """What is estimated as one number: a constant, or one that several share."""
+    """A number to estimate: one constant, or several that share it."""
 
     of: CalibrationParameter
     sources: tuple[int, ...]  # of the recording

@@ -101,8 +101,8 @@ def rotation(turn: Array) -> Array:
 
 
 class InstallationModel:
-    """What the constants do to the measurements of a Run: `derivatives` at its fixes, and `start`
-    (n, m), the derivative of its error at the start."""
+    """Sensitivity of a Run to the constants: `derivatives` of the measurements at its fixes, and
+    `start` (n, m), the derivative of its error at the start."""
 
     def __init__(self, run: Run, found: Sequence[Constant], aligned: bool) -> None:
         """aligned: whether the start was made of the first fixes, and errs with them."""
@@ -150,7 +150,7 @@ class InstallationModel:
         return h
 
     def _of_antenna(self, at: Corrections, rows: Ints, s: int) -> Array:
-        """Of positions or velocities of the source s."""
+        """Return the derivatives of positions or velocities of the source s."""
         C, omega, arm = at.C[rows], at.omega[rows], self.arms[s]
         swing = cross(omega, arm)
         by_time = (
@@ -163,12 +163,13 @@ class InstallationModel:
         return self._columns(by, s)
 
     def _of_body(self, body: Array, axis: int, s: int) -> Array:
-        """Of the velocity `body` (k, 3) of the vehicle along a body axis, of the source s."""
+        """Return the derivatives of a velocity along a body axis, of the source s; `body` (k, 3) is
+        the velocity of the vehicle in body axes."""
         by = {SCALE: body[:, None, :1], MOUNTING: cross(body, np.eye(3)[axis])[:, None]}
         return self._columns(by, s)[:, 0]
 
     def _of_heading(self, C: Array, s: int) -> Array:
-        """Of the heading of the x axis of the vehicle, of the source s."""
+        """Return the derivatives of the heading of the vehicle's x axis, of the source s."""
         n, e, turn = C[:, :1, 0], C[:, 1:2, 0], C @ cross_matrix(np.eye(3)[0])
         by = (n * turn[:, 1] - e * turn[:, 0]) / np.maximum(n * n + e * e, 1e-12)
         return self._columns({MOUNTING: by[:, None]}, s)[:, 0]

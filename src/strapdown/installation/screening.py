@@ -60,7 +60,7 @@ class Suspect(NamedTuple):
 
     @property
     def likely(self) -> float:
-        """What it explains, for comparison with others."""
+        """The score for comparison with others: what it explains, less for a lever arm."""
         return self.explained * (ARM_SHARE if self.of is LEVER_ARM else 1.0)
 
 
@@ -145,8 +145,8 @@ def _paced(aiding: Aiding) -> Aiding:
 
 
 def suspects(solution: Solution) -> list[Suspect]:
-    """What would explain the innovations of a solution, the likeliest first; [] where nothing
-    tells. Raises DataError."""
+    """Return the parameters that would explain the innovations of a solution, the likeliest first;
+    [] where its sources have none. Raises DataError."""
     part, start = as_found(solution, *window(solution))
     recording, noise = thinned(part), Noise(**solution.meta["noise"])
     known = constants(recording.aidings)
@@ -185,7 +185,8 @@ def look(solution: Solution) -> tuple[list[Reason], list[str]]:
 
 
 def _estimated(solution: Solution, suspect: Suspect) -> bool:
-    """Whether what it concerns were states of the filter, which says of them itself."""
+    """Return True where the suspect's parameters were states of the filter, which reports on them
+    itself."""
     assert solution.recording is not None
     names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
     own = {
@@ -254,7 +255,8 @@ def of_installation(aidings: Sequence[Aiding]) -> list[Aiding]:
 
 
 def _matters(suspect: Suspect, alone: bool) -> bool:
-    """Whether it is a reason; of positions `alone`, without velocities, only a clock is."""
+    """Return True where the suspect is a reason; of positions `alone`, without velocities, only a
+    clock is."""
     of = suspect.of
     least = MIN_CLOCK_ALONE if alone else of.min_doubted
     clear = (suspect.z > MIN_Z) & (np.abs(suspect.value) > least) & (not alone or of is CLOCK)

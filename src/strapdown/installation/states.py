@@ -1,6 +1,6 @@
-"""What a finished Solution says of the parameters of the installation that were states of its filter:
-each in the terms of recording.toml, found, consistent with what was given or not observable, and
-what speaks against them."""
+"""Parameters of the installation that were states of a finished Solution's filter: each in the
+terms of recording.toml, found, consistent with the given value or not observable, and the reasons
+to doubt it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,9 +41,9 @@ OF_BODY = ("attitude", "magnetic-field", "gravity")
 
 @dataclass(frozen=True)
 class EstimatedParameter(Estimate):
-    """A parameter of the installation as a filter with states for it has it in the end. The change is
-    the state: of a mounting about the axis of the vehicle; of a scale the share by which the odometer
-    reads too much."""
+    """A parameter of the installation by the last estimate of a filter with states for it. The
+    change is the state: of a mounting about the axis of the vehicle; of a scale the share by which
+    the odometer reads too much."""
 
     value: float  # what belongs there; of a scale what the scale in recording.toml is to be times
     prior: float  # standard deviation of the change before
@@ -66,7 +66,7 @@ class EstimatedParameter(Estimate):
 
     @property
     def advice(self) -> str:
-        """What to do where it is not observable; no motion helps where the prior is tight."""
+        """The remedy where it is not observable; no motion helps where the prior is tight."""
         if self.motion:
             return f"to show it, {self.motion}"
         return "the prior says as much as the data"
@@ -91,7 +91,7 @@ class EstimatedParameter(Estimate):
 
 @dataclass(frozen=True)
 class EstimatedInstallation:
-    """What `installation` found."""
+    """Result of `installation`."""
 
     parameters: tuple[EstimatedParameter, ...]
     reasons: tuple[Reason, ...]  # to doubt them; the verdict has them too
@@ -116,8 +116,8 @@ class EstimatedInstallation:
 
 
 def installation(solution: Solution) -> EstimatedInstallation:
-    """What a Solution of `fuse`, `smooth` or a Stream says at its end of the parameters that were
-    states (`estimate`); empty where none was. Raises DataError."""
+    """Return the final estimates of the parameters that were states (`estimate`) in a Solution of
+    `fuse`, `smooth` or a Stream; empty where none was. Raises DataError."""
     if not isinstance(solution, Solution):
         raise DataError(
             f"solution is {brief(solution)}; it must be a Solution, as fuse, smooth and read_solution "
@@ -140,8 +140,8 @@ def installation(solution: Solution) -> EstimatedInstallation:
 
 
 def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
-    """What belongs into recording.toml, SI: what was given and the error; angles of a mounting are
-    those of the IMU turned by all its errors, and what reads too much is divided by it."""
+    """Return the values for recording.toml, SI: the given one plus the error; for a mounting the
+    angles of the IMU rotated by all its errors, for a scale 1 / (1 + error)."""
     turn = np.zeros(3)
     errors = [_last(solution, facts) for facts in known]
     for facts, error in zip(known, errors):
@@ -159,7 +159,7 @@ def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
 
 
 def _last(solution: Solution, facts: dict[str, Any], prefix: str = "") -> float:
-    """The error in the end, or with "sd of " its standard deviation, SI."""
+    """Return the last estimate of the error, or with "sd of " its standard deviation, SI."""
     return float(solution.columns[prefix + facts["column"]][-1]) / _of(facts).factor
 
 
@@ -195,7 +195,7 @@ def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> Estim
 
 
 def _motion(solution: Solution, of: CalibrationParameter, axis: int) -> str:
-    """What would show it."""
+    """Return the motion or the constraint that would show the parameter."""
     kinds = set(solution.meta["kinds"].values())
     if of is MOUNTING and axis in SHOWN_BY and SHOWN_BY[axis] not in kinds:
         return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
@@ -266,7 +266,7 @@ def _trusted(
     parameters: tuple[EstimatedParameter, ...],
     known: list[dict[str, Any]],
 ) -> Iterator[str]:
-    """What was taken as right beside the estimates."""
+    """Yield the assumptions behind the estimates."""
     for each, facts in zip(parameters, known):
         if beside := facts.get("beside"):
             them = " and ".join(beside)
@@ -281,7 +281,7 @@ def _trusted(
 
 
 def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> str:
-    """What a clock that is off says of the reference; "" where it says nothing."""
+    """Return the consequence of a clock offset for the reference; "" without one."""
     kinds = solution.meta["kinds"]
     for each in parameters:
         off = each.status != NOT_OBSERVABLE and abs(each.change) > NOTABLE * each.sd

@@ -1,5 +1,5 @@
-"""What can be said of samples and fixes, in lines for people: rates, gaps, what the sensors read at
-rest, how fixes and gyro agree."""
+"""Facts about samples and fixes, in lines for people: rates, gaps, readings at rest, agreement of
+fixes and gyro."""
 
 from collections.abc import Iterable, Iterator
 
@@ -71,7 +71,7 @@ def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
 
 
 def gyro_bias_sd(meta: RecordingMeta) -> float:
-    """What the description of the IMU in the meta of a recording allows, rad/s; 0 without one."""
+    """Return the std of the gyro bias by the IMU grade of a recording, rad/s; 0 without one."""
     named = meta.get("grade")
     return 0.0 if named is None else grade(named).bias_sd()[1]
 
@@ -139,7 +139,7 @@ def _gaps(imu: Imu, missing: Array, gaps: Ints, median: float) -> list[str]:
 
 
 def _rest_facts(imu: Imu, rate: Array, force: Array) -> list[str]:
-    """What the sensors read at rest, deg/s and m/s^2."""
+    """Return lines on the readings at rest, deg/s and m/s^2."""
     rest = at_rest(imu)
     if not rest.any():
         return ["seems at rest: never for a whole second"]

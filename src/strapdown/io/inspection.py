@@ -1,4 +1,4 @@
-"""What a file holds, what is probably wrong with it and what could not be checked, in lines for
+"""Inspection of a file: its content, likely mistakes and what could not be checked, in lines for
 people; works where reading would refuse."""
 
 from collections.abc import Mapping, Sequence

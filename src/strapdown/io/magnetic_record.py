@@ -1,5 +1,5 @@
-"""What the samples of a magnetometer say of it: stuck and saturated ones, where the vertical is
-known, whether strength and dip are those of the Earth's field.
+"""Checks of a magnetometer's samples: stuck and saturated ones, where the vertical is known,
+strength and dip against those of the Earth's field.
 
 The field of a sound, calibrated magnetometer has the same strength and the same angle to the
 vertical (its dip) in every attitude: that is what the checks rest on.

@@ -21,7 +21,7 @@ MAX_FACTOR = 1e6
 
 
 class SourceNoise(NamedTuple):
-    """What a section says of the source whose name it has."""
+    """The noise of a source, from the section of its name."""
 
     factor: tuple[float, ...] = (1.0,)  # on its standard deviations: one, or one per row
     # sd in the units of tables, one or one per row; None: as the recording has them

@@ -1,4 +1,4 @@
-"""What a reader of a file format offers, and what an inspection finds."""
+"""Interface of the readers of file formats, and the findings of an inspection."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -46,7 +46,8 @@ class Findings(NamedTuple):
         self.add(facts, map(str, reasons), reasons, more)
 
     def attempt(self, function: Callable[..., Made], *arguments: Any) -> Made | None:
-        """What the function returns; None where it raises a DataError, which then is a problem."""
+        """Return the function's result; None where it raises a DataError, which becomes a
+        problem."""
         try:
             return function(*arguments)
         except DataError as error:
@@ -94,7 +95,8 @@ class Section(NamedTuple):
 
 
 class Log(NamedTuple):
-    """What a file holds that is no whole recording: tables, and what of a recording they are.
+    """A file of tables, rather than a whole recording, and the sections of a recording that they
+    fill.
 
     A complaint names a row of a table by the name of that table.
     """

@@ -141,13 +141,13 @@ def _claimed(path: Path, name: str, head: bytes) -> Reader | None:
 
 
 def _is_text(head: bytes) -> bool:
-    """Whether first bytes may be those of a text: no text but UTF-16 has zeros."""
+    """Return True where first bytes may be those of a text: no text but UTF-16 has zeros."""
     return b"\0" not in head or head.startswith(UTF_16) or not any(head[1:200:2])
 
 
 def _takes(reader: Reader, path: Path) -> bool:
-    """Whether a reader with a claim to a name takes the file; of folders only one that looks into
-    it, of what is not there only one that goes by names."""
+    """Return True where a reader that claims a name takes the file. A folder needs a reader that
+    looks into it; a missing file needs one that goes by names alone."""
     if not path.exists():
         return reader.sniff is None
     if not path.is_dir():
@@ -169,7 +169,8 @@ def looker(path: Path) -> Reader:
 
 
 def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
-    """What a function of the reader returns. Whatever it raises is a DataError of one line."""
+    """Return the result of a function of the reader. Any exception becomes a DataError of one
+    line."""
     try:
         with reading_within(path):
             return getattr(reader, function)(path, *arguments)
@@ -226,7 +227,7 @@ def taker(path: Path) -> Reader:
 
 
 def formats() -> str:
-    """What is read, a few words and the suffixes of each format."""
+    """Return the formats that are read, a few words and the suffixes of each."""
     return "; ".join(
         f"{reader.summary} ({', '.join(_plain(reader))})" if _plain(reader) else reader.summary
         for reader in readers().values()

@@ -32,7 +32,7 @@ def in_degrees(recording: Recording) -> float:
 
 
 def fixes_confirm(recording: Recording) -> bool:
-    """Whether the fixes say that the gyro is in rad/s, and not in deg/s."""
+    """Return True where the fixes show that the gyro is in rad/s, not in deg/s."""
     return in_degrees(recording) < -EVIDENCE
 
 

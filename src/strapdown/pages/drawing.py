@@ -1,5 +1,5 @@
-"""What all figures share: colours of solutions, thinning long runs, the frame of an axis, bands,
-shading of gaps and events, layout."""
+"""Helpers that all figures share: colours of solutions, thinning long runs, the frame of an axis,
+bands, shading of gaps and events, layout."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ WITHHELD = "rgba(59,125,216,0.13)"
 OUTAGE = "rgba(134,142,150,0.18)"
 """Of the stretches without an accepted fix of the position."""
 OUTAGE_INTERVALS = 3.0
-"""So many usual intervals between accepted fixes of the position are an outage."""
+"""Usual intervals between accepted fixes of the position from which a pause is an outage."""
 FAR = 5.0
-"""A solution whose frame is more than so many times as high as the least one leaves that."""
+"""A solution whose frame is more than this many times as high as the least one leaves that."""
 SHADED_BANDS = 2
-"""The bands of at most so many solutions are shaded; of more, dotted lines are drawn."""
+"""The bands of at most this many solutions are shaded; those of more are dotted lines."""
 MARKED = 20
 """At most this many events and status stretches of each kind are drawn; the page lists all
 events."""
@@ -333,8 +333,8 @@ def ribbon(
     group: str | None = None,
     **place: int,
 ) -> None:
-    """What lies between two lines, shaded, shown and hidden with the line of that group; place: row
-    and col of its panel."""
+    """Shade the area between two lines, shown and hidden with the line of `group`; place: row and
+    col of its panel."""
     figure.add_trace(
         go.Scatter(
             x=column(np.r_[x, x[::-1]]),
@@ -524,7 +524,7 @@ def time_axis(
 
 
 def time_label(zero: float) -> str:
-    """Of a time axis that counts from there."""
+    """Return the label of a time axis that counts from `zero`, s."""
     return "time [s]" if not zero else f"time since {zero:.0f} s [s]"
 
 

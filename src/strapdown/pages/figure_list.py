@@ -88,7 +88,7 @@ def _any_claimed(shown: Sequence[Solution], states: slice) -> bool:
 
 
 def _whitens(solution: Solution) -> bool:
-    """Whether it says how large it expected its innovations to be."""
+    """Return True where the solution has the expected size of its innovations."""
     return metrics.any_known(solution.innovations.root)
 
 

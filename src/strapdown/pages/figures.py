@@ -319,7 +319,7 @@ def _curve(
 def _band(
     figure: go.Figure, one: ShownSolution, t: Array, centre: Array, half: Array, row: int, of: int
 ) -> None:
-    """The band of a solution, one of so many; the entry of its line in the legend hides it too."""
+    """Draw the band of one solution of `of`; the entry of its line in the legend hides it too."""
     if one.alone:
         band(figure, t, centre, half, row)
     else:
@@ -529,7 +529,7 @@ def _around_all(t: Array, values: Array, half: Array, window: Window) -> tuple[f
 
 
 class _Quantity(NamedTuple):
-    """What a figure shows, a panel for each name."""
+    """A quantity of a figure, with a panel for each name."""
 
     names: Sequence[str]
     unit: str
@@ -543,7 +543,7 @@ class _Quantity(NamedTuple):
 
 
 class _Curve(NamedTuple):
-    """What a solution contributes to a figure."""
+    """The curve of a solution in a figure."""
 
     t: Array  # (n,) s
     values: Array  # (n, k)
@@ -635,7 +635,7 @@ def _drawn(
 
 
 class _Panel(NamedTuple):
-    """What one panel of a figure shows of all solutions."""
+    """One panel of a figure, with all solutions."""
 
     shown: Sequence[ShownSolution]
     quantity: _Quantity
@@ -665,13 +665,13 @@ class _Panel(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether it shows an angle that wraps."""
+        """True where it shows an angle that wraps."""
         named = self.quantity.names[self.i] in ("roll", "heading")
         return self.quantity.framed is _around_all and named
 
     @property
     def is_heading(self) -> bool:
-        """Whether it shows headings, which go round."""
+        """True where it shows headings, which wrap."""
         return self.turns and self.quantity.names[self.i] == "heading"
 
     @property
@@ -757,7 +757,7 @@ def _common(
 
 
 class _Notes:
-    """What is said of values that leave the frame, by solution."""
+    """Notes on values outside the frame, by solution."""
 
     def __init__(self, shown: Sequence[ShownSolution]) -> None:
         self.shown = shown

@@ -69,7 +69,8 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
 def _panel(
     figure: go.Figure, row: int, one: ShownSolution, found: EstimatedParameter, zero: float, of: int
 ) -> tuple[float, float]:
-    """Draw a parameter of one solution of so many; half the height of its axis, and its largest."""
+    """Draw a parameter of one solution of `of`; return half the height of its axis, and its
+    largest."""
     columns, t = one.solution.columns, one.solution.t - zero
     values, sd = columns[found.column], columns[found.sd_column]
     half, label = SIGMAS * sd, one.label()
@@ -83,7 +84,7 @@ def _panel(
 
 
 def _label(found: EstimatedParameter, several: bool) -> str:
-    """Of an axis: component, sources where they differ, and unit."""
+    """Return the label of an axis: component, sources where they differ, and unit."""
     words = [found.component or found.parameter]
     words += [f"of {' and '.join(found.sources)}"] if several else []
     return escape(" ".join(words)) + (f" [{found.unit}]" if found.unit else "")

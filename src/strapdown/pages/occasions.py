@@ -1,5 +1,5 @@
-"""What happened when, as lists that jump: events, alike ones folded, and stretches that are not as
-they should be."""
+"""Lists of events, similar ones folded, and of stretches with faults; their entries jump to the
+time in the figures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .drawing import outages, stretches
 from .parts import LISTED
 
 FOLDED = 4
-"""So many events that differ in their numbers alone are folded."""
+"""Number of events, differing in their numbers alone, from which they are folded."""
 STATUS_NAMES: dict[int, str] = {BRIDGED: "gap bridged", DOUBTFUL: "doubtful", INVALID: "not valid"}
 
 

@@ -19,8 +19,8 @@ shows, and 1/FINENESS² of the usual value, which no reader notices."""
 
 
 def packed(content: Mapping[str, Any]) -> str:
-    """What JSON can hold, and arrays of numbers anywhere inside, as text: the JSON, a line feed, the
-    numbers; deflated, in base64."""
+    """Return JSON content, with arrays of numbers anywhere inside, as text: the JSON, a line feed,
+    the numbers; deflated, in base64."""
     columns: list[bytes] = []
     described = _lifted(content, columns)
     head = json.dumps(described, cls=PlotlyJSONEncoder, separators=(",", ":")).encode()

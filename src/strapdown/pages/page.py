@@ -50,7 +50,7 @@ Section: TypeAlias = "tuple[str, Sequence[tuple[go.Figure, str, str]]]"
 
 
 class Added(NamedTuple):
-    """What a page has beside what its solutions say."""
+    """Parts of a page beside those of its solutions."""
 
     sections: Sequence[Section] = ()  # after the track
     facts: Mapping[str, str] = {}  # further lines below the title, {name: text}
@@ -180,7 +180,7 @@ def _scores(
 def _facts(
     solutions: Mapping[str, Solution], window: tuple[float, float] | None, more: Mapping[str, str]
 ) -> dict[str, str]:
-    """What stands below the title: {name: text}."""
+    """Return the lines below the title: {name: text}."""
     metas = [solution.meta for solution in solutions.values()]
     first = next(iter(solutions.values()))
     return {

@@ -40,9 +40,9 @@ from .parts import caption, table
 from .spectra import power_spectrum, segments
 
 MAX_SAMPLES = 2**20
-"""Samples at most of which spectra are taken: those of longer stretches from their middle."""
+"""Samples at most in a spectrum: that of a longer stretch is from its middle."""
 SEGMENT, SEGMENTS, MIN_SEGMENT = 20.0, 8, 64
-"""s of the segments of Welch's method, at least so many segments, and their least samples."""
+"""s of the segments of Welch's method, the least number of segments, and their least samples."""
 SPECTRUM_POINTS = 250
 """Of a spectrum that are drawn: means over bins of like width on a logarithmic axis."""
 MAX_SOURCES = 6
@@ -50,7 +50,7 @@ MAX_SOURCES = 6
 
 
 class TriadFigure(NamedTuple):
-    """What a triad of the IMU read."""
+    """Readings of a triad of the IMU, for a figure."""
 
     name: str
     quantity: str
@@ -110,7 +110,8 @@ def _sources(recording: Recording) -> Iterator[tuple[str, Array]]:
 
 
 def _recorded(kind: str) -> bool:
-    """Whether fixes of this kind come from a sensor; so does what a plugin brought that is gone."""
+    """Return True where fixes of this kind come from a sensor; an unknown kind, of a plugin that is
+    gone, counts as one."""
     try:
         return find(kind).recorded
     except ValueError:

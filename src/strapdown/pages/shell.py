@@ -1,5 +1,5 @@
-"""What all pages share: one self-contained HTML file that works offline, asks the network for
-nothing, and is written whole or not at all."""
+"""The shell of all pages: one self-contained HTML file that works offline, requests nothing from
+the network, and is written whole or not at all."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TILES = "https://tile.openstreetmap.org"
 MAP_POLICY = f"{POLICY.replace('blob:;', f'blob: {TILES};')}; connect-src {TILES}; worker-src blob:"
 """That of a page with a map, which may ask for its tiles and for nothing else."""
 USUAL_HEIGHT = 450
-"""px of a figure that does not say its own, which is plotly's."""
+"""px of a figure without a height of its own: plotly's default."""
 FRAME_HEIGHT = 700
 """px of a page in a cell of a notebook."""
 
@@ -72,7 +72,7 @@ class Document:
     style: str = ""  # further CSS
     wide: bool = False
     sections: list[tuple[str, str]] = field(default_factory=list)  # (heading, HTML)
-    figures: int = 0  # so many are placed
+    figures: int = 0  # number of figures placed
 
     def place(
         self, figure: go.Figure | None, heading: str, caption: str = "", tag: str = ""
@@ -159,7 +159,8 @@ def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag:
 
 
 def _told(heading: str, content: Mapping[str, Any]) -> str:
-    """What a figure shows, for those who do not see it: its axes with their ranges, its lines."""
+    """Return a figure in words, for those who do not see it: its axes with their ranges, its
+    lines."""
     layout, told = content["layout"], [heading]
     for letter, word in (("y", "up"), ("x", "across")):
         axes = [axis for key, axis in layout.items() if re.fullmatch(f"{letter}axis[0-9]*", key)]

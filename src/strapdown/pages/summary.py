@@ -26,8 +26,8 @@ def claimed_sd(made: Solution | Errors) -> Array:
 
 
 def heading_held(solution: Solution) -> bool:
-    """Whether the filter of a Solution estimates its heading; that of others runs free with the
-    gyros and is no result. True of unknown filters."""
+    """Return True where the filter of a Solution estimates its heading; the heading of others
+    drifts with the gyros and is no result. True for unknown filters."""
     try:
         return 8 in find(solution.meta.get("filter", "")).estimates
     except ValueError:
@@ -111,9 +111,9 @@ ERROR_GROUPS = (
     ("attitude", "deg", np.degrees(1), ATT),
 )
 BEYOND_SHARE, SIGMAS, STEADY = 0.05, 3.0, 3.0
-"""Share of the times above which it is said that errors leave the band of so many standard
-deviations; it would be 0.8 % for three normal errors. An error is much the same throughout where its
-median is so many times its scatter."""
+"""Share of the times above which the summary states that errors leave the band of SIGMAS standard
+deviations; it would be 0.8 % for three normal errors. An error is steady where its median is STEADY
+times its scatter."""
 
 
 def contradictions(

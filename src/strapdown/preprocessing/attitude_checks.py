@@ -146,7 +146,7 @@ def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
 
 
 def _no_turns(shift: float = 0.0) -> tuple[Array, Array]:
-    """What `turns` gives where there are too few rows."""
+    """Return the empty result of `turns` for too few rows."""
     return np.empty((0, 3)), np.empty((0, 3))
 
 

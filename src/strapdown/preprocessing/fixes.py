@@ -221,8 +221,8 @@ def overlap(imu: Imu, t: Array, name: str, epoch: float | None = None) -> None:
 
 
 def _of_other_days(imu: Array, fixes: Array, epoch: float | None) -> str:
-    """What both records say of their days, where that is known and differs: first and last times of
-    both, s since `epoch`."""
+    """Return a text that the IMU and the fixes are of different days; "" where these are the same
+    or unknown. First and last times of both are in s since `epoch`."""
     if epoch is None:
         return ""
     of_imu, here = (utc(iso(epoch), t) for t in (imu, fixes))
@@ -235,8 +235,8 @@ def _of_other_days(imu: Array, fixes: Array, epoch: float | None) -> str:
 
 
 def likely_shift(start: float, stop: float, first: float, last: float) -> str | None:
-    """What brings fixes from `first` to `last` into the record from `start` to `stop` (s): a time
-    zone, whole days, another epoch. None where none of these does."""
+    """Return a text on the shift that brings fixes from `first` to `last` into the record from
+    `start` to `stop` (s): a time zone, whole days, another epoch. None where none of these does."""
     shifts = [(1800.0 * k, f"a time zone, {k / 2:+g} h?") for k in range(-28, 29) if k]
     shifts += [(float(DAY * k), f"whole days, {k:+d}?") for k in range(-7, 8) if k]
     for sign in (1.0, -1.0):

@@ -40,7 +40,8 @@ COLDEST, HOTTEST = -60.0, 130.0
 
 
 def is_temperature(values: ArrayLike) -> bool:
-    """Whether these are degC of an IMU; all zeros stand for none, as simulators write them."""
+    """Return True where the values are degC of an IMU; all zeros stand for none, as simulators
+    write them."""
     values = np.asarray(values, float)
     known = values[np.isfinite(values)]
     return bool(known.any() and known.min() > COLDEST and known.max() < HOTTEST)
@@ -158,7 +159,7 @@ def _gravity_sign(force: Array) -> list[tuple[str, str]]:
 
 
 UNFELT = "while the specific force stays steady"
-"""What is said of tilting that only a multicopter does not feel."""
+"""Words of the message on tilting that the accelerometer does not show, as on a multicopter."""
 USUAL_GYRO_BIAS = np.radians(2.5)
 """rad/s that gyros without a description may read at rest."""
 

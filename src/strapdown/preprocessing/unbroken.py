@@ -27,14 +27,14 @@ def nearest_felt(imu: Imu, t: float) -> tuple[slice, float]:
 
 
 def felt(imu: Imu, t: Array) -> Mask:
-    """Whether the times t (n,) lie in a stretch."""
+    """Return True where the times t (n,) lie in a stretch (n,)."""
     after = np.searchsorted(imu.t, t)
     begin, end = np.r_[imu.t - imu.dt, np.inf][after], np.r_[-np.inf, imu.t][after]
     return (t >= begin) | (t <= end) | (begin - end <= UNSEEN)
 
 
 def is_unbroken(imu: Imu, a: float, b: float) -> bool:
-    """Whether no gap lies between the times a and b."""
+    """Return True where no gap lies between the times a and b."""
     return nearest_felt(imu, a)[0] == nearest_felt(imu, b)[0]
 
 

@@ -25,8 +25,8 @@ HEARD = 1.5  # s for which a speed counts
 def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
     """(n,) bool: every second that holds the sample is quiet, see `FORCE`, in the manner of the
     likelihood ratio of Skog et al. (2010), IEEE TBME 57(11); rates are taken from their median, which
-    of a vehicle is the bias of its gyro. And no wheel speed or velocity among the aidings surely says
-    that it moves."""
+    of a vehicle is the bias of its gyro. And no wheel speed or velocity among the sources shows
+    significant motion."""
     seconds = float(np.median(imu.dt))
     many = max(1, round(STEP / seconds))
     width = max(2, round(WINDOW / (many * seconds)))
@@ -44,7 +44,8 @@ def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
 
 
 def moving(aidings: Iterable[Aiding], t: Array) -> Mask:
-    """Whether a wheel speed or velocity before or after the times t (n,), s, surely says so."""
+    """Return True where a wheel speed or velocity shortly before or after the times t (n,), s, is
+    significantly above rest (n,)."""
     found = np.zeros(len(t), bool)
     for a in aidings:
         if a.kind not in ("speed", "velocity") or not len(a.t):

@@ -57,8 +57,8 @@ class Ahrs:
         return self.plan(truth).fixes(seed)
 
     def plan(self, truth: Trajectory, gate: float | None = None) -> "AhrsPlan":
-        """What all runs over one trajectory share, as an AhrsPlan; `gate` is that of its aiding.
-        Raises DataError."""
+        """Return the AhrsPlan that all runs over one trajectory share; `gate` is that of its
+        source. Raises DataError."""
         if truth.q_nb is None:
             raise DataError("attitude: the trajectory has no attitude")
         t = sample_times(truth, self.rate)
@@ -71,7 +71,7 @@ class Ahrs:
 
 
 class AhrsPlan(NamedTuple):
-    """What an AHRS would report without errors; each run adds its own."""
+    """Error-free measurements of an AHRS; each run adds its own errors."""
 
     aiding: Aiding  # all but its y
     attitude: "Rotation"  # (n,), body to navigation

@@ -79,12 +79,12 @@ class Simulated:
 
     @property
     def measurement(self) -> Measurement:
-        """What the kind is. Raises DataError with the nearest name."""
+        """The model of its kind. Raises DataError with the nearest name."""
         return find(self.kind)
 
     def plan(self, truth: Trajectory, ideal: Imu, gate: float | None = None) -> "SimulatedPlan":
-        """What all runs over one trajectory share, as a SimulatedPlan. `ideal`: the samples of an
-        IMU without errors on it; `gate`: that of the aiding. Raises DataError."""
+        """Return the SimulatedPlan that all runs over one trajectory share. `ideal`: the samples of
+        an IMU without errors on it; `gate`: that of the source. Raises DataError."""
         t = sample_times(truth, self.rate)
         y, gain = _solved(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
         reads: Mask = np.asarray(np.isfinite(y).any(axis=1))
@@ -95,7 +95,7 @@ class Simulated:
 
 
 class SimulatedPlan(NamedTuple):
-    """What such a sensor would measure without noise; each run adds its own."""
+    """Noise-free measurements of such a sensor; each run adds its own noise."""
 
     aiding: Aiding  # its y without noise
     gain: Array  # (n, components, components) what of y a unit of the innovation is
@@ -119,8 +119,8 @@ class SimulatedPlan(NamedTuple):
 
 
 def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[FilterState]:
-    """What a filter without any error would believe at times t (n,) s; rate and specific force are
-    those between the middles of two samples."""
+    """Return the states of a filter without any error at times t (n,) s; rate and specific force
+    are those between the middles of two samples."""
     from scipy.interpolate import make_interp_spline
 
     at = interpolated(truth, t)

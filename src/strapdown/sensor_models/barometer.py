@@ -72,8 +72,8 @@ class Barometer:
         return self.plan(truth).fixes(seed)
 
     def plan(self, truth: Trajectory, gate: float | None = None) -> "BarometerPlan":
-        """What all runs over one trajectory share, as a BarometerPlan; `gate` is that of its
-        aiding. Raises DataError."""
+        """Return the BarometerPlan that all runs over one trajectory share; `gate` is that of its
+        source. Raises DataError."""
         t = sample_times(truth, self.rate)
         height = (
             interpolated(truth, t).lla[:, 2]
@@ -100,7 +100,7 @@ class Barometer:
 
 
 class BarometerPlan(NamedTuple):
-    """What a barometer would read without errors; each run adds its own."""
+    """Error-free measurements of a barometer; each run adds its own errors."""
 
     aiding: Aiding  # all but its y
     height: Array  # (n,) m, ellipsoidal, of the sensor

@@ -67,7 +67,7 @@ class Gnss(NamedTuple):
         return self.plan(trajectory).fixes(seed)
 
     def plan(self, trajectory: Trajectory, gate: float | None = None) -> "Plan":
-        """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings.
+        """Return the Plan that all runs over one trajectory share; `gate` is that of its sources.
         Raises DataError."""
         self.check()
         rows = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
@@ -140,7 +140,7 @@ class Gnss(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What a receiver would measure without noise; each run adds its own. None: not measured."""
+    """Noise-free measurements of a receiver; each run adds its own noise. None: not measured."""
 
     position: "PositionPlan | None"
     velocity: "VelocityPlan | None"

@@ -1,5 +1,5 @@
-"""What is wrong with an inertial measurement unit: the errors of its two triads (errors.py), its
-TOML file, and the grades that ship with the package."""
+"""Model of an inertial measurement unit: the errors of its two triads (errors.py), its TOML file,
+and the grades that ship with the package."""
 
 import math
 import tomllib
@@ -33,8 +33,8 @@ EXAMPLE = 'write noise = {{ value = ..., unit = "{}" }}'
 
 @dataclass(frozen=True, repr=False)
 class ImuSpec:
-    """What is wrong with an IMU, per axis, in SI. Written as a TOML file in datasheet units
-    (docs/how-to/imu.md). Raises DataError on what no IMU can have."""
+    """Errors of an IMU, per axis, in SI. Written as a TOML file in datasheet units
+    (docs/how-to/imu.md). Raises DataError where they are out of range."""
 
     name: str
     gyro: Triad
@@ -74,8 +74,8 @@ class ImuSpec:
                 )
 
     def noise(self) -> Noise:
-        """What a filter with one bias state per axis should assume (see `Triad.bias_model`), as
-        core.loop.contract.Noise."""
+        """Return the noise that a filter with one bias state per axis should assume (see
+        `Triad.bias_model`), as core.loop.contract.Noise."""
         (gyro_bias, gyro_decay), (accel_bias, accel_decay) = (
             self.gyro.bias_model(self.warm_up),
             self.accel.bias_model(self.warm_up),
@@ -118,11 +118,12 @@ class ImuSpec:
         return Imu(imu.t, imu.dt, dtheta, dv), b_a, b_g
 
     def shared(self, imu: Imu) -> Shared:
-        """What the errors of all runs over an error-free `imu` share, for `simulate_errors`."""
+        """Return the part of the errors that all runs over an error-free `imu` share, for
+        `simulate_errors`."""
         return shared(self.gyro, self.accel, self.warm_up, imu)
 
     def drawn(self, stream: RandomStream) -> Own:
-        """What chance decides of a run before its first sample."""
+        """Draw the random constants of a run before its first sample."""
         return drawn(self.gyro, self.accel, stream)
 
     def datasheet(self) -> dict[str, float]:

@@ -60,7 +60,7 @@ FLICKER_BLOCKS = (3 * PROCESSES + 1) // 2  # of random numbers in a sample
 
 
 class Shared(NamedTuple):
-    """What the samples are in all runs."""
+    """Samples and error sizes that all runs share."""
 
     dtheta: Array  # (n, 3) rad, ideal
     dv: Array  # (n, 3) m/s, ideal
@@ -71,7 +71,7 @@ class Shared(NamedTuple):
 
 
 class Own(NamedTuple):
-    """What chance has decided of a run before its first sample, and where the run is."""
+    """Random constants of a run, drawn before its first sample, and its current state."""
 
     keys: Ints  # (2 KEYS,)
     constants: Array  # (2 CONSTANTS,)
@@ -281,7 +281,7 @@ def _sizes(triad: Triad) -> list[float]:
 
 
 def shared(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -> Shared:
-    """What the errors of all runs over an error-free `imu` share."""
+    """Return the part of the errors that all runs over an error-free `imu` share."""
     told = np.zeros((0, 6))
     if warm_up is not None and len(imu.t):
         temperature = warm_up.temperature(imu.t - (imu.t[0] - imu.dt[0]))
@@ -299,8 +299,8 @@ def shared(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -> Share
 
 
 def drawn(gyro: Triad, accel: Triad, stream: RandomStream) -> Own:
-    """What a run draws before its first sample. Each term has a stream of its own name, so that two
-    grades with one seed differ by size alone."""
+    """Draw the random constants of a run before its first sample. Each term has a stream of its own
+    name, so that two grades with one seed differ by size alone."""
     keys, constants = np.zeros((2, KEYS), np.int64), np.zeros((2, CONSTANTS))
     state = np.zeros((2, STATE))
     for row, (name, triad) in enumerate((("gyro", gyro), ("accel", accel))):

@@ -95,8 +95,8 @@ class Magnetometer:
         field: Sequence[float] | Array | None = None,
         gate: float | None = None,
     ) -> "MagnetometerPlan":
-        """What all runs over one trajectory share, as a MagnetometerPlan; arguments as of
-        `measure`, `gate` that of its aiding. Raises DataError."""
+        """Return the MagnetometerPlan that all runs over one trajectory share; arguments as of
+        `measure`, `gate` that of its source. Raises DataError."""
         if field is None and self.field is None:
             raise DataError(
                 "magnetometer: it has no field of its own; give the reference field north, east, "
@@ -134,7 +134,7 @@ class Magnetometer:
 
 
 class MagnetometerPlan(NamedTuple):
-    """What a magnetometer would read without noise; each run adds its own."""
+    """Noise-free measurements of a magnetometer; each run adds its own noise."""
 
     aiding: Aiding  # all but its y
     ideal: Array  # (n, 3) T: C_nb' m_n

@@ -47,7 +47,7 @@ STATE_UNITS = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
 
 
 class JsbsimTarget(NamedTuple):
-    """What the autopilot holds from a time on; what is None stays as it was."""
+    """Targets that the autopilot holds from a time on; those that are None stay as they were."""
 
     at: float = 0.0  # s
     heading: float | None = None  # rad, of the nose, clockwise from true north

@@ -52,8 +52,8 @@ _DECIMALS = (10, 10, 3, *[6] * 3, *[9] * 4)
 
 @dataclass(frozen=True)
 class Scenario:
-    """What a simulated run is made of, but for seed and IMU. SI and radians. Raises DataError
-    where it is impossible."""
+    """Specification of a simulated run, except for its seed; a study may replace its IMU. SI and
+    radians. Raises DataError where it is impossible."""
 
     name: str
     motion: Motion
@@ -212,7 +212,7 @@ class Scenario:
         return replace(self, **changes)
 
     def describe(self) -> dict[str, Any]:
-        """What identifies the scenario, for a manifest: a dict of JSON values; `fingerprint`
+        """Return a dict of JSON values that identifies the scenario, for a manifest; `fingerprint`
         changes when anything of it does."""
         values = {
             "name": self.name,

@@ -107,8 +107,8 @@ class Simulator:
         return made.knowing(temperature=np.c_[t, spec.warm_up.temperature(t - since)])
 
     def felt(self, spec: ImuSpec) -> Imu:
-        """What an IMU without errors feels in the scenario: the ideal increments with its
-        accelerometer offset."""
+        """Return the samples of an IMU without errors in the scenario: the ideal increments with
+        its accelerometer offset."""
         if not self._offset.any():
             return self.ideal
         return self.ideal._replace(dv=self.ideal.dv + self.offset(spec) * self.ideal.dt[:, None])
@@ -214,7 +214,7 @@ class Simulator:
 
 
 class OtherSensors(TypedDict, total=False):
-    """What a simulation has beside IMU and GNSS; None is the scenario's own."""
+    """Sensors of a simulation beside IMU and GNSS; None is the scenario's own."""
 
     # which needs a field of its own, or a date
     magnetometer: Magnetometer | None

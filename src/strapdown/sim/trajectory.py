@@ -94,8 +94,8 @@ def sample(
 
 
 def increments(motion: Motion, t: ArrayLike) -> Imu:
-    """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since
-    the time before. Raises DataError."""
+    """Return the increments of an ideal IMU at t[1:]: integrals of omega_ib_b (rad) and f_ib_b
+    (m/s) since the time before. Raises DataError."""
     t = _checked(motion, t)
     return _increments(motion, t, _positions(motion, t), normal_gravity)
 
@@ -215,8 +215,9 @@ def gravity_north(lat: float | Array, alt: float | Array) -> float | Array:
 
 
 def _potential(axial: Numbers, polar: Numbers) -> Numbers:
-    """Of gravity, m^2/s^2, at distances (m) from the axis and from the plane of the equator:
-    zonal harmonics to degree 6 (Heiskanen & Moritz 1967, 2-39) and the centrifugal force's."""
+    """Return the potential of gravity, m^2/s^2, at distances (m) from the axis and from the plane
+    of the equator: zonal harmonics to degree 6 (Heiskanen & Moritz 1967, 2-39) and the centrifugal
+    force's."""
     square = axial**2 + polar**2
     x, s2 = SEMI_MAJOR**2 / square, polar**2 / square
     j2, j4, j6 = ZONAL

@@ -1,8 +1,8 @@
-"""What the run of a filter says of itself: its biases, its innovations, its course and its claims,
-each against what a right set-up shows.
+"""Evidence from the run of a filter: its biases, innovations, course and claims, each against those
+of a correct set-up.
 
-The bounds are beyond what recordings with a right set-up reached, recorded ones and simulated ones
-with other random numbers than those of any published figure (docs/how-to/verdict.md).
+The bounds are beyond what recordings with a correct set-up reached, recorded ones and simulated
+ones with other random numbers than those of any published figure (docs/how-to/verdict.md).
 """
 
 from collections.abc import Iterable, Iterator
@@ -33,7 +33,7 @@ prediction: recorded receivers that state whole errors come to 0.85, the velocit
 whose sd was divided until it is the scatter from fix to fix to 2.3 and 3.4 and more."""
 SURELY = 4.0  # standard deviations of a correlation that counts
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
-MAX_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
+MAX_OF_THEM = 0.5  # share of the rejected fixes of a source: a longer run explains them
 LIFTED = 0.03  # share of the fixes for which the gate was opened
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
@@ -438,7 +438,8 @@ def doubts(solution: Solution) -> Iterator[Reason]:
 
 
 def heading_never_seen(solution: Solution) -> bool:
-    """Whether the heading is no better known at the end than at the start, and badly."""
+    """Return True where the std of the heading fell little from start to end, and ends above 5
+    deg."""
     sd = solution.trajectory.sd
     if sd is None or not np.isfinite(sd[-1, ATT.stop - 1]):
         return False

@@ -35,7 +35,8 @@ def judge(solution: Solution) -> Verdict:
     untested = list(_untested(solution, sources, seconds))
 
     def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
-        """What a check finds; one that fails is said, and does not cost the user the result."""
+        """Return the result of a check; one that fails becomes a line and does not cost the user
+        the result."""
         try:
             return function(*arguments)
         except Exception as error:
@@ -78,7 +79,7 @@ def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
 
 
 def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason]:
-    """What the run shows that a right set-up does not."""
+    """Yield the reasons that the run shows and a correct set-up does not."""
     if "stopped" in solution.meta:  # what it did before is of no interest
         yield from evidence.stopped(solution)
         return
@@ -103,7 +104,7 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
 
 
 def _untested(solution: Solution, sources: list[JudgedFixes], seconds: float) -> Iterator[str]:
-    """What could not be tested, and why."""
+    """Yield what could not be tested, and why."""
     if seconds < MIN_TIME:
         yield f"anything that takes time: the run lasts {seconds:.0f} s, of {MIN_TIME:.0f} s needed"
     few = [source.name for source in sources if len(source.t) < GATED]

@@ -37,9 +37,9 @@ class Asking(NamedTuple):
 def as_states(
     recording: Recording, sought: Sequence[Diagnosed], asking: Asking
 ) -> dict[Diagnosed, EstimatedParameter]:
-    """What the smoother makes of constants that are states around the values that the recording
-    has. Clocks that differ between sources take a run each, since sources with one antenna share
-    what is a state."""
+    """Return the smoother's estimates of constants, as states around the values in the recording.
+    Clocks that differ between sources take a run each, since sources with one antenna share what is
+    a state."""
     seen: dict[Diagnosed, EstimatedParameter] = {}
     for wanted in _runs(sought):
         priors = _priors((each.of, each.sources, each.axis) for each in wanted)
@@ -61,7 +61,7 @@ def as_states(
 
 
 def _runs(sought: Sequence[Diagnosed]) -> Iterator[list[Diagnosed]]:
-    """What is estimated together: all, but one clock at a time."""
+    """Yield the parameters of each run: all together, but one clock at a time."""
     clocks = [each for each in sought if each.of is CLOCK]
     others = [each for each in sought if each.of is not CLOCK]
     yield [*clocks[:1], *others]

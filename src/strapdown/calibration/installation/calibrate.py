@@ -145,15 +145,15 @@ def _status(found: CalibratedParameter, moved: bool, sure: bool) -> str:
 
 
 def _constant(each: CalibratedParameter) -> bool:
-    """Whether both halves of the time say the same, or what differs is within the noise or so
-    little that it is not reported."""
+    """Return True where both halves of the time agree, or differ within the noise or by too little
+    to report."""
     (first, first_sd), (second, second_sd) = each.halves
     least = each.of.min_reported * each.of.factor
     return not abs(first - second) > max(least, VARIES * np.hypot(first_sd, second_sd))
 
 
 def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
-    """Whether the change leaves each half of the time with less than it has as given."""
+    """Return True where the change reduces the error in each half of the time."""
     return all(abs(half - change) < abs(half) for half, _ in halves)
 
 

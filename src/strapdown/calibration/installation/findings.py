@@ -1,4 +1,4 @@
-"""What `calibrate_installation` found: each parameter with its standard deviation and status, what
+"""Result of `calibrate_installation`: each parameter with its standard deviation and status, what
 changes in recording.toml, and the change itself."""
 
 from collections.abc import Iterable
@@ -78,13 +78,13 @@ def _listed(parameters: Iterable[CalibratedParameter]) -> str:
 
 @dataclass(frozen=True)
 class Installation:
-    """What `calibrate_installation` found."""
+    """Result of `calibrate_installation`."""
 
     parameters: tuple[CalibratedParameter, ...]
     recording: Recording  # set up as found
     given: Recording  # as it was
     runs: int  # of `diagnose`
-    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
+    misfit: float  # mean of min(NIS, 30) as found, over that of a correct set-up: about 1
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
@@ -103,8 +103,7 @@ class Installation:
 
     @property
     def edits(self) -> list[Edit]:
-        """What recording.toml must say, with standard deviations; nothing where something is
-        `unsure`."""
+        """Edits of recording.toml, with standard deviations; none where something is `unsure`."""
         if self.unsure:
             return []
         names = [a.name or a.kind for a in self.given.aidings]
@@ -131,7 +130,7 @@ class Installation:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What to write into recording.toml, a line each, with the digits of the file."""
+        """Changes to write into recording.toml, a line each, with the digits of the file."""
         return tuple(line(self.given.aidings, each) for each in self.edits)
 
     @property

@@ -21,7 +21,7 @@ MAX_TURNS = 3
 
 
 class Settled(NamedTuple):
-    """What `diagnose` comes to when it is run again on what it found."""
+    """Result of `diagnose`, iterated on its own findings."""
 
     known: tuple[Constant, ...]
     before: Array  # (m,) change of what was given, SI, in the last recording that was diagnosed
@@ -32,7 +32,7 @@ class Settled(NamedTuple):
 
     @property
     def sure(self) -> bool:
-        """Whether nothing was found in the end, before the runs were used up."""
+        """True where the last diagnosis found nothing and the runs were not used up."""
         return not self.last.found and self.last.runs < MAX_RUNS
 
     def of(self, each: Diagnosed) -> int:

@@ -189,9 +189,9 @@ def compile_kernel(kernel: Any) -> bool:
 def compile_together(
     kernels: Iterable[Any], what: str, say: Callable[[str], None] | None = None
 ) -> None:
-    """Compile those kernels that are not at hand, on all cores. `say` is told where that takes seconds,
-    how many as far as this machine has shown it, and how far it is. A kernel that does not compile is
-    left to whoever calls it."""
+    """Compile those kernels that are not at hand, on all cores. `say` gets a line where that takes
+    seconds: how many, as far as this machine has shown it, and the progress. A kernel that does not
+    compile is left to whoever calls it."""
     slow = [kernel for kernel in dict.fromkeys(kernels) if not kernel.at_hand]
     if slow:
         from . import side_by_side
@@ -263,8 +263,8 @@ def caller(signature: Signature) -> Callable[[int], Any]:
 
 
 def row_in(kind: Row) -> Callable[[Array, int], Any]:
-    """What shows the numbers of an array from a place on as a row, whose fields are all real:
-    (flat, first) -> row, a view without allocation."""
+    """Return the view of an array's numbers from a place on as a row, whose fields are all real: a
+    function (flat, first) -> row, without allocation."""
 
     def twin(flat: Array, first: int) -> Any:
         dtype = dtype_of(kind)

@@ -37,7 +37,7 @@ STATE_SIZE = STATE.size
 
 
 class Loads:
-    """What `evaluate` tells of air and propeller."""
+    """Result of `evaluate`: forces and moments, air data and propeller."""
 
     force: Annotated[Array, 3]  # N, body
     moment: Annotated[Array, 3]  # N m, body

@@ -1,5 +1,5 @@
-"""What the air and the propeller do to the aircraft: forces and moments in body axes, without
-gravity. Compiled helpers.
+"""Forces and moments of air and propeller on the aircraft, in body axes, without gravity. Compiled
+helpers.
 
 Aerodynamics are those of Beard & McLain, Small Unmanned Aircraft (2012), chapter 4: linear
 derivatives, parabolic drag, and lift that blends from linear to that of a flat plate beyond the

@@ -1,5 +1,5 @@
-"""What small deviations from steady flight do: the linear model about a trim, its natural modes,
-and how long a time step may be."""
+"""Small deviations from steady flight: the linear model about a trim, its natural modes, and the
+longest time step."""
 
 import math
 from collections.abc import Iterable

@@ -1,5 +1,4 @@
-"""What an aircraft is: its parameters by name, the row of them that the kernels read, and TOML
-files of them."""
+"""Parameters of an aircraft: by name, as the row that the kernels read, and as TOML files."""
 
 import math
 import tomllib
@@ -107,7 +106,8 @@ NAMES = tuple(TERMS)
 
 
 class Parameters:
-    """What kernels read of an aircraft on one Earth: its parameters (NAMES) and what follows from them."""
+    """Row of an aircraft's parameters (NAMES) on one Earth, and of what follows from them, for
+    kernels."""
 
     mass: float
     J_x: float

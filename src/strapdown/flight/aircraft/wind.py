@@ -25,7 +25,7 @@ _FOOT, _KNOT = 0.3048, 1852 / 3600
 
 
 class Turbulence:
-    """What turbulence is along u, v and w."""
+    """Parameters of turbulence along u, v and w."""
 
     # standard deviations, m/s
     sd_u: float

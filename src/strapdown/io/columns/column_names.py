@@ -1,4 +1,4 @@
-"""What loggers call the columns of a table, and the units that names spell."""
+"""Names that loggers give the columns of a table, and the units that names spell."""
 
 import re
 from collections.abc import Iterable

@@ -26,7 +26,7 @@ from .column_names import (
 from .track_units import angles_of, unit_of_velocity, units_of_course
 
 POSITION_SD, VELOCITY_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
-"""m and m/s of a receiver that tells none."""
+"""m and m/s of a receiver that states none."""
 SPREADS = (("m", "mm", "cm", "km", "ft"), ("rad", "deg"), tuple(UNITS["speed"]))
 """Units of deviations, those of one quantity together."""
 NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
@@ -37,7 +37,7 @@ ARM = (
 
 
 class GnssColumns(NamedTuple):
-    """What the table of a receiver has."""
+    """Sections drafted from the table of a GNSS receiver, with facts and open questions."""
 
     sections: list[Section]
     facts: list[str]

@@ -193,7 +193,8 @@ def _format(columns: ColumnNames, name: str, day: str | None = None) -> str | No
 
 
 def _of_no_form(columns: ColumnNames, name: str) -> str:
-    """What is said of a column of text that is no time: which cell is no number, where most are."""
+    """Return the message on a text column that holds no times: the cell that is no number, where
+    most are numbers."""
     table = columns.table
     numbers, known = columns.numbers(name), table.frame[name].notna().to_numpy()
     odd = np.flatnonzero(known & ~np.isfinite(numbers))
@@ -209,8 +210,8 @@ def _of_no_form(columns: ColumnNames, name: str) -> str:
 
 
 def _is_written(cells: Any, pattern: Pattern) -> bool:
-    """Whether all cells are times of a pattern; no logger is from before 1970, but the digits of
-    010524 could be of the year 1."""
+    """Return True where all cells are times of a pattern. No logger predates 1970, but the digits
+    of 010524 could be of the year 1."""
     found, wrong = moments(cells, pattern)
     return not wrong.any() and bool(np.all(found.minute >= 0))
 

@@ -67,11 +67,11 @@ class Walked(ABC):
 
     @abstractmethod
     def _whole(self, at: int, end: int) -> int:
-        """Take in whole records from `at`; where the first stands that is none."""
+        """Take in whole records from `at`; return the place where they end."""
 
     @abstractmethod
     def _is_cut(self, at: int, end: int) -> bool:
-        """Whether the record at a place that has no whole one is a good one but for its end."""
+        """Return True where the record at `at` is valid, but cut short by the end of the file."""
 
     @abstractmethod
     def _follow(self, end: int) -> Follow:
@@ -142,8 +142,8 @@ class Tables(Mapping[str, FileTable]):
 
 
 def how_it_begins(content: bytes | memoryview, magic: bytes) -> str:
-    """Of a file that does not begin with the mark of its format: what it does instead, and what to
-    do."""
+    """Return the message on a file that does not begin with the mark of its format, with the
+    remedy."""
     if not len(content):
         return "it is empty; copy it again from the device"
     start = bytes(content[: len(magic)])

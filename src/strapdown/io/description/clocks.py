@@ -55,7 +55,7 @@ def timed(path: Path, log: Log, section: Section) -> Timed | None:
 
 
 class OneClock(NamedTuple):
-    """What brings the sections of several files to one clock."""
+    """The conversion of the sections of several files to one clock."""
 
     complete: Callable[[Path, Section], Section]
     asked: Sequence[str] = ()

@@ -1,4 +1,4 @@
-"""What changes of an installation in a description, and its numbers as the file has them."""
+"""Edits of an installation in a description, with numbers as the file has them."""
 
 from typing import NamedTuple
 
@@ -16,12 +16,12 @@ class Edit(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Of the section."""
+        """The key of the section that changes."""
         return self.of.key
 
 
 def told(edit: Edit) -> str:
-    """What an edit changes, in words, with the digits of the file."""
+    """Return an edit in words, with the digits of the file."""
     of, least = edit.of, min(sd for sd in edit.sd if sd)
     own = edit.sd if of is LEVER_ARM else [least] * len(edit.value)
     numbers = [

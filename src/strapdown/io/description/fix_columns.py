@@ -48,7 +48,7 @@ class FixColumns(NamedTuple):
 
 
 class Whereabouts(NamedTuple):
-    """What says where the vehicle is: fixes of positions, else the place of the recording."""
+    """Source of the vehicle's position: fixes of position, else the place of the recording."""
 
     aidings: Iterable[Aiding]
     place: Sequence[float] | None  # latitude, longitude, rad, and ellipsoidal height, m

@@ -26,8 +26,8 @@ QUIETEST = 10.0  # percent of the windows, which have the least motion
 CLUSTERS = (1, 4)
 """Samples averaged at rest: a low-pass filter of the device hides noise from neighbouring samples."""
 MEANS, STEADY = 1.0, 5.0
-"""A reading at rest is the mean of so many seconds, and differs from the next one by less than so many
-of its standard deviations: smooth motion passes for a rest otherwise."""
+"""Seconds of a mean at rest, and standard deviations by which it may differ from the next one:
+smooth motion would pass for a rest otherwise."""
 THIRD = 20.0
 """Variance of the third difference of white noise of variance 1; it takes slow motion out."""
 
@@ -55,7 +55,7 @@ def nearest_grade(imu: Imu) -> tuple[str, str]:
 
 
 def _allowed(name: str, seen: ShownGrade) -> bool:
-    """Whether a grade allows all of it; NaN is allowed."""
+    """Return True where a grade allows all that was seen; NaN is allowed."""
     spec = grade(name)
     accel_sd, gyro_sd = spec.bias_sd()
     return not (

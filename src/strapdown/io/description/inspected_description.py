@@ -1,5 +1,5 @@
-"""What a `recording.toml` describes, part by part, in lines for people: where one part cannot be
-read, the others still are."""
+"""Lines for people on a `recording.toml`, part by part: one that cannot be read does not hide the
+others."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -54,7 +54,7 @@ class Taken(NamedTuple):
 
 
 class Joined(NamedTuple):
-    """What one recording takes from several files, and what is said of it."""
+    """One recording joined from several files: its sections, and those left out with the reason."""
 
     paths: tuple[Path, ...]
     logs: Mapping[Path, Log]
@@ -66,7 +66,7 @@ class Joined(NamedTuple):
 
     @property
     def asked(self) -> list[str]:
-        """What must be known before the files can be read."""
+        """Questions to answer before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
         lines += self.clock.asked
         if not lines:
@@ -175,7 +175,7 @@ class Joined(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the recording: the first file's, without endings."""
+        """The name of the recording: the first file's, without endings."""
         return self.paths[0].name.partition(".")[0] or self.paths[0].name
 
 
@@ -195,8 +195,8 @@ def opened(paths: Iterable[File]) -> dict[Path, Log]:
 
 
 def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
-    """What one recording takes from these files: of each role what the last of the files has of
-    it, and of that the first instance, or the one that `take` names. Raises DataError."""
+    """Join one recording from these files: for each role the last file that has it and there the
+    first instance, or the one that `take` names. Raises DataError."""
     take = dict(take or {})
     for role in take:
         check_choice(role, "instance of", ROLES)
@@ -257,7 +257,7 @@ def _chosen(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:
 
 
 def _piece(section: Section) -> str:
-    """What of a role a section brings alone: of an IMU gyro or accel; else all."""
+    """Return "gyro" or "accel" where a section of an IMU has that alone; else ""."""
     alone = [key for key in ("gyro", "accel") if key in section.keys]
     return alone[0] if section.of == "imu" and len(alone) == 1 else ""
 

@@ -1,5 +1,5 @@
-"""What a description says of a magnetometer beyond other sources: its calibration, and the Earth's
-field that it is compared with."""
+"""Magnetometers in a description, beyond other sources: their calibration, and the reference field
+of the Earth."""
 
 from dataclasses import replace
 

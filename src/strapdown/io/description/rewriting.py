@@ -25,7 +25,7 @@ ASSUMED = "assumed"  # key of [imu]; what is written anew is no longer assumed, 
 
 
 class Keyed(Protocol):
-    """What changes one key of a section."""
+    """An edit of one key of a section."""
 
     @property
     def source(self) -> int | None:
@@ -33,7 +33,7 @@ class Keyed(Protocol):
 
     @property
     def key(self) -> str:
-        """Of the section."""
+        """The key of the section that changes."""
 
 
 def change_installation(section: Any, edit: Edit, mark: str) -> None:
@@ -275,7 +275,7 @@ def _others(content: dict[str, Any], edits: Iterable[Keyed]) -> Any:
 
 
 def _there(made: dict[str, Any], edit: Keyed) -> bool:
-    """Whether the content that was made has the key of an edit."""
+    """Return True where the content has the key of an edit."""
     place: Any = made
     for step in _path(edit):
         if isinstance(place, dict) and step not in place:

@@ -65,7 +65,7 @@ def _date(value: Any) -> str:
 
 
 def _epoch(value: Any) -> float:
-    """Of t = 0, in seconds of GPS time since its zero."""
+    """Return the epoch of t = 0 in seconds of GPS time since its zero."""
     return gps_of(value)
 
 
@@ -235,11 +235,11 @@ class Vector(KeyPart):
 
     @property
     def ecef(self) -> bool:
-        """Whether it is told in ECEF."""
+        """True where the axes are ECEF."""
         return is_ecef(self.axes)
 
     def quantities(self, key: str) -> tuple[str, ...]:
-        """Of its columns, as the part `key` of a reference."""
+        """Return the quantities of the columns, as the part `key` of a reference."""
         if self.form is not None:
             return FORMS[self.form]
         return ("length",) * 3 if self.ecef and key == "position" else VECTORS[key]

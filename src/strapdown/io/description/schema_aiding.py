@@ -49,7 +49,7 @@ HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 
 
 def is_ecef(axes: str | None) -> bool:
-    """Whether axes are "ECEF", or those of an attitude "... to ECEF"."""
+    """Return True where axes are "ECEF" or, of an attitude, "... to ECEF"."""
     return axes is not None and axes.split()[-1:] == [ECEF]
 
 
@@ -99,8 +99,8 @@ class AidingPart(KeyPart):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Of the components in the columns: those of the kind, but for other forms of it; of an
-        attitude without a column of the heading two."""
+        """The quantities of the columns: those of the kind or of the form that is given; two for an
+        attitude without a heading column."""
         sensor = self.sensor
         if self.form is not None:
             return FORMS[self.form]
@@ -116,12 +116,12 @@ class AidingPart(KeyPart):
 
     @property
     def ecef(self) -> bool:
-        """Whether it is told in ECEF."""
+        """True where the axes are ECEF."""
         return is_ecef(self.axes)
 
     @property
     def needs_place(self) -> bool:
-        """Whether its rows can only be read where the place of the vehicle is known."""
+        """True where its rows can be read only where the position of the vehicle is known."""
         turned = self.ecef and self.kind != "position"
         return turned or (self.kind == "altitude" and self.geoid == "EGM96")
 
@@ -141,7 +141,7 @@ class AidingPart(KeyPart):
 
     @property
     def factors(self) -> list[float]:
-        """What makes SI of each column: its scale and, but for a quaternion, its unit."""
+        """The factor of each column to SI: its scale and, except for a quaternion, its unit."""
         units = (
             [1.0] * 4
             if self.quaternion
@@ -164,7 +164,7 @@ class AidingPart(KeyPart):
 
     @property
     def estimated(self) -> dict[str, tuple[float, ...]]:
-        """What of it is estimated: {name: prior standard deviations, SI}."""
+        """Its estimated parameters: {name: prior standard deviations, SI}."""
         known = asked_at(self.sensor.estimable)
         return {} if self.estimate is None else asked(self.estimate, known)
 

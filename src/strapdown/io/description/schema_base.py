@@ -1,5 +1,5 @@
-"""What the sections of `recording.toml` are made of: parts that refuse unknown keys, columns, units,
-times and signals."""
+"""Building blocks of the sections of `recording.toml`: parts that refuse unknown keys, columns,
+units, times and signals."""
 
 import datetime
 import math
@@ -79,7 +79,7 @@ class KeyCondition(KeyPart):
 
     @property
     def values(self) -> list[Any]:
-        """What the column may be equal to."""
+        """Values that the column may equal."""
         return self.equals if isinstance(self.equals, list) else [self.equals]
 
     @model_validator(mode="after")
@@ -207,7 +207,7 @@ class Signal(KeyPart):
 
 
 def named(key: str, function: Callable[..., Found], *arguments: Any) -> Found:
-    """What the function returns; the ValueError that it raises begins with `key`."""
+    """Return the function's result; a ValueError that it raises then begins with `key`."""
     try:
         return function(*arguments)
     except ValueError as error:

@@ -172,8 +172,8 @@ class Files:
         return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
 
     def _moments(self, table: FileTable, time: Time) -> Moments:
-        """What the calendar text of a table says, with the day of its `date`; read once, for gyro
-        and accelerometer ask for the same."""
+        """Return the calendar times of a table, with the day of its `date`. They are read once,
+        since gyro and accelerometer ask for the same."""
         key = (id(table.content), time)  # of the rows that count
         if key not in self._read:
             self._read[key] = table, self._read_moments(table, time)

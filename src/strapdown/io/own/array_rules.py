@@ -1,4 +1,4 @@
-"""What arrays of our own files must be, declared a variable at a time."""
+"""Rules for the arrays of our own files, declared a variable at a time."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -61,7 +61,7 @@ def check_arrays(
 
 
 def _shape(values: "np.ndarray[Any, Any]", column: Column, lengths: dict[str, int]) -> str:
-    """What is wrong with type and shape, or ""."""
+    """Return the fault of type or shape; "" without one."""
     if values.dtype.kind not in "iufb":
         return "holds no numbers"
     axes = column.axes.split()
@@ -75,7 +75,7 @@ def _shape(values: "np.ndarray[Any, Any]", column: Column, lengths: dict[str, in
 
 
 def _values(values: "np.ndarray[Any, Any]", column: Column) -> str:
-    """What is wrong with the numbers, or ""."""
+    """Return the fault of the numbers; "" without one."""
     for bad, wanted in broken_rules(values, column):
         if bad.any():
             at = tuple(map(int, np.argwhere(bad)[0]))
@@ -104,7 +104,7 @@ def broken_rules(
 
 
 def _together(values: "np.ndarray[Any, Any]", column: Column) -> str:
-    """What is wrong with numbers beside each other, or ""."""
+    """Return the fault of numbers beside each other: their order, their norm; "" without one."""
     if column.rising and len(values) > 1 and not (np.diff(values) > 0).all():
         row = int(np.argmin(np.diff(values) > 0))
         return f"must be in rising time, and is {values[row]:.9g} before {values[row + 1]:.9g}"

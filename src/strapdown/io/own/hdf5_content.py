@@ -39,7 +39,7 @@ class OwnFormat(NamedTuple):
 
 
 class Content(NamedTuple):
-    """What a group holds."""
+    """The content of a group."""
 
     attributes: dict[str, Any]
     variables: dict[str, np.ndarray[Any, Any]]  # as they are stored; of texts arrays of objects
@@ -112,7 +112,7 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
 
 
 def _is_dimension(node: Any) -> bool:
-    """Whether the dataset only has the size of a dimension."""
+    """Return True where the dataset only has the size of a dimension."""
     name = node.attrs.get("NAME", b"")
     return isinstance(name, bytes) and name.startswith(NO_VARIABLE)
 

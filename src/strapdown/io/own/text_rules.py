@@ -1,5 +1,5 @@
-"""What our own files say in words, attributes and JSON, checked against models of pydantic: those of a
-recording as NetCDF, of a solution, and what both share."""
+"""Rules for text, attributes and JSON of our own files, as models of pydantic: those of a recording
+as NetCDF, of a solution, and those that both share."""
 
 import json
 from typing import Annotated, Any, Literal, TypeVar
@@ -28,14 +28,14 @@ Deviation = Annotated[float, Field(ge=0)]
 
 
 class SaidRules(BaseModel):
-    """What a file says of itself. Keys beyond those that are named stay as they are: a later version
-    or a user may have put them there."""
+    """Attributes of a file. Unknown keys stay as they are: a later version or a user may have put
+    them there."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
 
 class Only(BaseModel):
-    """What a file says, without further keys."""
+    """Attributes of a file, where unknown keys are an error."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -68,7 +68,7 @@ def check_values(model: Any, values: Any, where: object) -> Any:
 
 
 class AidingAttributes(SaidRules):
-    """Of the group of a source."""
+    """Attributes of the group of a source."""
 
     kind: Name
     name: Name

@@ -107,7 +107,7 @@ class Lines(NamedTuple):
 
 
 def sniff(path: Path) -> bool:
-    """Whether the header lines of the app stand at the top."""
+    """Return True where the file begins with the header lines of the app."""
     return bool(re.search(rb"^# ?(Fix|Raw|UncalAccel),", head_of(path, 8192), re.MULTILINE))
 
 

@@ -29,7 +29,8 @@ def open_nmea(path: Path) -> Log:
 
 
 def sniff(path: Path) -> bool:
-    """Whether the file holds NMEA sentences near its beginning and is no log of u-blox messages."""
+    """Return True where the file holds NMEA sentences near its beginning and is no log of u-blox
+    messages."""
     data = head_of(path, START)
     found = SENTENCE.search(data) is not None and ANDROID not in data
     return found and not len(find_frames(data).start)

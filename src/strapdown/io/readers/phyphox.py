@@ -57,7 +57,7 @@ class Starts(NamedTuple):
 
 
 def sniff(path: Path) -> bool:
-    """Whether one of the files has the columns of a sensor of the app."""
+    """Return True where one of the files has the columns of a sensor of the app."""
     return any(kind(columns_of(head)) for head in heads(path).values())
 
 
@@ -68,8 +68,8 @@ def columns_of(head: str) -> list[str]:
 
 
 def kind(columns: list[str]) -> str:
-    """What a file is: accelerometer, linear accelerometer, gyro, magnetometer, barometer, location;
-    "" where it is none of these."""
+    """Return the sensor of a file: accelerometer, linear accelerometer, gyro, magnetometer,
+    barometer, location; "" where it is none of these."""
     if not columns:
         return ""
     if three := triple(columns, VECTOR):
@@ -153,7 +153,7 @@ def _on_clock(table: FileTable, starts: Starts | None) -> FileTable:
 
 
 def _is_android(found: Export) -> bool:
-    """Whether `meta/device.csv` has a maker of phones that is not Apple."""
+    """Return True where `meta/device.csv` names a maker of phones other than Apple."""
     if DEVICE not in found.files:
         return False
     frame = found.table(DEVICE).frame

@@ -253,7 +253,7 @@ def _all_or_three(names: tuple[str, ...], there: set[str]) -> list[str]:
 
 
 def sniff(path: Path) -> bool:
-    """Whether the file has RTKLIB's line of column names."""
+    """Return True where the file has RTKLIB's line of column names."""
     return NAMES.search(head_of(path, START).decode("utf-8", "replace")) is not None
 
 

@@ -64,7 +64,7 @@ RECORD = (
 
 
 class Platform(NamedTuple):
-    """What the app ran on, and how it is known."""
+    """The platform of the app, and the evidence for it."""
 
     name: str  # "android" or "ios"; "" where nothing tells
     standard: bool  # whether an iPhone's signs and units were made Android's
@@ -72,7 +72,7 @@ class Platform(NamedTuple):
 
 
 class Signs(NamedTuple):
-    """What makes specific force in m/s^2 of accelerations: a factor, and how it is known."""
+    """The factor from accelerations to specific force in m/s^2, and the evidence for it."""
 
     scale: float
     why: str
@@ -80,7 +80,8 @@ class Signs(NamedTuple):
 
 
 def sniff(path: Path) -> bool:
-    """Whether one of the files has the columns that all sensors of the app have first."""
+    """Return True where one of the files begins with the columns that all sensors of the app
+    share."""
     return any(head.startswith("time,seconds_elapsed,") for head in heads(path).values())
 
 
@@ -174,7 +175,8 @@ def _platform(found: Export, tables: dict[str, FileTable]) -> Platform:
 
 
 def _signs(platform: Platform, name: str, norm: float) -> Signs:
-    """What makes specific force of a table."""
+    """Return the factor from the accelerations of a table to specific force; `norm` is their
+    median."""
     g = G
     in_g = name == "AccelerometerUncalibrated" and norm < 0.5 * GRAVITY[0]
     if in_g:

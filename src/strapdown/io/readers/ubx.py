@@ -168,7 +168,7 @@ def _vehicle(
 
 
 def _epochs(found: Columns, time: CyclicClock, sentences: Sentences) -> ImuEpochs:
-    """Of the UBX messages, else of the NMEA in the file."""
+    """Return the epochs of the UBX messages, or else of the NMEA in the file."""
     if found:
         return ImuEpochs(found["place"], found["t"] / 1e3, time.absolute)
     place, ms, absolute = epochs(sentences)
@@ -176,7 +176,7 @@ def _epochs(found: Columns, time: CyclicClock, sentences: Sentences) -> ImuEpoch
 
 
 def sniff(path: Path) -> bool:
-    """Whether the file holds UBX frames near its beginning."""
+    """Return True where the file holds UBX frames near its beginning."""
     return len(find_frames(head_of(path, START)).start) > 0
 
 

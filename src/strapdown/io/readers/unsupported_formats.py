@@ -46,7 +46,7 @@ class Packet(NamedTuple):
     checksum: Callable[[bytes], bytes]  # of these bytes
 
     def stands_in(self, data: bytes) -> bool:
-        """Whether a whole packet stands in it."""
+        """Return True where the data contain a whole packet."""
         for at in _places(data, self.mark):
             head = data[at : at + self.head]
             size = self.size(head) if len(head) == self.head else 0
@@ -109,8 +109,8 @@ RTCM = Packet(b"\xd3", 3, _of_rtcm, _crc24)
 
 
 def has_mavlink(data: bytes) -> bool:
-    """Whether it begins with five MAVLink packets in a row, each after a time of 8 bytes as in a
-    telemetry log, or not."""
+    """Return True where the data begin with five MAVLink packets in a row, each after a time of 8
+    bytes as in a telemetry log, or without times."""
     for gap in (8, 0):
         at = 0
         for _ in range(5):
@@ -125,8 +125,8 @@ def has_mavlink(data: bytes) -> bool:
 
 
 def is_sbet(data: bytes) -> bool:
-    """Whether it is records of 17 floats as an SBET has them: time of the week, latitude, longitude
-    in rad, height, ..."""
+    """Return True where the data are records of 17 floats as in an SBET: time of the week,
+    latitude, longitude in rad, height, ..."""
     count = len(data) // 136
     if count < 1 or (len(data) < START and len(data) % 136):
         return False
@@ -246,7 +246,7 @@ def open_unread(path: Path) -> Log:
 
 
 def sniff(path: Path) -> bool:
-    """Whether it is one of these formats."""
+    """Return True where the file has one of these formats."""
     return known(path) is not None
 
 

@@ -25,7 +25,7 @@ CHUNK = 1 << 13
 
 
 def _digits(many: int) -> Bytes:
-    """(10^many, many) characters of all numbers of so many digits."""
+    """Return the characters (10^many, many) of all numbers of `many` digits."""
     powers = 10 ** np.arange(many)[::-1]
     return (np.arange(10**many)[:, None] // powers % 10 + ord("0")).astype(np.uint8)
 
@@ -100,7 +100,8 @@ def _lines(columns: Sequence[np.ndarray[Any, Any]]) -> bytes:
 
 
 def _large(column: np.ndarray[Any, Any]) -> bool:
-    """Whether any number of it is infinite or too large for a cell, once rounded."""
+    """Return True where a number of the column is infinite or, once rounded, too large for a
+    cell."""
     return bool((np.abs(column.astype(float)) >= MAX_EXACT - 0.5 * 10.0**-DECIMALS).any())
 
 

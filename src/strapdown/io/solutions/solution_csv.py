@@ -153,7 +153,7 @@ def _check_cells(table: FileTable, columns: Mapping[str, str]) -> None:
 
 
 def _meta(path: Path, table: FileTable, verdict: dict[str, Any]) -> SolutionMeta:
-    """What the table says beside its numbers."""
+    """Return the meta of a solution read from a table: its name, epoch and verdict."""
     note = f"read from {path.name}: a table without innovations, events or covariance"
     meta: SolutionMeta = {"recording": path.name, "notes": [note]}
     if epoch := _epoch_of(table):
@@ -176,8 +176,8 @@ def _epoch_of(table: FileTable) -> str | None:
 
 
 def _said(path: Path) -> dict[str, Any]:
-    """What the comment before the table says: a verdict, and as `rows` how many rows follow; {}
-    where there is none. Raises DataError."""
+    """Return the verdict in the comment before the table, and as `rows` the number of rows that
+    follow; {} without a comment. Raises DataError."""
     from ..own.text_rules import VerdictRules, check_values, from_json
 
     with reading(path), open_text(path) as file:

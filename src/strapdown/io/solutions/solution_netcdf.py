@@ -241,7 +241,7 @@ def _clock(solution: Solution) -> dict[str, str]:
 
 
 def attributes(name: str) -> dict[str, str]:
-    """Of a column of the table, by CF."""
+    """Return the CF attributes of a column of the table."""
     found = {"units": _units(name), "long_name": LONG_NAMES[name]}
     if name in STANDARD_NAMES:
         found["standard_name"] = STANDARD_NAMES[name]
@@ -298,7 +298,7 @@ def _separation(columns: Mapping[str, Any], path: Path) -> Separation | None:
 
 
 def _texts(found: Content, path: Path) -> dict[str, Any]:
-    """What the variables of JSON say. Raises DataError."""
+    """Return the content of the JSON variables, {name: value}. Raises DataError."""
     from ..own import text_rules as rules
 
     models = {

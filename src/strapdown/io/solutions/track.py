@@ -1,5 +1,5 @@
-"""What files of a track have in common: the rows whose position is known, their UTC, and what is said
-of the solution."""
+"""Parts that all files of a track share: the rows whose position is known, their UTC, and the
+description of the solution."""
 
 import re
 from html import escape

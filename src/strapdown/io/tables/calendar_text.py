@@ -42,7 +42,7 @@ class Pattern(NamedTuple):
 
     @property
     def dated(self) -> bool:
-        """Whether it says a day."""
+        """True where the pattern has a day."""
         return any(token in self.tokens for token in ("%d", "%j"))
 
 

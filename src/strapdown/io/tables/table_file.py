@@ -53,7 +53,7 @@ def packed(*suffixes: str) -> tuple[str, ...]:
 
 
 def broken() -> tuple[type[Exception], ...]:
-    """What unpacking raises of a damaged file."""
+    """Return the exceptions that unpacking a damaged file raises."""
     damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstd().ZstdError
     return EOFError, struct.error, *damaged
 
@@ -126,7 +126,7 @@ class FileTable(NamedTuple):
 
     @property
     def names(self) -> list[str | int]:
-        """Of the columns."""
+        """Names of the columns."""
         return [*self.content]
 
     @property
@@ -252,7 +252,7 @@ def head_of(path: Path, most: int) -> bytes:
 
 
 def is_number(text: str) -> bool:
-    """Whether a header cell reads as a number, so that the line is probably no header."""
+    """Return True where a header cell reads as a number, so that the line is probably no header."""
     try:
         float(text)
     except ValueError:
@@ -261,7 +261,7 @@ def is_number(text: str) -> bool:
 
 
 def split_error(error: BaseException) -> str:
-    """What pandas says of a text that it cannot split into columns, in words for people."""
+    """Return pandas' message on a text that it cannot split into columns, in words for people."""
     found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
     if found is None:
         return first_line_of(error)
@@ -270,7 +270,7 @@ def split_error(error: BaseException) -> str:
 
 
 def first_line_of(error: BaseException) -> str:
-    """What an exception says, its first line, or its name."""
+    """Return the first line of an exception's message, or the name of its class."""
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 

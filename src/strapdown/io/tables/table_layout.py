@@ -111,12 +111,13 @@ def cells_of(line: str, separator: str, many: int = 0) -> list[str]:
 
 
 def is_data(cell: str) -> bool:
-    """Whether a cell is a number, a date or a time."""
+    """Return True where a cell is a number, a date or a time."""
     return cell != "" and bool(NUMBER.fullmatch(cell) or STAMP.fullmatch(cell))
 
 
 def _is_row(cells: Sequence[str], many: int) -> bool:
-    """Whether cells are a row of data: most are numbers, and not far fewer than elsewhere."""
+    """Return True where cells are a row of data: at least half of those filled are numbers or
+    times, and there are more than half as many as elsewhere."""
     some = [cell for cell in cells if cell]
     return 2 * len(cells) > many and 2 * sum(map(is_data, some)) >= max(1, len(some))
 
@@ -124,9 +125,9 @@ def _is_row(cells: Sequence[str], many: int) -> bool:
 def _is_table(
     rows: Sequence[Sequence[str]], names: Sequence[str], separator: str, many: int
 ) -> bool:
-    """Whether a file is a table, whose names and cells may be told: in most lines most cells are
-    numbers or times, or below a line of names most lines have as many cells, one of them a number
-    or time. Other files, as of settings or secrets, are not quoted."""
+    """Return True where a file is a table, whose names and cells messages may quote: at least half
+    of its lines are rows of data, or have as many cells as a line of names above them, one of them
+    a number or time. Other files, such as settings or secrets, are not quoted."""
     filled = [cells for cells in rows if any(cells)]
     if 2 * sum(_is_row(cells, many) for cells in filled) >= len(filled):
         return True

@@ -192,8 +192,8 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
 
 
 def _parsed(path: Path, found: TableLayout, left: Sequence[int] = ()) -> "pd.DataFrame":
-    """What pandas makes of the file without the lines `left`, counted from 0. To skip blanks before
-    cells takes time, so that it is done where there is more than numbers."""
+    """Parse the file with pandas, without the lines `left`, counted from 0. Skipping blanks before
+    cells takes time, so it is done only where there is more than numbers."""
     frame = _as_pandas_parses(path, found, left, blanks=False)
     if not _texts(frame):
         return frame

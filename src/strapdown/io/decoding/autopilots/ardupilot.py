@@ -184,7 +184,7 @@ def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
 
 
 def _setting(log: DataFlash, name: str) -> autopilot.Deviation:
-    """What the autopilot's own filter took."""
+    """Return the std that the autopilot's own filter used for a sensor."""
     filter_in_use = 2 if log.parameters.get("AHRS_EKF_TYPE", 3.0) == 2 else 3
     return autopilot.setting(log.parameters, f"EK{filter_in_use}_{name}", SD[name])
 

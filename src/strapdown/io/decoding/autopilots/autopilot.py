@@ -1,5 +1,5 @@
-"""What the logs of flight controllers have in common: rates, the moment of their zero, the delay
-and the arms that their parameters state, a trajectory of several messages as one table."""
+"""Parts that the logs of flight controllers share: rates, the epoch of their clock, the delay and
+the lever arms that their parameters state, a trajectory of several messages as one table."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -38,12 +38,12 @@ class Deviation(NamedTuple):
 
     @property
     def key(self) -> dict[str, Any]:
-        """Of a section."""
+        """The entry in a section, {"sd": value}."""
         return {"sd": self.sd}
 
     @property
     def assumed(self) -> dict[str, str]:
-        """Of a section: why it is assumed."""
+        """The reason for an assumed value, {"sd": reason}; {} where the log states the value."""
         return {"sd": self.why} if self.why else {}
 
 

@@ -41,7 +41,7 @@ DIVISORS = {"c": 100, "C": 100, "e": 100, "E": 100, "L": 10_000_000}
 
 
 class DataflashMessage(NamedTuple):
-    """What a log declares of one kind of message."""
+    """The declaration of one kind of message in a log."""
 
     name: str
     length: int  # bytes, the head included

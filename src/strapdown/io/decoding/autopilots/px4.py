@@ -100,7 +100,7 @@ def _usable(fixes: Columns) -> None:
 
 
 def is_unix(log: ULog) -> bool:
-    """Whether the clock of a log counts from 1970."""
+    """Return True where the clock of a log counts from 1970."""
     return SINCE_2001 < log.start < UNTIL_2128
 
 
@@ -161,7 +161,7 @@ def imus(log: ULog) -> tuple[list[Section], list[str]]:
 
 
 def _selected(log: ULog, columns: Columns) -> bool:
-    """Whether PX4 went by this IMU in the end."""
+    """Return True where PX4 used this IMU at the end of the log."""
     chosen = log.columns("sensor_selection")
     return all(
         len(chosen.get(key, ())) and key in columns and columns[key][-1] == chosen[key][-1]
@@ -228,13 +228,13 @@ def _of_imu(
 
 
 def same_heights(columns: Mapping[str, Any], ellipsoid: str, sea_level: str) -> bool:
-    """Whether both heights are the same number in every row: then the one above the ellipsoid was
-    never worked out."""
+    """Return True where both heights are equal in every row: the one above the ellipsoid was then
+    never computed."""
     return np.array_equal(columns[ellipsoid], columns[sea_level])
 
 
 def setting(log: ULog, parameter: str) -> autopilot.Deviation:
-    """What the autopilot's own filter took."""
+    """Return the std that the autopilot's own filter used for a sensor."""
     return autopilot.setting(log.parameters, parameter, SD[parameter])
 
 

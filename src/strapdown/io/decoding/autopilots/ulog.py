@@ -39,7 +39,7 @@ Fields = list[tuple[str, str, int]]
 
 
 class UlogTopic(NamedTuple):
-    """What one id of a log's data messages stands for."""
+    """The topic behind one id of a log's data messages."""
 
     name: str
     instance: int

@@ -36,7 +36,7 @@ class Export(NamedTuple):
 
     @property
     def alone(self) -> bool:
-        """Whether it is one CSV file."""
+        """True where the export is one CSV file."""
         return self.path.is_file() and self.path.suffix.lower() != ".zip"
 
     def head(self, name: str) -> str:
@@ -73,7 +73,7 @@ class Export(NamedTuple):
 
 
 def parsed(content: bytes, label: str, **options: Any) -> "pd.DataFrame":
-    """What pandas makes of a text of cells, without rows where it has none. Raises DataError, which
+    """Parse a text of cells with pandas, without rows where it has none. Raises DataError, which
     begins with `label`."""
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""What logs of phones have in common: the axes, what a fix of the phone's location says, how it
+"""Parts that logs of phones share: the axes, the columns of the phone's location, and how the phone
 was held."""
 
 import re
@@ -22,9 +22,10 @@ RADIUS = 1.51
 in which 68 % of the places lie (developer.android.com, Location.getAccuracy). That of an iPhone is
 documented by no share, and taken as the standard deviation."""
 SPEED_SD = 0.5
-"""m/s, of a velocity whose accuracy the phone does not say."""
+"""m/s, of a velocity whose accuracy the phone does not state."""
 VERTICAL = 1.5
-"""Of the vertical standard deviation over the horizontal accuracy, where the phone does not say it."""
+"""Ratio of vertical standard deviation to horizontal accuracy, where the phone does not state
+it."""
 MAGNETIC_SD = 5.0
 """uT: not the noise, which is far less, but what is near bends the field by so much indoors."""
 GRAVITY = (5.0, 15.0)

@@ -1,1 +1,1 @@
-"""What GNSS receivers write, UBX and NMEA 0183, taken apart, and their clocks."""
+"""Decoders of UBX and NMEA 0183, as GNSS receivers write them, and the receivers' clocks."""

@@ -23,7 +23,7 @@ class CyclicClock(NamedTuple):
 
     @property
     def column(self) -> str:
-        """Of a table: the name of the times."""
+        """The name of the column of times in a table."""
         return str(self.time["column"])
 
     def ms(self, place: Ints, t: Ints) -> Ints:

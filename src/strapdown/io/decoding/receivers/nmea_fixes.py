@@ -98,8 +98,8 @@ def nmea_log(path: Path, sentences: Sentences) -> Log:
 
 
 def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
-    """Of each type the sentences of one source, where GNSS receivers and other devices, such as
-    those of a ship, send the same: those of which there are most."""
+    """Keep the sentences of one source for each type, where GNSS receivers and other devices, such
+    as those of a ship, send the same: the more frequent ones. `left` gets a line on the others."""
     kinds = {}
     for name, kind in sentences.kinds.items():
         gnss = np.array([talker in GNSS for talker in kind.talkers])
@@ -173,7 +173,7 @@ def _heights(table: FileTable, left: list[str]) -> tuple[bool, dict[str, Any]]:
 
 
 def _quality(name: str, kind: SentenceKind) -> Ints:
-    """Of each fix as GGA counts it; 0 where it is not used."""
+    """Return the quality of each fix (n,) by the numbers of GGA; 0 where it is not used."""
     if name == "GGA":
         return np.nan_to_num(kind.numbers(6)).astype(int)
     states = (

@@ -73,7 +73,7 @@ class SentenceKind(NamedTuple):
 
 
 class Sentences(NamedTuple):
-    """What a file has of the TYPES."""
+    """The sentences of the TYPES in a file."""
 
     kinds: dict[str, SentenceKind]
     rejected: int  # sentences of these types that fail their checksum

@@ -89,8 +89,8 @@ def find_frames(data: bytes) -> UbxFrames:
 
 
 def _checksums_right(content: Bytes, start: Ints, length: Ints) -> NDArray[np.bool_]:
-    """Whether the checksums of candidates are right (n,), from running sums of all bytes: that of
-    the sums themselves gives the second byte."""
+    """Return True where the checksum of a candidate is correct (n,). Running sums of all bytes give
+    the first byte of the checksum; running sums of these give the second."""
     if not len(start):
         return np.zeros(0, bool)
     once = np.cumsum(content, dtype=np.uint8)
@@ -138,7 +138,8 @@ def _date(at: int) -> dict[str, tuple[int, str]]:
 
 
 def _solution(at: int) -> dict[str, tuple[int, str]]:
-    """Of NAV-PVT and NAV-PVAT, from the longitude on: what both have alike."""
+    """Return {name: (offset, type)} of the fields that NAV-PVT and NAV-PVAT share, from the
+    longitude, at offset `at`, on."""
     names = ("lon", "lat", "height", "hMSL", "hAcc", "vAcc", "velN", "velE", "velD")
     unsigned = {"hAcc", "vAcc"}
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}

@@ -15,7 +15,7 @@ from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, UbxSenso
 
 
 class ImuEpochs(NamedTuple):
-    """What sets the clock of the sensors."""
+    """Epochs of the receiver that set the clock of the sensors."""
 
     place: Ints  # in the file (n,)
     gps: Array  # s (n,)

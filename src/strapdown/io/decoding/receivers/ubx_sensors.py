@@ -101,7 +101,7 @@ def _tick(tag: Array, gps: Array, ticks: tuple[float, ...]) -> float | None:
 
 
 class Samples(NamedTuple):
-    """What one kind of message says of gyro or accelerometer, in the order of time."""
+    """Samples of a gyro or accelerometer from one kind of message, in order of time."""
 
     t: NDArray[np.int64]  # us of GPS time since its zero, or of the sensor's own clock (n,)
     values: dict[int, NDArray[np.int64]]  # counts by type (n,)

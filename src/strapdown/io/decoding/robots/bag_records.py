@@ -144,8 +144,8 @@ def message_heads(raw: np.ndarray[Any, Any], places: Ints) -> tuple[Ints, Ints, 
 
 
 def _like_first(heads: np.ndarray[Any, Any]) -> tuple[np.ndarray[Any, Any], Ints, Ints, Ints]:
-    """Of headers (n, length) those that have the fields of the first one at the same places (n,),
-    and of these the rows that are messages, their connections and times in ns."""
+    """Return the headers (n, length) that have the fields of the first one at the same places, as a
+    mask (n,), and of these the rows that are messages, their connections and times in ns."""
     none = np.zeros(0, np.int64)
     try:
         layout = fields(heads[0].tobytes())

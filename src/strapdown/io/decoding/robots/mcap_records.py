@@ -56,7 +56,7 @@ def _text(content: bytes | memoryview, begin: int, end: int) -> tuple[str, int]:
 
 
 class _File:
-    """What was met of a file so far."""
+    """Schemas, encodings, messages and damage found in a file so far."""
 
     def __init__(self, content: bytes | memoryview, messages: Messages) -> None:
         self.content = content

@@ -23,8 +23,9 @@ def _opened(packed: bytes, way: str) -> IO[bytes]:
 
 
 def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> bytes:
-    """What is packed by `way`, "lz4" (frames), "zstd", "bz2" or "" and "none", and `size` bytes
-    long, which `meter` counts. Raises DataError where it is damaged or of another size."""
+    """Unpack `size` bytes, packed by `way`: "lz4" (frames), "zstd", "bz2", or "" and "none" for
+    unpacked ones. `meter` counts them. Raises DataError where they are damaged or of another
+    size."""
     if way in ("", "none"):
         unpacked = bytes(packed)
     elif way not in ("lz4", "zstd", "bz2"):

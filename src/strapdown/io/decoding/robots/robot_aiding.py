@@ -48,7 +48,7 @@ def fix(stream: TopicStream, robot: Robot) -> Made:
 
 
 def twist(stream: TopicStream, robot: Robot) -> Made:
-    """Of a receiver a velocity, of a vehicle its speed."""
+    """Return the section of a receiver's velocity, or else of the vehicle's speed."""
     linear = _linear(stream.columns)
     if stream.type != "geometry_msgs/Twist" and RECEIVER.search(f"{stream.topic} {stream.frame}"):
         return _velocity(stream, robot, linear)
@@ -228,7 +228,8 @@ def _doubt(stream: TopicStream, force: Array) -> tuple[str, str]:
 
 
 def _attitude(stream: TopicStream, place: Pose | None) -> Made:
-    """What an IMU's message has of its attitude."""
+    """Return the section of the attitude in an IMU's messages; none where it is missing or
+    constant."""
     q, covariance = (
         stream.columns["orientation"].astype(float),
         stream.columns["orientation_covariance"],

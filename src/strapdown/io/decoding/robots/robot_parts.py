@@ -1,5 +1,5 @@
-"""What the sections of a robot's log have in common: where a sensor is mounted, what a covariance
-says, and what the name of a topic does."""
+"""Parts that the sections of a robot's log share: where a sensor is mounted, std from covariances,
+and the meaning of topic names."""
 
 import re
 from pathlib import Path
@@ -28,14 +28,14 @@ TRUTH = re.compile(r"truth|(^|[/_])gt($|[/_])|p3d", re.IGNORECASE)
 
 
 class Robot(NamedTuple):
-    """What a section needs to know of the log."""
+    """The frames of a log, and the one of its vehicle."""
 
     path: Path
     frames: RosFrames
     base: str  # the frame that is taken for the vehicle's
 
     def place(self, stream: TopicStream) -> Pose | None:
-        """Of the sensor in the vehicle; None: the log does not say it."""
+        """Return the pose of the sensor in the vehicle; None where the log does not state it."""
         return self.frames.pose(stream.frame, self.base)
 
     def not_of_vehicle(self, frame: str) -> str:
@@ -98,6 +98,6 @@ def not_measured(stream: TopicStream) -> str:
 
 
 def median(values: Array) -> float:
-    """Of the finite values; NaN where there is none."""
+    """Return the median of the finite values; NaN where there is none."""
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if finite.size else float("nan")

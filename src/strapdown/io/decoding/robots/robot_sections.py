@@ -1,4 +1,4 @@
-"""What of a recording the messages of a robot's log are.
+"""Sections of a recording from the messages of a robot's log.
 
 Axes and units are those of REP 103 and REP 145 (https://ros.org/reps): forward, left, up; SI; an
 accelerometer at rest reads +9.8 m/s^2 upwards; fixes in east, north, up.
@@ -92,7 +92,7 @@ def _counted(lines: list[str]) -> list[str]:
 
 
 def _asked(sections: list[Section]) -> list[str]:
-    """What must be known before an IMU can be taken, where there are only such."""
+    """Return why the first IMU is left out, where all are, as one line; else []."""
     of_imus = [each for each in sections if each.role == "imu"]
     if not of_imus or any(not each.left for each in of_imus):
         return []

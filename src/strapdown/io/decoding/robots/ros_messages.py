@@ -88,8 +88,8 @@ def _fields(definition: str, encoding: str, prefix: str) -> Iterator[Field]:
 
 
 def is_known(message: str, text: str) -> bool:
-    """Whether the text of a definition, in the format of .msg files, has the members of the message
-    of this type that is read. Another text, of none or of an .idl file, tells nothing: True."""
+    """Return True where a definition in the format of .msg files has the members of `message` as
+    read here. Other text, empty or of an .idl file, proves nothing: True."""
     top = re.split(r"^=+$", text, maxsplit=1, flags=re.MULTILINE)[0]
     lines = (line.split("#")[0].strip() for line in top.splitlines())
     members = [line for line in lines if line and "=" not in line]
@@ -118,7 +118,7 @@ class RosTopic(NamedTuple):
 
     @classmethod
     def of(cls, name: str, kind: str, encoding: str, definition: str = "") -> "RosTopic":
-        """Of the names that a log has; "sensor_msgs/msg/Imu" is that of ROS 2."""
+        """Return the topic of the names in a log; "sensor_msgs/msg/Imu" is the form of ROS 2."""
         return cls(name, kind.replace("/msg/", "/"), encoding, definition)
 
     @property
@@ -148,8 +148,8 @@ def take(content: np.ndarray[Any, Any], offsets: Ints, length: int) -> np.ndarra
 
 
 class Messages:
-    """What is gathered from a log: its topics by the number that the log gives them, the messages of
-    those that are read, and lines on what could not be used."""
+    """Content gathered from a log: topics by the log's own numbers, messages of the topics that are
+    read, and lines on unusable content."""
 
     def __init__(self) -> None:
         self.topics: dict[int, RosTopic] = {}

@@ -25,7 +25,7 @@ drivers call them)."""
 
 
 class Pose(NamedTuple):
-    """Of a frame in another one: v_other = C v + t, axes as ROS has them (forward, left, up)."""
+    """Pose of a frame in another one: v_other = C v + t, axes as in ROS (forward, left, up)."""
 
     C: Array
     t: Array
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
 
     @property
     def inverse(self) -> "Pose":
-        """Of the other frame in this one."""
+        """The pose of the other frame in this one."""
         return Pose(self.C.T, -self.C.T @ self.t)
 
     @property
@@ -59,7 +59,7 @@ class Pose(NamedTuple):
 
     @property
     def is_turned(self) -> bool:
-        """Whether its axes are others."""
+        """True where the axes differ from those of the other frame."""
         return not np.allclose(self.C, np.eye(3), atol=1e-8)
 
 
@@ -108,7 +108,7 @@ class RosFrames:
         return found
 
     def pose(self, frame: str, base: str) -> Pose | None:
-        """Of a frame in `base`; None: the log does not say it."""
+        """Return the pose of a frame in `base`; None where the log does not state it."""
         mine, of_base = self._up(frame), self._up(base)
         for ancestor, pose in mine.items():
             if ancestor in of_base:
