@@ -66,6 +66,26 @@ def test_a_copy_is_no_view_and_fields_have_their_comments():
     assert (said["length"], said["angle"], said["turned"]) == ("samples",) + 2 * ("rad and rad/s",)
 
 
+class Blocks:
+    # m, of the first
+    # and the second
+    one: float
+    two: float
+    # s, of the third
+    three: float
+    four: int  # a count
+
+
+def test_a_comment_after_a_field_begins_anew():
+    first = "m, of the first and the second"
+    assert notes(Blocks) == {
+        "one": first,
+        "two": first,
+        "three": "s, of the third",
+        "four": "a count",
+    }
+
+
 class Mean:
     mean: float  # numpy's rows have a method of that name
 

@@ -116,12 +116,15 @@ def notes(made: Hashable) -> dict[str, str]:
     it, else that above the fields before it."""
     found: dict[str, str] = {}
     above: list[str] = []
+    read = False  # a field came after these lines, so the next comment begins anew
     for line in inspect.getsource(made).splitlines()[1:]:  # type: ignore[arg-type]
         code, _, said = line.strip().partition("#")
         if not code:
-            above = [*above, said.strip()] if said else []
+            above = [*([] if read else above), said.strip()] if said else []
+            read = False
         elif field := re.match(r"(\w+):", code):
             found[field[1]] = " ".join([said.strip()] if said else above)
+            read = True
     return found
 
 
