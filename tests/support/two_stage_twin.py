@@ -78,7 +78,7 @@ class State:
 class Twin:
     """The filter, its options (rad, SI) and Noise; `bar` is None or the state to linearise at."""
 
-    least_speed, largest_bank, crab, correlation, window, acceleration = (
+    min_speed, max_bank, crab, correlation, window, acceleration = (
         3.0,
         np.radians(45),
         np.radians(5),
@@ -238,7 +238,7 @@ class Twin:
 
     def _course(self, C, vel, sd, found):
         speed = np.hypot(*vel[:2])
-        if speed < self.least_speed or abs(self.about.angles[0]) > self.largest_bank:
+        if speed < self.min_speed or abs(self.about.angles[0]) > self.max_bank:
             return np.zeros(15)
         R = np.mean(np.square(sd[:2])) / speed**2 + self.crab**2 * max(
             2 * self.correlation / self.since, 1

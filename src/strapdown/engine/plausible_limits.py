@@ -40,6 +40,6 @@ def floors(aidings: Sequence[Aiding]) -> Array:
     """Least standard deviations (sources, 3) of the rows of each source."""
     found = np.zeros((len(aidings), 3))
     for row, a in zip(found, aidings):
-        least = [quantities.REGISTRY.find(q).least_sd for q in aiding.find(a.kind).quantities]
+        least = [quantities.REGISTRY.find(q).min_sd for q in aiding.find(a.kind).quantities]
         row[: len(least)] = least
     return found

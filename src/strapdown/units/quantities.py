@@ -24,27 +24,27 @@ class Quantity(NamedTuple):
     most: float = math.inf  # largest magnitude that a sensor reads, SI
     hint: str = ""  # what is probably wrong beyond it
     # smallest standard deviation of its innovation that a sensor has, SI: less is a mistake
-    least_sd: float = 0.0
+    min_sd: float = 0.0
 
 
 OWN = {
     quantity.name: quantity
     for quantity in (
-        Quantity("latitude", "angle", innovation="length", least_sd=1e-3),
+        Quantity("latitude", "angle", innovation="length", min_sd=1e-3),
         Quantity(
             "longitude",
             "angle",
             innovation="length",
             most=2 * math.pi,
             hint="is the unit deg, or is a scale missing?",
-            least_sd=1e-3,
+            min_sd=1e-3,
         ),
-        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?", least_sd=1e-6),
-        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?", least_sd=1e-3),
-        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?", least_sd=1e-4),
-        Quantity("acceleration", "acceleration", least_sd=1e-6),
+        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?", min_sd=1e-6),
+        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?", min_sd=1e-3),
+        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?", min_sd=1e-4),
+        Quantity("acceleration", "acceleration", min_sd=1e-6),
         Quantity(
-            "angular rate", "angular rate", most=100.0, hint="is the unit deg/s?", least_sd=1e-9
+            "angular rate", "angular rate", most=100.0, hint="is the unit deg/s?", min_sd=1e-9
         ),
         Quantity(
             "magnetic field",
@@ -52,9 +52,9 @@ OWN = {
             most=1e-3,
             hint="the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale "
             "missing?",
-            least_sd=1e-11,
+            min_sd=1e-11,
         ),
-        Quantity("pressure", "pressure", innovation="length", least_sd=1e-3),
+        Quantity("pressure", "pressure", innovation="length", min_sd=1e-3),
     )
 }
 

@@ -170,7 +170,7 @@ def test_near_there_it_can_be_one():
 
 def test_standard_deviations_below_any_receivers_are_raised():
     recording = flight()
-    least = [quantities.REGISTRY.find(q).least_sd for q in ("latitude", "longitude", "length")]
+    least = [quantities.REGISTRY.find(q).min_sd for q in ("latitude", "longitude", "length")]
 
     def stated(deviation):
         fix = recording.aidings[0]

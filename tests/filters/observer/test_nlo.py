@@ -219,7 +219,7 @@ def test_near_standstill_the_course_is_held_and_that_is_said():
     heading = solution.trajectory.sd[:, 8]
     assert (np.diff(heading[20:300:40]) > 0).all()
     eager = sd.fuse(
-        recording, "nlo", start=start(recording), noise=NOISE, options={"least_speed": 1e-3}
+        recording, "nlo", start=start(recording), noise=NOISE, options={"min_speed": 1e-3}
     )
     assert eager.columns["course_held [s]"][-1] == 0
     assert (

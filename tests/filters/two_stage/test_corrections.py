@@ -210,7 +210,7 @@ def test_fixes_further_apart_than_the_angle_lasts_are_independent():
     [dict(v=np.array([2.0, 2.0, 0.0])), dict(rph=(1.2, 0.0, 0.5)), dict(rph=(-1.2, 0, 0))],
 )
 def test_slow_or_banked_the_heading_is_held_and_the_time_counted(changes):
-    belief, made = coursed(since=2.0, least_speed=3.0, **changes)
+    belief, made = coursed(since=2.0, min_speed=3.0, **changes)
     workspace = belief.workspace
     assert made == 0 and workspace[model.HELD] == workspace[model.SLOW] == 2.0
     assert workspace[model.CONDITION] == 0.0
@@ -223,7 +223,7 @@ def test_slow_or_banked_the_heading_is_held_and_the_time_counted(changes):
 
 
 def test_a_course_ends_the_condition_but_not_the_count():
-    belief, _ = coursed(v=np.array([1.0, 0.0, 0.0]), since=2.0, least_speed=3.0)
+    belief, _ = coursed(v=np.array([1.0, 0.0, 0.0]), since=2.0, min_speed=3.0)
     belief.workspace[model.CONDITION] = 1.0
     assert corrections.course(belief, belief, V[0], V[1], 0.1, 1.0) == 1
     assert belief.workspace[model.SLOW] == belief.workspace[model.CONDITION] == 0.0

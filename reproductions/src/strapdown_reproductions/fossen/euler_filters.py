@@ -46,7 +46,7 @@ from strapdown.core.mathematics.rotation import Three, euler_to_matrix, turned
 from strapdown.typing import Array
 
 SLOTS = Slots()
-MAX_COLUMN = "largest_angle_sd [rad]"
+MAX_COLUMN = "max_angle_sd [rad]"
 # standard deviation of an angle that a prediction left, the largest so far
 MAX = SLOTS.output(MAX_COLUMN)
 ANGLES = SLOTS.array("ANGLES", 3)  # roll, pitch, heading, rad

@@ -52,7 +52,7 @@ def measure(
                     "run": run,
                     "correlation": _rank_correlation(own["drift"], own["nees"]),
                     "small_ratio": float(np.exp(small.mean())),
-                    "largest_drift_m": float(own["drift"].max()) if len(own) else 0.0,
+                    "max_drift_m": float(own["drift"].max()) if len(own) else 0.0,
                     "epochs": len(own),
                 }
             )

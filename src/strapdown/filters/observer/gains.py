@@ -51,7 +51,7 @@ DEFAULTS = dict(
     adaptation=0.02,
     accel_bound=1.0,
     gyro_bound=0.1,
-    least_speed=0.0,
+    min_speed=0.0,
     outage_after=0.0,
 )
 """Options of every filter that has the observer, as keywords of `fuse`; docs/explanation/observer.md says
@@ -118,7 +118,7 @@ def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> No
         block[getattr(at, name.upper())] = o[name]
     block[at.WANDER] = o["wander"] * o["theta"] ** 3
     block[at.WANDER_START] = o["wander_start"] * o["theta"] ** 3
-    for name in ("gyro_bound", "accel_bound", "adaptation", "least_speed"):
+    for name in ("gyro_bound", "accel_bound", "adaptation", "min_speed"):
         block[getattr(at, name.upper())] = o[name]
     block[at.FIELD] = at.FIELDS[o["field"]]
     block[at.MODE], block[at.TOLD] = at.COURSES[o["course"]], noise.accel
@@ -184,7 +184,7 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
         "slip",
     ):
         check_number(o[name], name, above=0)
-    for name in ("ki", "ki_start", "adaptation", "least_speed", "outage_after", "wind", *GAINS):
+    for name in ("ki", "ki_start", "adaptation", "min_speed", "outage_after", "wind", *GAINS):
         check_number(o[name], name, least=0)
     for name, known in (
         ("course", equations.COURSES),

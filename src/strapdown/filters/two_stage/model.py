@@ -105,8 +105,8 @@ class StageOptions(NamedTuple):
     velocity: str  # "full" or "down"
     course: str  # "gnss" or "none"
     level: str  # "bias-free" or "raw"
-    least_speed: float  # m/s
-    largest_bank: float  # deg
+    min_speed: float  # m/s
+    max_bank: float  # deg
     crab: float  # deg
     correlation: float  # s
     window: float  # s
@@ -122,20 +122,20 @@ def set_options(belief: FilterState, noise: Noise, options: StageOptions) -> Non
     ):
         check_choice(getattr(options, name), name, known)
     for name, unit in (
-        ("least_speed", "m/s"),
+        ("min_speed", "m/s"),
         ("crab", "deg"),
         ("correlation", "s"),
         ("acceleration", "m/s^2 sqrt(s)"),
     ):
         check_number(getattr(options, name), name, unit, least=0)
     check_number(options.window, "window", "s", above=0, below=MAX_WITHOUT_VELOCITY)
-    check_number(options.largest_bank, "largest_bank", "deg", above=0, most=90)
+    check_number(options.max_bank, "max_bank", "deg", above=0, most=90)
     workspace = belief.workspace
     workspace[DOWN], workspace[COURSE], workspace[MIN_SPEED], workspace[MAX_BANK] = (
         options.velocity == "down",
         options.course == "gnss",
-        options.least_speed,
-        math.radians(options.largest_bank),
+        options.min_speed,
+        math.radians(options.max_bank),
     )
     workspace[CRAB], workspace[CORRELATION], workspace[WINDOW], workspace[ACCELERATION] = (
         math.radians(options.crab),

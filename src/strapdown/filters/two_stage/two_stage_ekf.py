@@ -78,16 +78,16 @@ def start(
     velocity: str = "full",
     course: str = "gnss",
     level: str = "bias-free",
-    least_speed: float = 0.0,
-    largest_bank: float = 45.0,
+    min_speed: float = 0.0,
+    max_bank: float = 45.0,
     crab: float = 5.0,
     correlation: float = 10.0,
     window: float = 1.0,
     acceleration: float = 0.2,
 ) -> FilterState:
     """The filter state at `start`. velocity: "full", or "down", the component along the body's z axis alone.
-    course: "gnss", the heading is that of velocity fixes above least_speed (m/s) and below
-    largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is
+    course: "gnss", the heading is that of velocity fixes above min_speed (m/s) and below
+    max_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is
     without the accelerometer bias of stage 2, or "raw", as measured.
 
     crab: standard deviation of the angle between course and heading, deg. correlation: for how long
@@ -100,8 +100,8 @@ def start(
         velocity,
         course,
         level,
-        least_speed,
-        largest_bank,
+        min_speed,
+        max_bank,
         crab,
         correlation,
         window,

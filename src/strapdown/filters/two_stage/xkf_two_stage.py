@@ -91,7 +91,7 @@ def start(
     noise: Noise,
     velocity: str = "full",
     level: str = "bias-free",
-    largest_bank: float = 45.0,
+    max_bank: float = 45.0,
     crab: float = 5.0,
     correlation: float = 10.0,
     window: float = 1.0,
@@ -103,7 +103,7 @@ def start(
     that of the "observer" or of "stage-1" of this filter. The other options named here are those of
     `two-stage-ekf`, the rest those of `nlo`.
 
-    `course` and `least_speed` count for both; any `course` but "none" is one for the two-stage
+    `course` and `min_speed` count for both; any `course` but "none" is one for the two-stage
     model.
     """
     check_choice(attitude, "attitude", ATTITUDES)
@@ -116,8 +116,8 @@ def start(
         velocity,
         "none" if both["course"] == "none" else "gnss",
         level,
-        both["least_speed"],
-        largest_bank,
+        both["min_speed"],
+        max_bank,
         crab,
         correlation,
         window,

@@ -189,7 +189,7 @@ class _Balance:
         state[CONTROLS] = z[2:]
         return state, (roll, pitch, heading)
 
-    def most_thrust(self, z: Array, throttle: float) -> float:
+    def max_thrust(self, z: Array, throttle: float) -> float:
         """Thrust, N, at the most that `throttle` may be."""
         self(np.r_[z[:5], throttle])
         return float(self.loads.thrust)
@@ -241,7 +241,7 @@ def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, wh
     """Raise DataError unless z is a balance within the stall and the end stops."""
     attack, stall = (f"{math.degrees(angle):.1f} deg" for angle in (z[0], aircraft["stall_alpha"]))
     if not residual < _ENOUGH:
-        if (thrust := balance.most_thrust(z, aircraft["throttle_max"])) <= 0:
+        if (thrust := balance.max_thrust(z, aircraft["throttle_max"])) <= 0:
             raise DataError(
                 f"{where}: at full throttle its propeller gives {thrust:.2g} N, no thrust; check "
                 f"voltage, propeller and motor, "
