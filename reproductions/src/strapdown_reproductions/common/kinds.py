@@ -79,7 +79,7 @@ class Share(NamedTuple):
 
     @property
     def opposite(self) -> "Share":
-        """Of the trials in which it is not so."""
+        """The share of the trials in which the condition does not hold."""
         successes = self.trials - self.successes
         return Share(1 - self.value, 1 - self.high, 1 - self.low, successes, *self[4:])
 

@@ -1,5 +1,5 @@
-"""What every reproduction writes: claims.json, CSV tables and an index.html that shows them,
-with figures where it has some."""
+"""Output of every reproduction: claims.json, CSV tables and an index.html that shows them, with
+figures where it has some."""
 
 import json
 import re
