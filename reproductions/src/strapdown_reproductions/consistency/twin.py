@@ -44,7 +44,7 @@ class Memory(NamedTuple):
 
 
 class Right(NamedTuple):
-    """What sets of runs of a right filter come to."""
+    """Results of sets of runs of a consistent filter."""
 
     inside: Array  # (sets,) share of the epochs inside the band
     anees: Array  # (sets,) mean of NEES over the states
