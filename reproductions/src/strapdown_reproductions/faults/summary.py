@@ -56,7 +56,7 @@ def showable(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def silent(rows: pd.DataFrame) -> pd.DataFrame:
-    """Of these the silently wrong ones."""
+    """Return the silently wrong cells among those with a fault that the data can show."""
     own = showable(rows)
     return own[own["verdict"] == SILENT]
 
