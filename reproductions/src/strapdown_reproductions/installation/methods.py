@@ -57,12 +57,14 @@ def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibra
 
 
 def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """What `diagnose` finds wrong; what it calls consistent, or not observable, stays as given."""
+    """Return the Calibrated with the parameters that `diagnose` finds wrong; those that it calls consistent, or not
+    observable, keep the given value."""
     return told(sd.diagnose(recording), recording, wanted)
 
 
 def by_calibration(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """What `calibrate_installation` would write: found, and confirmed by states and smoother."""
+    """Return the Calibrated with the parameters that `calibrate_installation` would write: found,
+    and confirmed by states and smoother."""
     return told(sd.calibrate_installation(recording), recording, wanted)
 
 
