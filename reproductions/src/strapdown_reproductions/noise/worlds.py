@@ -24,7 +24,7 @@ SETTLED = 60.0
 
 
 class NoiseWorld(NamedTuple):
-    """What is simulated."""
+    """A simulated world: scenario, duration, rate, IMU grade and receiver."""
 
     scenario: str
     duration: float  # s
