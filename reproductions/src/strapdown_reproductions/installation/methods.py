@@ -57,8 +57,8 @@ def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibra
 
 
 def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """Return the Calibrated with the parameters that `diagnose` finds wrong; those that it calls consistent, or not
-    observable, keep the given value."""
+    """Return the Calibrated with the parameters that `diagnose` finds wrong; those that it calls
+    consistent, or not observable, keep the given value."""
     return told(sd.diagnose(recording), recording, wanted)
 
 
