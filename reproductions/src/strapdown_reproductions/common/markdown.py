@@ -25,7 +25,7 @@ def end(text: str) -> str:
 
 
 def begin(file: str, command: str) -> str:
-    """The mark above what stands in `file` of a run of `strapdown reproduce command`."""
+    """Return the mark above the content of `file` of a run of `strapdown reproduce command`."""
     return f"<!-- begin: {file} of strapdown reproduce {command} -->"
 
 

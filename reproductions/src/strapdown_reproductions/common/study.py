@@ -25,8 +25,8 @@ def held_against(
     figures: Callable[[StudyTables], Mapping[str, float]],
     digits: int = 3,
 ) -> Callable[[StudyTables], list[dict[str, Any]]]:
-    """A function of the StudyTables: its figures {name of a target: figure} as claims, with so many
-    digits; NaN decides nothing."""
+    """Return a function of the StudyTables that judges `figures` {name of a target: figure} as
+    claims, with `digits` digits; NaN decides nothing."""
     return lambda found: judged(figures(found), targets, digits)
 
 

@@ -45,7 +45,7 @@ def shares(nees: Array, states: int) -> Shares:
 
 
 def chance(inside: float, right: Array) -> float:
-    """Share of sets of a right filter that have no more epochs inside than this one."""
+    """Return the share of sets of a consistent filter with no more epochs inside than this one."""
     return float((right <= inside + 1e-12).mean())
 
 

@@ -1,4 +1,4 @@
-"""A cell: a fault, a filter and the way it runs, a motion and a seed; what becomes of it."""
+"""A cell: a fault, a filter and the way it runs, a motion and a seed; and its result."""
 
 from typing import Any, NamedTuple
 

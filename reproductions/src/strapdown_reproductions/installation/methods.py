@@ -69,8 +69,8 @@ def by_calibration(recording: Recording, wanted: Mapping[str, None]) -> Calibrat
 
 
 def told(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """The Calibrated of what tells of each of its `parameters` name, cause, status, change and sd,
-    and has the recording set up as found: a Diagnosis, and what is made like one."""
+    """Return the Calibrated of a Diagnosis or a result like it, with name, cause, status, change
+    and sd of each of its `parameters`, and the recording set up as found."""
     parameters = parameters_of(recording, wanted)
     known = {_name(each.name, each.cause): each for each in found.parameters}
     own = [known[_words(p)] for p in parameters]

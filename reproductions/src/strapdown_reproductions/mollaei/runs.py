@@ -163,7 +163,7 @@ def modes(case: FlightCase, number: int) -> tuple[str, ...]:
 
 
 def share(case: FlightCase) -> int:
-    """A seed in so many is flown of a case."""
+    """Return n where a case is flown with every n-th seed."""
     return SELDOM if case.condition else SHARES.get((case.experiment, case.form), 1)
 
 

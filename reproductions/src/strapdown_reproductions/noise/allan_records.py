@@ -160,7 +160,7 @@ def evened(imu: Imu) -> Imu:
 
 
 def _told(rest: Rest, recording: Recording, result: Allan) -> ImuSpec:
-    """The grade that a filter is told for a recording."""
+    """Return the grade that a filter assumes for a recording."""
     return grade(rest.grade or recording.meta.get("grade") or suggest(result).grade)
 
 

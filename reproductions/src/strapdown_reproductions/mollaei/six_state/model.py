@@ -90,8 +90,8 @@ def takes_options(start: StartFunction) -> StartFunction:
 
 
 def begin(start: InitialState, slots: Slots, options: Options, rest: int = 0) -> FilterState:
-    """The filter state at `start` for a filter whose slots are SIX or continue it, with so many numbers in
-    their part at the end. Refuses bad options."""
+    """Return the filter state at `start` for a filter whose slots are SIX or continue it; `rest` is
+    the size of their last part. Refuses bad options."""
     model, q, r, rate, craft, earth = options
     variance = "m^2 and m^2/s^2"
     for value, name, unit in (
