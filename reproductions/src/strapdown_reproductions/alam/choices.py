@@ -1,4 +1,4 @@
-"""What Alam et al. leave unspecified or print wrongly, and what was chosen here instead."""
+"""Points that Alam et al. leave unspecified or print wrongly, and the choice made here for each."""
 
 CHOICES = (
     (

@@ -1,5 +1,5 @@
-"""What Alam et al. claim of NLO, two-stage EKF and XKF, each claim decided by the rule of its kind
-from the tables of runs.
+"""Claims of Alam et al. on NLO, two-stage EKF and XKF, each decided by the rule of its kind from
+the tables of runs.
 
 A claim about NLO or XKF is judged for every reading of what the paper leaves open (runs.READINGS);
 where they contradict each other the reading decides. The rules were written before any run of the
@@ -177,8 +177,8 @@ def explained_by_course(tables: Tables) -> JudgedClaim:
 
 
 def _explained(table: pd.DataFrame) -> int:
-    """Of a case in which the EKF is better in the north: 1 where its course explains that, -1
-    where it is so without it, 0 where that is open."""
+    """Return 1 where the course explains that the EKF is better in the north, -1 where the EKF is
+    better without it, 0 where that is undecided."""
     side = ratio(table, "north_rmse_m", EKF_NO_COURSE, XKF_NO_COURSE).side
     lost = stronger(table, "north_rmse_m", "east_rmse_m", EKF_NO_COURSE, XKF_NO_COURSE, EKF, XKF)
     return -1 if side == 1 else int(side == -1 and lost.low > 0)
@@ -303,7 +303,7 @@ ON_AXIS = (
 
 
 def on_axis(measure: str) -> dict[str, Callable[[AlamEvidence], object]]:
-    """What ON_AXIS shows beside the readings of XKF against EKF."""
+    """Return the values that ON_AXIS shows beside the readings of XKF against EKF."""
     return {
         "ratios": over(TABLES, listed, measure, XKF, EKF),
         "won": over(TABLES, shown_share, measure),

@@ -116,7 +116,7 @@ def write(
 
 
 def choices(count: int) -> pd.DataFrame:
-    """What the paper leaves open, in a study with so many seeds."""
+    """Return the table of the points that the paper leaves open, for a study with `count` seeds."""
     return choices_table(CHOICES, seeds=f"{count} seed{'s' * (count > 1)}")
 
 

@@ -24,7 +24,7 @@ RECORDINGS = ("thor75", "drive0708")
 
 
 class Recorded(NamedTuple):
-    """What the recordings gave."""
+    """Results of the runs on recordings."""
 
     # a row per recording, filter and outage, with the columns of runs.Results.scores
     scores: pd.DataFrame

@@ -121,7 +121,7 @@ class AlamRun(NamedTuple):
 
 
 class AlamResults(NamedTuple):
-    """What all runs gave."""
+    """Results of all runs."""
 
     # a row per seed, filter and outage: case, block (the seed), filter, outage, start_s, stop_s,
     # MEASURES, ..., said
@@ -295,7 +295,7 @@ def wander(solution: Solution, hidden: Recording) -> Row:
 
 
 def without_biases(said: str) -> Row:
-    """What `wander` gives of a run that did not begin."""
+    """Return the row of `wander` for a run that did not begin."""
     return {
         f"{sensor}_{what}": most if "true" not in what else np.nan
         for sensor, most in ASTRAY.items()

@@ -25,8 +25,8 @@ def displaced(time: float, length: float) -> float:
 
 
 def held_is_better(true: float, assumed: float, length: float) -> bool:
-    """Whether held estimates predict the position better; time constants `true` and `assumed`, s,
-    after `length` s."""
+    """True where held bias estimates predict the position better than decaying ones, with time
+    constants `true` and `assumed`, s, after `length` s."""
     right, held = displaced(true, length), displaced(np.inf, length)
     return abs(right - held) < abs(right - displaced(assumed, length))
 

@@ -273,7 +273,7 @@ def judged(table: pd.DataFrame, trials: Sequence[BroadTrial]) -> list[dict[str, 
 
 
 def claim_text(name: str, which: str) -> str:
-    """What is claimed of an estimator: `which` is "mean" or the number of a trial."""
+    """Return the text of a claim on an estimator; `which` is "mean" or the number of a trial."""
     return f"{name}: {'mean over the five trials of the rms' if which == 'mean' else f'trial {which}, rms'} orientation error during movement"
 
 
@@ -310,8 +310,8 @@ def _state(peer: Peer, quick: bool) -> str:
 
 
 def _measured(peer: Peer, table: pd.DataFrame) -> list[float]:
-    """What stands beside the `known` figures of a peer, deg: its errors on all five trials, or
-    their mean; nothing where one is missing."""
+    """Return the errors of a peer that correspond to its `known` figures, deg: on all five trials,
+    or their mean; empty where one is missing."""
     five = (*CHOSEN_ON, *OTHERS)
     own = sorted(name for name in table.columns if name.rstrip("*, deg") in five)
     if not peer.known or peer.name not in table.index or len(own) < len(five):

@@ -1,1 +1,1 @@
-"""What all reproductions write, and the rules by which numbers become verdicts."""
+"""Output shared by all reproductions, and the rules that turn numbers into verdicts."""

@@ -15,7 +15,7 @@ Found = TypeVar("Found")
 
 
 class JudgedClaim(NamedTuple):
-    """What became of a part of a claim: its verdict, and the numbers behind it."""
+    """Result of one part of a claim: its verdict, and the numbers behind it."""
 
     verdict: str
     text: str

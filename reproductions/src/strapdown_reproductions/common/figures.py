@@ -83,7 +83,7 @@ class Marks(NamedTuple):
     hover: str = "%{y:.3g}"
 
     def intervals(self) -> dict[str, Any]:
-        """What Plotly knows of their intervals; empty where they have none."""
+        """Return the Plotly error bars of the points; empty where they have no intervals."""
         if self.ends is None:
             return {}
         of = (self.x if self.along == "x" else self.y, *self.ends)

@@ -79,7 +79,7 @@ class Share(NamedTuple):
 
     @property
     def opposite(self) -> "Share":
-        """Of the trials in which it is not so."""
+        """The share of the trials in which the condition does not hold."""
         successes = self.trials - self.successes
         return Share(1 - self.value, 1 - self.high, 1 - self.low, successes, *self[4:])
 
@@ -93,12 +93,12 @@ class Share(NamedTuple):
 
 
 def clustered(seeds: Iterable[tuple[int, int]]) -> Share:
-    """Share of [(trials of a seed in which something is so, its trials)].
+    """Return the Share of [(successes of a seed, its trials)].
 
     Wilson's interval of as many independent trials as these are worth: their number divided by the
     design effect of the clusters (Korn & Graubard 1998), which is at least 1, and reduced for the
     degrees of freedom of few seeds. Where the share is 0 or 1 a seed counts as one trial, as
-    nothing tells how much the trials of a seed have in common. One seed decides nothing.
+    the correlation of its trials is unknown. A single seed gives the interval from 0 to 1.
     """
     from scipy.stats import norm, t
 

@@ -25,7 +25,7 @@ def end(text: str) -> str:
 
 
 def begin(file: str, command: str) -> str:
-    """The mark above what stands in `file` of a run of `strapdown reproduce command`."""
+    """Return the mark above the content of `file` of a run of `strapdown reproduce command`."""
     return f"<!-- begin: {file} of strapdown reproduce {command} -->"
 
 
@@ -59,14 +59,14 @@ def rows(text: str) -> list[list[str]]:
 
 
 def section(text: str, heading: str) -> str:
-    """What stands below a heading of a Markdown text, to the next one of any level."""
+    """Return the text below a heading of a Markdown text, up to the next heading of any level."""
     below = text.rpartition(f"# {heading}\n")[2]
     return re.split(r"^#+ ", below, maxsplit=1, flags=re.MULTILINE)[0]
 
 
 def edited(page: str) -> list[str]:
-    """What the marks say, as in "table.md of strapdown reproduce noise", of each text of a page
-    that is not the one which its command wrote."""
+    """Return the names of the marked texts of a page that differ from what their command wrote,
+    such as "table.md of strapdown reproduce noise"."""
     found = re.finditer(rf"<!-- begin: (.+?) -->\n(.*?)({_END})", page, re.DOTALL)
     return [
         match[1]

@@ -27,7 +27,7 @@ CONSTRAINTS, CONSTRAINT_SD, CONSTRAINT_RATE = (
 
 
 class StudyMotion(NamedTuple):
-    """What is simulated: a scenario to `stop` with an IMU and other sensors."""
+    """A simulated motion: a scenario to `stop` with an IMU and other sensors."""
 
     scenario: str
     stop: float  # s

@@ -1,5 +1,5 @@
-"""What every reproduction writes: claims.json, CSV tables and an index.html that shows them,
-with figures where it has some."""
+"""Output of every reproduction: claims.json, CSV tables and an index.html that shows them, with
+figures where it has some."""
 
 import json
 import re
@@ -117,7 +117,7 @@ def write_files(
 
 
 def _marked(text: str) -> str:
-    """The text as HTML; what stands between backticks is code."""
+    """Return the text as HTML, with the parts between backticks as code."""
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 

@@ -33,25 +33,25 @@ class Asked(NamedTuple):
     progress: Progress | None = None  # called with the fraction done
 
     def wanted(self, full: int, few: int) -> int:
-        """How many runs of each cell are asked for: `runs` where that is given, else `full`, or
-        `few` of a quick run."""
+        """Return the number of runs of each cell: `runs` where given, else `full`, or `few` for a
+        quick run."""
         if self.runs is None:
             return few if self.quick else full
         return self.runs
 
     def count(self, full: int, few: int, least: int = 1) -> int:
-        """The same, refused where there cannot be so many. Raises DataError."""
+        """Return `wanted`. Raises DataError where it or the seed is out of range."""
         count = self.wanted(full, few)
         check_number(count, "runs", least=least, whole=True)
         check_number(self.seed, "seed", least=0, whole=True)
         return count
 
     def seeds(self, full: int, few: int) -> list[int]:
-        """The seeds of the runs, so many as `count` says, made from `seed`. Raises DataError."""
+        """Return `count` seeds of runs, made from `seed`. Raises DataError."""
         return [1000 * self.seed + k for k in range(self.count(full, few))]
 
     def seeds_from(self, full: int, few: int) -> range:
-        """As many seeds, of which `seed` is the first. Raises DataError."""
+        """Return `count` seeds, of which `seed` is the first. Raises DataError."""
         return range(self.seed, self.seed + self.count(full, few))
 
 

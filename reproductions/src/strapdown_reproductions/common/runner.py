@@ -37,8 +37,8 @@ class Task(NamedTuple):
 
 
 def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """The Progress of a part, which is the whole from the fraction `begin` to `end`; None where
-    nobody is told."""
+    """Return the Progress of a part that spans the fractions `begin` to `end` of the whole; None
+    without `progress`."""
     return (lambda done: progress(begin + done * (end - begin))) if progress else None
 
 
@@ -100,7 +100,7 @@ def _made(task: Task) -> Mapping[str, pd.DataFrame]:
 
 
 def _told(results: Iterator[Result], count: int, progress: Progress | None) -> Iterator[Result]:
-    """Yields the results and tells of each how far they are."""
+    """Yield the results, and report the fraction done before each."""
     for done, result in enumerate(results, 1):
         if progress:  # before it is handed out: nobody may come for another one
             progress(done / count)

@@ -25,8 +25,8 @@ def held_against(
     figures: Callable[[StudyTables], Mapping[str, float]],
     digits: int = 3,
 ) -> Callable[[StudyTables], list[dict[str, Any]]]:
-    """A function of the StudyTables: its figures {name of a target: figure} as claims, with so many
-    digits; NaN decides nothing."""
+    """Return a function of the StudyTables that judges `figures` {name of a target: figure} as
+    claims, with `digits` digits; NaN decides nothing."""
     return lambda found: judged(figures(found), targets, digits)
 
 
@@ -64,8 +64,8 @@ class ReproducedStudy(NamedTuple):
 def choices_table(
     choices: Iterable[tuple[str, str, str]], where: str = "in the paper", **texts: object
 ) -> pd.DataFrame:
-    """What a work leaves open, as text: (what, what stands `where`, what was chosen here); `texts`
-    fill what stands in braces."""
+    """Return the points that a work leaves open as a table of text: (what, what stands `where`,
+    what was chosen here). `texts` fill the fields in braces."""
     rows = [(what, there, here.format(**texts)) for what, there, here in choices]
     return pd.DataFrame(rows, columns=["what", where, "here"])
 
@@ -79,7 +79,7 @@ class StudyWork(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What the runs of a study have shown of a Work."""
+    """Results of the runs of a study of a Work."""
 
     size: str  # sentences on how large the study was
     claims: Claims  # Findings

@@ -11,7 +11,7 @@ from .tables import Tables, with_rows
 
 
 class Target(NamedTuple):
-    """What is asked for."""
+    """A target: the bound that a measured figure must meet."""
 
     text: str
     comparison: str  # <= or >=

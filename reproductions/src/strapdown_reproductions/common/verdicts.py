@@ -37,7 +37,7 @@ def decided(yes: bool, no: bool) -> str:
 
 
 def vote(low: float, high: float, level: float) -> int:
-    """Of an interval: +1 where it is above `level`, -1 where it is below, 0 where it holds it."""
+    """Return +1 for an interval above `level`, -1 for one below, 0 for one that contains it."""
     return int(low > level) - int(high < level)
 
 
@@ -66,7 +66,8 @@ def apart(first: pd.Series, second: pd.Series, name: str) -> int:
 
 
 def both(*verdicts: str) -> str:
-    """Of a claim with parts that must all hold: mixed where one is supported and another not."""
+    """Return the verdict of a claim whose parts must all hold: mixed where one part is supported
+    and another is not."""
     found = set(verdicts)
     if len(found) <= 1:
         return verdicts[0] if verdicts else UNDECIDED
@@ -76,8 +77,11 @@ def both(*verdicts: str) -> str:
 
 
 def over_readings(*verdicts: str) -> str:
-    """Of the readings of what a paper leaves open: opposite verdicts mean that the reading
-    decides, as does one that depends on a reading itself; else the less favourable one."""
+    """Return the verdict over the readings of a point that a paper leaves open.
+
+    Opposite verdicts mean that the reading decides, as does one that depends on a reading itself;
+    else the less favourable verdict counts.
+    """
     if DEPENDS in verdicts or {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
         return DEPENDS
     return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)

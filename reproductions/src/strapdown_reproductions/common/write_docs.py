@@ -43,7 +43,7 @@ PICTURES = {"consistency": "consistency.svg"}
 
 
 def mark(name: str) -> str:
-    """The mark in the page above what stands there of reproduction `name`."""
+    """Return the mark in the page above the text of reproduction `name`."""
     return markdown.begin(PAGES[name][0], name)
 
 

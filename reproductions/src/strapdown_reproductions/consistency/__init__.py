@@ -1,1 +1,1 @@
-"""Whether filters are as good as they say, at every grade and in every scenario."""
+"""Consistency of the filters at every grade and in every scenario."""

@@ -1,4 +1,4 @@
-"""Whether filters are as good as they say, at every grade: `strapdown reproduce consistency`."""
+"""Consistency of the filters at every grade: `strapdown reproduce consistency`."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -33,7 +33,7 @@ def folder(out: Path, filter: str, scenario: str) -> Path:
 
 
 def row(campaign: Campaign, cell: WorldCell, place: int, right: Right) -> dict[str, Any]:
-    """The figures of a cell, the `place`-th of its campaign, beside those of a right filter."""
+    """Return the figures of a cell, the `place`-th of its campaign, and a consistent filter's."""
     name = campaign.cells[place]
     numbers = campaign.numbers(name)
     parts = campaign.read(name, ("nees_rows",))

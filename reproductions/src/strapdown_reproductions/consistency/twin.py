@@ -1,12 +1,12 @@
-"""The linear twin: an error that is exactly as its covariance says, and what becomes of it by
-chance.
+"""The linear twin: an error that is exactly consistent with its covariance, and the effect of
+chance on it.
 
 A Kalman filter of the 15 error states runs along the truth with the IMU's noise and the fixes of a
 cell. Its error is a Gauss-Markov sequence: over an epoch e <- A e + w, where A is the product of all
 transitions and corrections (I - K H) Phi, and P the covariance that is left. Whitened by the roots
 L of P, z = L^-1 e, it is z <- M z + (I - M M')^(1/2) n with M = L'^-1 A L and n of unit variance, so
-that z is N(0, I) at each epoch, and remembers as the filter does. Sets of such runs say how many
-epochs a right filter has inside a band.
+that z is N(0, I) at each epoch, correlated in time as in the filter. Sets of such runs give the
+number of epochs that a consistent filter has inside a band.
 
 Equations: Groves (2013), Principles of GNSS, Inertial, and Multisensor Integrated Navigation
 Systems, 14.2.4; they are written down here again, so that the twin owes the filters nothing.
@@ -44,7 +44,7 @@ class Memory(NamedTuple):
 
 
 class Right(NamedTuple):
-    """What sets of runs of a right filter come to."""
+    """Results of sets of runs of a consistent filter."""
 
     inside: Array  # (sets,) share of the epochs inside the band
     anees: Array  # (sets,) mean of NEES over the states

@@ -1,8 +1,8 @@
-"""What a cell is called: the issue's rule, and what chance leaves of it.
+"""Verdict of a cell: the issue's rule, and the part that chance explains.
 
-The mean NEES over the runs of a right filter is chi-square distributed at each epoch, but the epochs
-of a run are alike, so that now and then even a right filter is outside its band for a quarter of
-them. How often is known from its linear twin.
+The mean NEES over the runs of a consistent filter is chi-square distributed at each epoch, but the
+epochs of a run are correlated, so that now and then even a consistent filter is outside its band
+for a quarter of them. Its linear twin tells how often.
 """
 
 from typing import NamedTuple
@@ -28,7 +28,7 @@ VERDICTS = (CONSISTENT, BY_CHANCE, CAUTIOUS, SURE, DIVERGING)
 
 
 class Shares(NamedTuple):
-    """Of the epochs, by the mean NEES over all runs; they add to 1."""
+    """Shares of the epochs by the mean NEES over all runs; they add to 1."""
 
     below: float
     inside: float
@@ -36,8 +36,8 @@ class Shares(NamedTuple):
 
 
 def shares(nees: Array, states: int) -> Shares:
-    """Of NEES (runs, epochs): shares of the epochs whose mean over the runs is below, inside and
-    above its 95 % band. Every run counts to the end; what is no number is above."""
+    """Return the shares of the epochs whose mean NEES over the runs is below, inside and above its
+    95 % band; nees: (runs, epochs). Every run counts to the end; NaN and inf count as above."""
     mean = np.where(np.isfinite(nees), nees, np.inf).mean(axis=0)
     low, high = band(states, len(nees))
     below, above = float((mean < low).mean()), float((mean > high).mean())
@@ -45,12 +45,12 @@ def shares(nees: Array, states: int) -> Shares:
 
 
 def chance(inside: float, right: Array) -> float:
-    """Share of sets of a right filter that have no more epochs inside than this one."""
+    """Return the share of sets of a consistent filter with no more epochs inside than this one."""
     return float((right <= inside + 1e-12).mean())
 
 
 def verdict(found: Shares, survived: float, p: float) -> str:
-    """What a cell is called; p: of `chance`."""
+    """Return the verdict of a cell; p: of `chance`."""
     if survived < SURVIVED:
         return DIVERGING
     if found.inside >= INSIDE:

@@ -1,4 +1,4 @@
-"""What is tabulated: filters, scenarios with the aiding that each filter gets, grades."""
+"""Rows and columns of the table: filters, scenarios with each filter's aiding, grades."""
 
 from typing import NamedTuple
 
@@ -55,7 +55,7 @@ def world(name: str, fed: bool) -> Scenario:
 
 
 def is_fed(filter: str) -> bool:
-    """Whether a filter, by its label, gets the records of an AHRS."""
+    """True where the filter with that label gets the records of an AHRS."""
     return parsed(filter).filter.name in FED
 
 

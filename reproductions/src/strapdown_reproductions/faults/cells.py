@@ -1,4 +1,4 @@
-"""A cell: a fault, a filter and the way it runs, a motion and a seed; what becomes of it."""
+"""A cell: a fault, a filter and the way it runs, a motion and a seed; and its result."""
 
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from .worlds import DATE, GENTLE, MOTIONS, WORLDS, FaultWorld, simulated
 
 
 class CellTask(NamedTuple):
-    """What one process does at a time."""
+    """The task of one process."""
 
     motion: str
     subject: FaultSubject
@@ -27,7 +27,7 @@ class CellTask(NamedTuple):
 
 
 class _Right(NamedTuple):
-    """What there is without a fault."""
+    """The run without a fault, its recording and its initial state."""
 
     recording: Recording
     start: InitialState

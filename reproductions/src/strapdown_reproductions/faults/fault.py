@@ -91,7 +91,7 @@ def first(raw: Raw, holder: Holder) -> slice:
 
 
 def every(step: int, begin: int = 0) -> Rows:
-    """One in so many."""
+    """Return a selection of every `step`-th row from `begin` on."""
     return lambda raw, holder: slice(begin, None, step)
 
 
@@ -117,7 +117,7 @@ def on(columns: FaultColumns, values: Values, rows: Rows = throughout) -> Change
 
 
 def drifting(columns: FaultColumns, size: float, seconds: float = 1.0) -> Change:
-    """Adds `size` in so many seconds from the beginning of the fault on."""
+    """Return a change that adds a drift from the beginning of the fault on, `size` in `seconds`."""
 
     def change(raw: Raw) -> None:
         for holder in columns.of(raw):
@@ -146,7 +146,7 @@ def reading(value: float) -> Values:
 
 
 def times(factor: float) -> Values:
-    """Values so many times as large."""
+    """Return a function that multiplies values by `factor`."""
     return lambda values: values * factor
 
 

@@ -1,4 +1,4 @@
-"""What "silently wrong" means, here and nowhere else.
+"""Definition of "silently wrong", here and nowhere else.
 
 From 60 s on, an error of a component of position, velocity or attitude is compared with five
 standard deviations that the filter states for it; where it states none, with twice the largest
@@ -36,7 +36,7 @@ def _not_judged() -> Verdict:
 
 
 class FaultOutcome(NamedTuple):
-    """What a run leaves."""
+    """Output of a run."""
 
     trajectory: Trajectory
     status: Ints  # (n,)
@@ -46,7 +46,7 @@ class FaultOutcome(NamedTuple):
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """Of the events."""
+        """Texts of the events."""
         return tuple(text for _, text in self.events)
 
 
@@ -62,7 +62,7 @@ class Nominal(NamedTuple):
 
 
 class JudgedRun(NamedTuple):
-    """What a run comes to."""
+    """Verdict of a run, with the numbers behind it."""
 
     verdict: str  # one of ORDER
     wrong_s: float  # beyond what is allowed, in rows of any status
@@ -80,7 +80,7 @@ def plain(text: str) -> str:
 
 
 def news(says: Iterable[str], known: frozenset[str]) -> tuple[str, ...]:
-    """What is said that the run without a fault does not say."""
+    """Return the texts that the run without a fault does not give too, each once."""
     return tuple(dict.fromkeys(text for text in says if plain(text) not in known))
 
 
@@ -117,14 +117,14 @@ def nominal(outcome: FaultOutcome, reference: Trajectory) -> tuple[Nominal, Judg
 
 
 def refused(error: Exception) -> JudgedRun:
-    """Of a run that a DataError ended, or something that should not have."""
+    """Return the JudgedRun of a run that ended in a DataError (refused) or another error."""
     verdict = REFUSED if isinstance(error, DataError) else CRASH
     text = str(error) if verdict == REFUSED else f"{type(error).__name__}: {error}"
     return JudgedRun(verdict, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, text)
 
 
 def judged(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> JudgedRun:
-    """What a run comes to beside the run without a fault."""
+    """Judge a run against the run without a fault."""
     new = news((*outcome.notes, *outcome.texts), right.says)
     text = " | ".join(new)
     if right.truth is not None and np.array_equal(right.truth.t, outcome.trajectory.t):
@@ -160,7 +160,8 @@ def judged(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> Judg
 
 
 def _against(outcome: FaultOutcome, right: Nominal) -> str:
-    """What the verdict has against a run and not against the one without a fault, or nothing."""
+    """Return the verdict's reasons against a run that are not also reasons against the run without
+    a fault; empty where none are."""
     known = {reason.what for reason in right.ask().reasons if reason.weight >= 1}
     return " | ".join(
         str(reason)
@@ -176,5 +177,5 @@ def _verdict(wrong_s: float, believed_s: float, new: bool) -> str:
 
 
 def _largest(size: Array) -> float:
-    """Of (n, 3) components the largest length; those that are not known count 0."""
+    """Return the largest length of (n, 3) components; NaN components count as 0."""
     return float(np.linalg.norm(np.nan_to_num(size), axis=1).max(initial=0.0))

@@ -63,7 +63,7 @@ def _jumps() -> Iterator[tuple[float, str]]:
 
 
 def _recording(name: str, motion: str, seed: int) -> Recording:
-    """What a filter gets of a right recording."""
+    """Return the simulated recording without faults, with the sources that the filter uses."""
     whole = simulated(MOTIONS[motion], seed)
     own = kinds(filters.find(name))
     return replace(whole, aidings=tuple(a for a in whole.aidings if a.kind in own))

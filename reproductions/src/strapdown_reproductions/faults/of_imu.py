@@ -55,8 +55,8 @@ def clipped(values: Array) -> Array:
 
 
 def noisier(columns: FaultColumns, factor: float) -> Change:
-    """Adds to an axis what makes its noise so many times as large; the noise is what of its second
-    differences is common."""
+    """Return a change that multiplies the noise of an axis by `factor`; its noise is estimated from
+    the median of its second differences."""
 
     def change(raw: Raw) -> None:
         values = getattr(raw, columns.names[0])[:, columns.axes]

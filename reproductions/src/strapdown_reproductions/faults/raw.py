@@ -1,5 +1,5 @@
-"""What a logger holds, as arrays that a fault may change: the samples, the fixes, and the order in
-which they arrived."""
+"""The contents of a logger as arrays that a fault may change: the samples, the fixes, and the order
+in which they arrived."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Raw:
         return self.of("position", "velocity")
 
     def recording(self, grade: str, **meta: object) -> Recording:
-        """What `strapdown` makes of it. Raises DataError."""
+        """Return the Recording of these arrays. Raises DataError."""
         return Recording.from_arrays(
             self.t,
             self.gyro,

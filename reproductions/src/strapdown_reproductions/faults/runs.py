@@ -57,7 +57,7 @@ def subjects(names: Sequence[str] | None = None) -> list[FaultSubject]:
 
 
 def family(filter: Filter) -> str:
-    """What it estimates."""
+    """Return what the filter estimates: NAVIGATION, ATTITUDE or HEAVE."""
     if filter.uses is None or "position" in filter.uses:
         return NAVIGATION
     return ATTITUDE if "magnetic-field" in filter.uses else HEAVE
@@ -188,8 +188,8 @@ def _order(arrival: Array) -> Ints:
 
 
 def _trajectory(rows: Array, filter: Filter) -> Trajectory:
-    """Of rows t, lla, v, C, sd; what the filter does not estimate or claim is NaN, as in a
-    Solution."""
+    """Return the Trajectory of rows t, lla, v, C, sd; what the filter does not estimate or claim is
+    NaN, as in a Solution."""
     for first, column in ((0, 1), (3, 4)):
         rows[:, [column + i for i in range(3) if first + i not in filter.estimates]] = np.nan
     sd = rows[:, 16:]

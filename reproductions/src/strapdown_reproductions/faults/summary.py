@@ -56,7 +56,7 @@ def showable(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def silent(rows: pd.DataFrame) -> pd.DataFrame:
-    """Of these the silently wrong ones."""
+    """Return the silently wrong cells among those with a fault that the data can show."""
     own = showable(rows)
     return own[own["verdict"] == SILENT]
 
@@ -72,7 +72,7 @@ def silent_only(rows: pd.DataFrame, way: str) -> pd.DataFrame:
 
 
 def of_thousand(trials: pd.DataFrame, held: pd.Series, of: float) -> float:
-    """How many of so many trials; NaN of none."""
+    """Return the number of trials that held, per `of` trials; NaN without trials."""
     return of * float(held.mean()) if len(trials) else np.nan
 
 

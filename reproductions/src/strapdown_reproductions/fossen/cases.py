@@ -275,7 +275,7 @@ FAST = tuple(
 
 
 def noise(case: FilterCase, tuning: str, excitation: str) -> Noise:
-    """The Noise that the filter of a case is told.
+    """Return the Noise that the filter of a case assumes.
 
     The chapter's: the published weights as densities, biases of direct filters without decay. true
     noises: what is simulated, the bias model included; the drive of the varying biases also where

@@ -1,5 +1,5 @@
-"""What Fossen's chapter 14 and its published code leave unspecified or have otherwise, and what
-was chosen here."""
+"""Points that Fossen's chapter 14 and its published code leave unspecified or do otherwise, and the
+choice made here for each."""
 
 CHOICES = (
     (

@@ -1,5 +1,5 @@
-"""What Fossen's chapter 14 claims of its inertial navigation filters, each claim decided by a rule
-from the tables of runs.
+"""Claims of Fossen's chapter 14 on its inertial navigation filters, each decided by a rule from the
+tables of runs.
 
 The rules were written beside trials of seeds that the study does not use, before the study was run,
 and none was changed for its verdict.
@@ -136,8 +136,8 @@ def holds(rows: pd.DataFrame, what: str) -> Mask:
 
 
 def votes(cells: Cells, what: str) -> Votes:
-    """Of each cell: whether a condition holds in more than half of the runs, by Wilson's interval,
-    or in fewer."""
+    """Return the vote of each cell: +1 where a condition holds in more than half of its runs by
+    Wilson's interval, -1 where in fewer, else 0."""
     found = [(int(holds(rows, what).sum()), len(rows)) for _, rows in cells]
     return lambda confidence: [vote(*proportion(*each, confidence)[1:], 0.5) for each in found]
 
@@ -238,7 +238,8 @@ def left(runs: pd.DataFrame, cases: Sequence[str], excitations: Sequence[str]) -
 
 
 def no_dropouts(e: FossenEvidence) -> str:
-    """What a claim on dropouts lacks where runs are too short for one."""
+    """Return the requirement that a claim on dropouts misses where runs are too short for one; else
+    an empty text."""
     return "needs runs of 300 s" * e.dropouts.empty
 
 

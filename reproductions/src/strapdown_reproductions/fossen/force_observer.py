@@ -116,7 +116,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 
 @helper
 def _pull(belief: FilterState, x: float, y: float, z: float, gain: float) -> None:
-    """What a cross product (x, y, z) in n does."""
+    """Correct attitude and gyro bias by a cross product (x, y, z) in n."""
     C, learnt = belief.C, belief.workspace[KI] * gain
     for i in range(3):
         belief.bg[i] -= learnt * (C[0, i] * x + C[1, i] * y + C[2, i] * z)

@@ -40,8 +40,8 @@ OUTAGE = (180.0, 240.0)
 
 
 class IntroModel(NamedTuple):
-    """What a filter assumes. Densities are roots: m/s/sqrt(s) and so on; time constants in s,
-    inf for a random walk."""
+    """The model that a filter assumes. Densities are roots: m/s/sqrt(s) and so on; time constants
+    in s, inf for a random walk."""
 
     accel: float = 0.005 * 0.1**0.5
     rate: float = 0.005 * 0.1**0.5
@@ -97,7 +97,7 @@ ALWAYS = IntroFixes()
 
 
 class IntroEstimate(NamedTuple):
-    """What a filter made of a record, rows as those of `IntroRecord.true`."""
+    """A filter's estimates of a record, rows as those of `IntroRecord.true`."""
 
     x: Array  # (n + 1, runs, 5) states
     sd: Array  # (n + 1, 5) standard deviations that it states

@@ -1,5 +1,5 @@
 """The case studies of Fossen's chapter 14 on inertial navigation systems: its signals through its
-filters, over seeds, and what becomes of its claims.
+filters, over seeds, and the verdicts on its claims.
 
 Source: T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control" (2021), chapter
 14, and its lecture slides; the numbers of the case study are those of the published scripts of the
@@ -88,7 +88,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
 def made(
     out: File, asked: Asked, studied: Sequence[FilterCase], duration: float = fossen_runs.DURATION
 ) -> list[dict[str, Any]]:
-    """As `reproduce`, of the Cases `studied`, each of so many s."""
+    """As `reproduce`, with the Cases `studied`, each of `duration`, s."""
     seeds = asked.seeds(SEEDS, QUICK_SEEDS)
     results = fossen_runs.run_all(seeds, studied, duration, asked.progress, asked.threads)
     return write(out, results, len(seeds), asked.seed)

@@ -46,7 +46,7 @@ MEDIANS = (*cases.RMS, "ins_m")
 
 
 class FossenResults(NamedTuple):
-    """What all runs gave."""
+    """Results of all runs."""
 
     runs: pd.DataFrame  # a row per run: case, excitation, tuning, seed, and fossen_cases.numbers
     # a row per run: case, excitation, tuning, seed, accel and gyro error before and after, share of

@@ -298,8 +298,8 @@ def recording(
 def plans(
     name: str, rate_hz: float, duration: float, interval: float
 ) -> tuple[PositionPlan, VelocityPlan, MagnetometerPlan, AhrsPlan]:
-    """What all seeds share: the noise-free fixes of position, velocity, field and AHRS, as plans
-    that add noise."""
+    """Return the measurement plans that all seeds share: noise-free position, velocity, field and
+    AHRS, to which each plan adds noise."""
     truth, strength = ideal(name, rate_hz, duration).truth, float(np.linalg.norm(FIELD))
     receiver = Gnss(interval, (POSITION_SD,) * 3, (VELOCITY_SD,) * 3).plan(truth, np.inf)
     field = Magnetometer(min(FIELD_RATE, rate_hz), DIRECTION_SD * strength, field=FIELD).plan(

@@ -1,5 +1,5 @@
-"""What changes when one thing of the study changes: biases' place, printed equations, gravity,
-resets, the update of the open loop, the reading of Table III.
+"""Effect of changing one thing of the study: biases' place, printed equations, gravity, resets, the
+update of the open loop, the reading of Table III.
 
 Each variant runs on the same draws as what it is compared with. Tactical grade.
 """
@@ -196,8 +196,8 @@ def _parts(campaign: Campaign, number: int) -> dict[str, Part]:
 def _row(
     described: dict[str, Any], label: str, other: str, first: Part, second: Part
 ) -> dict[str, float | str]:
-    """What a variant does against another filter on the runs of a cell, whose scenario is
-    described."""
+    """Return the row that compares a variant with another filter on the runs of a cell, whose
+    scenario is described."""
     c = compared(*stacked(first, second))
     keys = ("survived", "censored_500_m", "anees", "anees_low", "anees_high")
     return {
@@ -239,7 +239,7 @@ def readable(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentence(frame: pd.DataFrame) -> str:
-    """What the intervals of the table resolve, in words."""
+    """Return a sentence on the differences that the intervals of the table resolve."""
     parts = []
     for name, text in COLUMNS.items():
         found = [better(row, name) for _, row in frame.iterrows()]

@@ -185,8 +185,8 @@ def censored(rows: CellRows) -> Array:
 
 
 def _figures(own: Numbers, rows: CellRows, place: int) -> dict[str, float]:
-    """What one filter of a cell did: {name: value}, with the ends of its interval (name_low,
-    name_high) where it has one."""
+    """Return the results of one filter of a cell, {name: value}, with the ends of its interval
+    (name_low, name_high) where it has one."""
     within, left, squares = rows.within[place], np.isfinite(own["left_model"]), own["mean_square"]
     survived, onset = own["reason"] == SURVIVED, onsets(rows, place)
     bias = np.sqrt(np.square(rows.error[place][..., BA], dtype=float).sum(axis=-1))

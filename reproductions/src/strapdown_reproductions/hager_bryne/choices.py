@@ -1,4 +1,4 @@
-"""What Hager & Bryne leave open or print wrongly, and what was chosen here instead."""
+"""Points that Hager & Bryne leave open or print wrongly, and the choice made here for each."""
 
 CHOICES = (
     (

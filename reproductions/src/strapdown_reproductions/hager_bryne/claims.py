@@ -1,5 +1,5 @@
-"""What Hager & Bryne claim: each claim with its kind, the cells it is about and the rule of rules.py
-that decides it; nothing here runs a filter."""
+"""Claims of Hager & Bryne, each with its kind, its cells and the rule of rules.py that decides it;
+nothing here runs a filter."""
 
 from ..common.claims import Claim, findings, over
 from ..common.kinds import ALWAYS, EXPLANATION, MORE_THAN, MOSTLY, always

@@ -74,7 +74,7 @@ WORK = StudyWork(
 
 
 class Flown(NamedTuple):
-    """What is flown: flights are Scenario values or names."""
+    """The flights and grades of the studies; flights are Scenario values or names."""
 
     flights: Sequence[str | Scenario] = FLIGHTS
     with_offset: Sequence[str | Scenario] = OFFSET_FLIGHTS

@@ -1,5 +1,5 @@
-"""What decides the claims of Hager & Bryne: how cells vote at a level of confidence, what is counted,
-and how the readings of what the paper leaves open, or prints, decide together."""
+"""Rules that decide the claims of Hager & Bryne: how cells vote at a level of confidence, what is
+counted, and how the readings of what the paper leaves open, or prints, decide together."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
@@ -307,8 +307,8 @@ def times_beside_straight(rows: pd.DataFrame, name: str) -> str:
 
 
 def unfinished(rows: pd.DataFrame | pd.Series, name: str) -> Any:
-    """Of a row or of each of several: does the flight end before the time is known? Then it is
-    longer than what stands there."""
+    """True, for a row or each of several, where the flight ends before the time is known: the true
+    time is then longer than the value."""
     return rows[name] >= 0.99 * 60 * rows["minutes"]
 
 

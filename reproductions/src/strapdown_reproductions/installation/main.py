@@ -1,5 +1,5 @@
-"""What of an installation is found, and whether its intervals hold: `strapdown reproduce
-installation`."""
+"""Share of an installation's errors that is found, and coverage of the intervals:
+`strapdown reproduce installation`."""
 
 from pathlib import Path
 from typing import Any

@@ -57,18 +57,20 @@ def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibra
 
 
 def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """What `diagnose` finds wrong; what it calls consistent, or not observable, stays as given."""
+    """Return the Calibrated with the parameters that `diagnose` finds wrong; those that it calls
+    consistent, or not observable, keep the given value."""
     return told(sd.diagnose(recording), recording, wanted)
 
 
 def by_calibration(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """What `calibrate_installation` would write: found, and confirmed by states and smoother."""
+    """Return the Calibrated with the parameters that `calibrate_installation` would write: found,
+    and confirmed by states and smoother."""
     return told(sd.calibrate_installation(recording), recording, wanted)
 
 
 def told(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
-    """The Calibrated of what tells of each of its `parameters` name, cause, status, change and sd,
-    and has the recording set up as found: a Diagnosis, and what is made like one."""
+    """Return the Calibrated of a Diagnosis or a result like it, with name, cause, status, change
+    and sd of each of its `parameters`, and the recording set up as found."""
     parameters = parameters_of(recording, wanted)
     known = {_name(each.name, each.cause): each for each in found.parameters}
     own = [known[_words(p)] for p in parameters]

@@ -76,8 +76,10 @@ class FlightCase(NamedTuple):
 
     @property
     def linear(self) -> bool:
-        """Whether the process is linear by algebra, so that EKF and UKF are one filter, and the
-        PKF is it too but for its draws: position and velocity, driven by the IMU."""
+        """True where the process is linear by algebra: position and velocity, driven by the IMU.
+
+        EKF and UKF are then one filter, and so is the PKF except for its draws.
+        """
         return self.form == SIX and self.prediction == IMU
 
 

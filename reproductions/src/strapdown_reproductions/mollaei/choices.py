@@ -1,4 +1,4 @@
-"""What Mollaei et al. leave unspecified or print wrongly, and what was chosen here instead."""
+"""Points that Mollaei et al. leave unspecified or print wrongly, and the choice made for each."""
 
 CHOICES = (
     (

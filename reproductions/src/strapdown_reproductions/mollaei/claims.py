@@ -1,5 +1,5 @@
-"""What Mollaei et al. claim of EKF, UKF and PKF in the loop of an aircraft, each claim decided by a
-rule from the tables of flights; the kinds of rules are in rules.py."""
+"""Claims of Mollaei et al. on EKF, UKF and PKF in the loop of an aircraft, each decided by a rule
+from the tables of flights; the kinds of rules are in rules.py."""
 
 from operator import attrgetter
 from typing import NamedTuple
@@ -68,7 +68,7 @@ OF_STEP = ("step_x_pct", "step_z_pct")
 
 
 class ClaimComparison(NamedTuple):
-    """What is compared: the first mode of each pair with the second."""
+    """A comparison of the first mode of each pair with the second."""
 
     experiments: tuple[str, ...]
     measures: tuple[str, ...]

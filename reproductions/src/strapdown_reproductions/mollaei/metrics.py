@@ -1,5 +1,5 @@
-"""What one flight of Mollaei et al. scores: their deviations from a final value and overshoots, and
-what they leave out.
+"""Scores of one flight of Mollaei et al.: their deviations from a final value and overshoots, and
+scores that they leave out.
 
 All are functions of arrays at the IMU samples. Errors are true - estimate.
 """
@@ -88,7 +88,7 @@ LOST = MEASURES | {"nees_cut": np.nan, "nees_end": np.nan}
 
 
 class FlightRecord(NamedTuple):
-    """What the scores need of a flight, a row per IMU sample."""
+    """The signals of a flight that the scores need, a row per IMU sample."""
 
     t: Array  # (n,) s
     force: Array  # (n, 3) N, aerodynamic and propulsive, body axes

@@ -78,7 +78,7 @@ Counting: TypeAlias = Callable[[pd.DataFrame, str], tuple[int, int]]
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What the paper leaves open, read in one way."""
+    """One reading of the points that the paper leaves open."""
 
     name: str
     instead: Mapping[str, str] = field(default_factory=dict)  # {mode: the one that stands for it}
@@ -124,7 +124,7 @@ def usual(tables: Tables, prediction: str | None = None) -> Tables:
 
 
 def foregone(case: FlightCase, pair: Iterable[str]) -> bool:
-    """Whether modes are one filter in a case by algebra, so that nothing has to be measured."""
+    """True where algebra makes the modes one filter in a case; nothing then needs measuring."""
     return case.linear and set(pair) <= ONE_FILTER
 
 
@@ -402,7 +402,7 @@ def nearly_all(tables: Tables, counting: Counting, modes: Sequence[str]) -> Judg
 
 
 def by_prediction(tables: Tables, judge: Callable[[Tables], JudgedClaim]) -> JudgedClaim:
-    """What becomes of the flights that the IMU drives and of those that the model does."""
+    """Judge the IMU-driven and the model-driven flights apart, and combine the verdicts."""
     found = {driven: judge(own) for driven in (IMU, MODEL) if (own := usual(tables, driven))}
     return JudgedClaim(
         over_readings(*(own.verdict for own in found.values())) if found else UNDECIDED,

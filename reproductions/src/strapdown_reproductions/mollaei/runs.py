@@ -113,7 +113,7 @@ TIMES = 50
 
 
 class MollaeiResults(NamedTuple):
-    """What all flights gave."""
+    """Results of all flights."""
 
     # a row per Case (its fields as columns), mode and seed: metrics.MEASURES, apart_m, said
     scores: pd.DataFrame
@@ -141,7 +141,7 @@ def duration(experiment: str) -> float:
 
 
 def modes(case: FlightCase, number: int) -> tuple[str, ...]:
-    """What is flown in a case with the seed of that number in the study, from 0.
+    """Return the modes flown in a case with the seed of that number in the study, from 0.
 
     The readings of the EKF where the flight stays near the trim; AT_TRIM only where the model
     predicts, since driven by the IMU it is the EKF. Without a filter a condition tells nothing.
@@ -163,7 +163,7 @@ def modes(case: FlightCase, number: int) -> tuple[str, ...]:
 
 
 def share(case: FlightCase) -> int:
-    """A seed in so many is flown of a case."""
+    """Return n where a case is flown with every n-th seed."""
     return SELDOM if case.condition else SHARES.get((case.experiment, case.form), 1)
 
 

@@ -1,5 +1,5 @@
-"""What filters assume of an IMU's noise, checked against the stretches of the recorded data in
-which the IMU is at rest.
+"""The IMU noise that filters assume, checked against the stretches of the recorded data in which
+the IMU is at rest.
 
 White noise is the coefficient of the Allan deviation where its curve is one of sensor noise, and
 else at most what any cluster time shows: a vibrating or coarsely counted record has no line of
@@ -160,7 +160,7 @@ def evened(imu: Imu) -> Imu:
 
 
 def _told(rest: Rest, recording: Recording, result: Allan) -> ImuSpec:
-    """The grade that a filter is told for a recording."""
+    """Return the grade that a filter assumes for a recording."""
     return grade(rest.grade or recording.meta.get("grade") or suggest(result).grade)
 
 

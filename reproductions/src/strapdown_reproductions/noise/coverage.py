@@ -78,7 +78,8 @@ def outages(span: tuple[float, float], length: float, shift: int) -> list[tuple[
 
 
 def hidden(way: CoverageWay, windows: Sequence[tuple[float, float]]) -> Iterator[dict[str, Any]]:
-    """Of each fix of a position within the windows: error and standard deviation, north and east, m."""
+    """Yield the error and standard deviation, north and east, m, of each position fix within the
+    windows."""
     places = [a for a in way.recording.aidings if a.kind == "position"]
     others = [a.without(windows) for a in way.recording.aidings if a.kind == "velocity"]
     rest = [a for a in way.recording.aidings if a.kind not in ("position", "velocity")]

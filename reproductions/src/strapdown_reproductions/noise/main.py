@@ -1,4 +1,4 @@
-"""What noise that a filter was not told of does, and what helps: `strapdown reproduce noise`."""
+"""Effect of noise that a filter does not model, and the remedies: `strapdown reproduce noise`."""
 
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,5 @@
-"""Fixes of which some are replaced by gross errors: what the gate, robust and adaptive sources make
-of them, and what they cost where all fixes are right."""
+"""Fixes of which some are replaced by outliers: the effect of the gate, robust and adaptive
+sources on them, and their cost without outliers."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace

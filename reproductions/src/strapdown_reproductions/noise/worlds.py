@@ -24,7 +24,7 @@ SETTLED = 60.0
 
 
 class NoiseWorld(NamedTuple):
-    """What is simulated."""
+    """A simulated world: scenario, duration, rate, IMU grade and receiver."""
 
     scenario: str
     duration: float  # s
@@ -54,7 +54,7 @@ GNSS_KINDS = ("position", "velocity")
 
 
 def imu_stated(name: str, factor: float) -> ImuSpec:
-    """The IMU of a world, its noise stated so many times too large."""
+    """Return the IMU of a world with its stated noise multiplied by `factor`."""
     spec = grade(WORLDS[name].grade)
     return replace(
         spec, gyro=_noise_times(spec.gyro, factor), accel=_noise_times(spec.accel, factor)
@@ -62,13 +62,13 @@ def imu_stated(name: str, factor: float) -> ImuSpec:
 
 
 def _noise_times(triad: Triad, factor: float) -> Triad:
-    """White noise and what drives the biases; constant errors stay."""
+    """Scale white noise and bias drive by `factor`; constant errors stay."""
     parts = ("noise", "bias_walk", "flicker", "gauss_markov")
     return replace(triad, **{part: factor * getattr(triad, part) for part in parts})
 
 
 def fixes_stated(recording: Recording, factor: float) -> Recording:
-    """The recording with the standard deviations of its fixes so many times too large."""
+    """Return the recording with the standard deviations of its fixes multiplied by `factor`."""
     return replace(
         recording, aidings=tuple(replace(a, sd=a.sd * factor) for a in recording.aidings)
     )

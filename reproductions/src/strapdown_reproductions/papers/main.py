@@ -1,6 +1,6 @@
 """The four papers in one go: each study into a folder of its own, and one table of all claims.
 
-What another seed alone does to the verdicts is told by two such runs:
+Two such runs show the effect of another seed on the verdicts:
 
     python -m strapdown_reproductions.papers.main OUT OTHER
 

@@ -1,4 +1,5 @@
-"""What the vehicle kit is worth on the recorded drive, in outages that nothing of it was chosen on."""
+"""Benefit of the vehicle kit on the recorded drive, in outages that played no part in choosing its
+parameters."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -26,7 +26,7 @@ SAID = "unknown"
 
 
 class Heard(NamedTuple):
-    """What inspect and the verdict say of a set-up."""
+    """Findings of inspect and of the verdict on a set-up."""
 
     reasons: tuple[Reason, ...]  # of inspect, the weightiest first
     word: str  # of the verdict; REFUSED where there is none
@@ -40,8 +40,8 @@ class Heard(NamedTuple):
 
 
 def inspected(recording: Recording) -> tuple[Reason, ...]:
-    """What `inspect` finds wrong with a recording: reasons, the weightiest first, then problems
-    that are text alone."""
+    """Return the problems that `inspect` finds in a recording: reasons, the weightiest first, then
+    problems that are text alone."""
     found = recording_facts(recording)
     told = set(map(str, found.reasons))
     more = [Reason(SAID, text, "") for text in found.problems if text not in told]
@@ -49,7 +49,7 @@ def inspected(recording: Recording) -> tuple[Reason, ...]:
 
 
 def heard(recording: Recording) -> Heard:
-    """What is said of a recording as it is set up."""
+    """Run inspect, the filter and the verdict on a recording as it is set up."""
     began = time.perf_counter()
     try:
         reasons = inspected(recording)
@@ -134,12 +134,12 @@ WORDS = {
 
 
 def refused(text: str, mistake: Mistake) -> bool:
-    """Whether the text of a refusal names the cause of a mistake."""
+    """True where the text of a refusal names the cause of a mistake."""
     return any(word in text for cause in mistake.causes for word in WORDS.get(cause, ()))
 
 
 def row(name: str, group: str, case: SetUpCase, seed: int, found: Heard) -> dict[str, Any]:
-    """What is said of a set-up, as a row."""
+    """Return the findings on a set-up as a row."""
     texts = lambda of: " | ".join(f"{r.cause} {r.weight:.3g} {r.source} {r.seen}" for r in of[:3])
     cause = lambda of: of[0].cause if of else ""
     weight = lambda of: of[0].weight if of else np.nan

@@ -1,4 +1,4 @@
-"""What `diagnose` makes of the mistakes of an installation, on one seed of each simulated motion:
+"""Results of `diagnose` on the mistakes of an installation, on one seed of each simulated motion:
 how many runs of the filter it takes, and whether it finds what is wrong."""
 
 from typing import Any

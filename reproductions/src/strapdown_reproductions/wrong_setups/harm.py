@@ -34,7 +34,7 @@ QUANTITIES = {
 
 
 class Harm(NamedTuple):
-    """What a mistake does to a solution; empty where it does none."""
+    """Effect of a mistake on a solution; empty where it has none."""
 
     harmful: tuple[str, ...]  # quantities
     worse: float  # largest rms error over that of the right set-up; NaN without truth
@@ -42,7 +42,7 @@ class Harm(NamedTuple):
 
 
 class HarmScore(NamedTuple):
-    """Of a quantity: rms error, and the share of time beyond three standard deviations."""
+    """Score of a quantity: rms error, and the share of time beyond three standard deviations."""
 
     rms: float
     beyond: float

@@ -106,6 +106,6 @@ def hidden(mistake: Mistake, recording: str) -> HiddenSetUp | None:
 
 
 def named(why: HiddenSetUp, untested: tuple[str, ...]) -> bool:
-    """Whether what was mistaken is named as not tested."""
+    """True where the verdict lists the mistaken quantity as not tested."""
     words = (why.cause, CAUSES[why.cause])
     return any(word in text for text in untested for word in words)

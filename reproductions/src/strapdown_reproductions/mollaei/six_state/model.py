@@ -1,5 +1,5 @@
-"""What the six-state filters of Mollaei et al. share: the state, where its numbers lie, how it
-moves and how a fix is seen.
+"""The model shared by the six-state filters of Mollaei et al.: the state, the layout of its
+numbers, its propagation and its measurements.
 
 The state is position (m, north, east, down from the start) and velocity (m/s) on a flat, still
 Earth of constant gravity:
@@ -67,7 +67,7 @@ StartFunction = TypeVar("StartFunction", bound=Callable[..., FilterState])
 
 
 class Options(NamedTuple):
-    """What all of these filters take as options."""
+    """Options that all of these filters take."""
 
     # random walk of the velocity beyond what the aircraft's model predicts, where it does,
     # m/s/sqrt(s)
@@ -90,8 +90,8 @@ def takes_options(start: StartFunction) -> StartFunction:
 
 
 def begin(start: InitialState, slots: Slots, options: Options, rest: int = 0) -> FilterState:
-    """The filter state at `start` for a filter whose slots are SIX or continue it, with so many numbers in
-    their part at the end. Refuses bad options."""
+    """Return the filter state at `start` for a filter whose slots are SIX or continue it; `rest` is
+    the size of their last part. Refuses bad options."""
     model, q, r, rate, craft, earth = options
     variance = "m^2 and m^2/s^2"
     for value, name, unit in (
@@ -165,7 +165,7 @@ def turn(belief: FilterState, u: Array, dt: float) -> None:
 
 @inlined
 def by_model(workspace: Array) -> bool:
-    """Whether the aircraft's model predicts, not the IMU."""
+    """True where the aircraft's model predicts, not the IMU."""
     return workspace[INPUTS:][inputs.BY_MODEL] != 0
 
 
@@ -302,7 +302,8 @@ def transform(P: Array, workspace: Array, dt: float) -> None:
 
 @inlined
 def random_walk(workspace: Array, noise: Noise) -> float:
-    """Of the velocity, m/s/sqrt(s): of the accelerometers, or of what the model does not know."""
+    """Return the random walk of the velocity, m/s/sqrt(s): of the accelerometers, or of what the
+    model does not know."""
     return workspace[UNKNOWN] if by_model(workspace) else noise.accel
 
 
@@ -347,7 +348,7 @@ def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> 
 
 @inlined
 def variance(workspace: Array, sd: Array, i: int) -> float:
-    """Of row i of a fix: r where it is given, else the fix's own."""
+    """Return the variance of row i of a fix: r where it is given, else the fix's own."""
     return workspace[R] if workspace[R] > 0 else sd[i] * sd[i]
 
 
@@ -394,7 +395,7 @@ def publish(belief: FilterState) -> None:
 
 @helper
 def changed(P: Array, left: Array) -> bool:
-    """Whether somebody changed the covariance since the filter left it."""
+    """True where the covariance differs from the one that the filter left."""
     for i in range(6):
         for j in range(6):
             if P[i, j] != left[i, j]:

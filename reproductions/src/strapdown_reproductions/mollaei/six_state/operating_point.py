@@ -42,7 +42,7 @@ def point_of(
     craft: Aircraft, start: InitialState, linearised: str, airspeed: float | None
 ) -> Array:
     """The numbers of POINT: level flight of `craft` at `airspeed` (m/s) along the start's heading.
-    Raises DataError for a reading that is none, or whose trim is not given or cannot be flown."""
+    Raises DataError for an unknown reading, or one whose trim is missing or cannot be flown."""
     check_choice(linearised, "linearised", READINGS)
     own = POINT.zeros()
     if linearised == "estimate":

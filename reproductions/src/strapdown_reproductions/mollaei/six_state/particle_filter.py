@@ -163,8 +163,8 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 
 @helper
 def _follow(belief: FilterState) -> None:
-    """What somebody else added to the covariance of the mixture, as where a gate was opened,
-    each component gets."""
+    """Add to each component any change that others made to the covariance of the mixture, as where
+    a gate was opened."""
     components, P, left = (
         views(belief.workspace).components,
         belief.P,
