@@ -29,6 +29,7 @@ provide(
         "at": f"{__name__}.evaluation.other_instants:at",
         "save solution": f"{__name__}.io.solution:write_solution",
         "save recording": f"{__name__}.io:write_recording",
+        "installation": f"{__name__}.installation.states:estimated_installation",
         "judge": f"{__name__}.verdict.judge:judge",
         "card": f"{__name__}.pages.notebook.cards:card_of",
         "figure": f"{__name__}.pages.notebook.plots:figure_of",

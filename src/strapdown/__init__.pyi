@@ -32,10 +32,7 @@ from .flight.fly import Flight as Flight, fly as fly
 from .flight.plan import FlightPlan as FlightPlan
 from .installation.diagnose import diagnose as diagnose
 from .installation.findings import Diagnosis as Diagnosis
-from .installation.states import (
-    EstimatedInstallation as EstimatedInstallation,
-    installation as installation,
-)
+from .installation.states import EstimatedInstallation as EstimatedInstallation
 from .io import read as read, write_recording as write_recording
 from .io.noise_file import with_noise as with_noise
 from .io.solution import read_solution as read_solution, write_solution as write_solution

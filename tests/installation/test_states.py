@@ -14,7 +14,7 @@ from strapdown.data import calibration_parameters
 from strapdown.data.solution import Aiding
 from strapdown.engine.installation import with_estimates
 from strapdown.installation import screening
-from strapdown.installation.states import installation
+from strapdown.installation.states import estimated_installation
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 
@@ -36,7 +36,10 @@ def wrong(recording, arm=(0.0, 0.0, 0.0), clock=0.0):
 
 
 def by_name(solution):
-    return {(each.parameter, each.component): each for each in installation(solution).parameters}
+    return {
+        (each.parameter, each.component): each
+        for each in estimated_installation(solution).parameters
+    }
 
 
 def moving(name, course, speed, roll=0.0, seed=1003, **gnss):
@@ -116,7 +119,7 @@ def with_odometer(recording, scale):
 def test_a_scale_is_told_as_what_its_file_must_be_multiplied_by(turning):
     recording = with_odometer(turning, 1.03)
     solution = sd.fuse(recording, start=start(turning), estimate=["scale"])
-    (scale,) = installation(solution).parameters
+    (scale,) = estimated_installation(solution).parameters
     assert scale.status == "found" and scale.change == pytest.approx(0.03, abs=2e-3)
     assert scale.value == pytest.approx(1 / 1.03, abs=2e-3)
     assert str(scale).startswith(
@@ -128,18 +131,18 @@ def test_a_scale_is_told_as_what_its_file_must_be_multiplied_by(turning):
     again = sd.fuse(
         replace(recording, aidings=tuple(right)), start=start(turning), estimate=["scale"]
     )
-    assert abs(installation(again).parameters[0].change) < 1e-4
+    assert abs(estimated_installation(again).parameters[0].change) < 1e-4
 
 
 @pytest.mark.parametrize("given", [None, 3, "solution.nc"])
 def test_what_is_no_solution_is_refused(given):
     with pytest.raises(DataError, match="it must be a Solution"):
-        installation(given)
+        estimated_installation(given)
 
 
 def test_numbers_are_plain_floats(turning):
     solution = sd.fuse(turning, start=start(turning), estimate=["clock", "mounting"])
-    for each in installation(solution).parameters:
+    for each in estimated_installation(solution).parameters:
         assert {type(vars(each)[name]) for name in NUMBERS} == {float}
 
 
@@ -149,7 +152,7 @@ def test_the_stamps_of_a_reference_are_doubted_with_those_of_the_receiver(turnin
     truth = recording.reference
     logged = replace(recording, meta=meta, reference=replace(truth, t=truth.t - 0.1))
     solution = sd.fuse(logged, start=start(turning), estimate=["clock"])
-    found = installation(solution)
+    found = estimated_installation(solution)
     assert found.of_reference == found.told[-1]
     assert found.of_reference.startswith(
         "the reference keeps its time stamps: where it comes from "
@@ -159,14 +162,14 @@ def test_the_stamps_of_a_reference_are_doubted_with_those_of_the_receiver(turnin
     page = (tmp_path / "report.html").read_text()
     assert "The reference may itself be wrong: the reference keeps its time stamps" in page
     for other in (recording, replace(logged, reference=None)):
-        assert not installation(
+        assert not estimated_installation(
             sd.fuse(other, start=start(turning), estimate=["clock"])
         ).of_reference
 
 
 def test_the_other_source_of_an_antenna_is_taken_as_right_in_time(turning):
     solution = sd.fuse(turning, start=start(turning), estimate=["position clock"])
-    assert installation(solution).remarks == (
+    assert estimated_installation(solution).remarks == (
         "clock of GNSS position: GNSS velocity of the same antenna is taken as right in time; where "
         "one receiver stamps both, estimate the clocks of both",
     )
@@ -176,15 +179,17 @@ def test_an_attitude_is_of_the_imu_whatever_its_mounting(turning):
     zeros = np.zeros((1, 3))
     ahrs = Aiding("attitude", np.array([SECONDS - 1]), zeros, zeros + 1e3, (), name="AHRS")
     solution = sd.fuse(turning, start=start(turning), estimate=["mounting"])
-    assert not [text for text in installation(solution).remarks if "own axes" in text]
+    assert not [text for text in estimated_installation(solution).remarks if "own axes" in text]
     kinds = solution.meta["kinds"] | {ahrs.name: ahrs.kind}
-    remarks = installation(replace(solution, meta=solution.meta | {"kinds": kinds})).remarks
+    remarks = estimated_installation(
+        replace(solution, meta=solution.meta | {"kinds": kinds})
+    ).remarks
     assert "the mounting is estimated, and AHRS taken as of the IMU's own axes" in remarks
 
 
 def test_a_tight_prior_is_no_reason_to_go_driving(turning):
     solution = sd.fuse(turning, start=start(turning), estimate={"clock": 1e-4})
-    found = installation(solution)
+    found = estimated_installation(solution)
     assert str(found.parameters[0]).endswith("); the prior says as much as the data")
     assert found.remarks == ()
 
@@ -205,7 +210,7 @@ def test_two_clocks_cannot_be_told_apart_at_one_speed():
     front = replace(more.aidings[0], name="front")
     recording = replace(recording, aidings=(recording.aidings[0], front))
     solution = sd.fuse(recording, start=start(recording), estimate=["clock"])
-    (remark,) = installation(solution).remarks
+    (remark,) = estimated_installation(solution).remarks
     assert remark.startswith(
         "clock of GNSS position and clock of front cannot be told apart (correlation +0.9"
     )
@@ -215,7 +220,7 @@ def test_two_clocks_cannot_be_told_apart_at_one_speed():
 def test_without_a_source_of_velocity_that_is_said():
     recording = straight()
     alone = replace(recording, aidings=recording.aidings[:1])
-    found = installation(sd.fuse(alone, start=start(recording), estimate=["lever-arm"]))
+    found = estimated_installation(sd.fuse(alone, start=start(recording), estimate=["lever-arm"]))
     assert found.remarks == (
         "nothing of the installation that was asked for is observable: there is no source of "
         "velocity, add one",
@@ -225,7 +230,7 @@ def test_without_a_source_of_velocity_that_is_said():
 def test_at_rest_nothing_is_observable():
     recording = at_rest()
     solution = sd.fuse(recording, estimate=["clock", "lever-arm"])
-    assert installation(solution).remarks[-1] == (
+    assert estimated_installation(solution).remarks[-1] == (
         "nothing of the installation that was asked for is observable: it hardly moves, at most "
         "0.3 m/s"
     )
@@ -234,7 +239,7 @@ def test_at_rest_nothing_is_observable():
 def test_a_prior_that_contradicts_the_data_is_a_reason_with_both_numbers(turning):
     recording = wrong(turning, (1.0, 0.0, 0.0))
     solution = sd.fuse(recording, start=start(turning), estimate={"lever-arm": 0.2, "clock": 0.1})
-    (reason,) = installation(solution).reasons
+    (reason,) = estimated_installation(solution).reasons
     error = by_name(solution)["lever-arm", "forward"]
     assert reason.cause == "lever arm" and reason.weight == pytest.approx(error.change / 0.6)
     assert reason.seen == (
@@ -278,14 +283,14 @@ def told(solution, **changes):
     facts = solution.meta["installation"]
     first = facts["parameters"][0] | changes
     known = facts | {"parameters": [first, *facts["parameters"][1:]]}
-    return installation(replace(solution, meta=solution.meta | {"installation": known}))
+    return estimated_installation(replace(solution, meta=solution.meta | {"installation": known}))
 
 
 def test_an_estimate_beyond_what_is_plausible_is_a_reason(turning):
     solution = sd.fuse(turning, start=start(turning), estimate=["clock"])
     (column,) = [name for name in solution.columns if name.startswith("clock")]
     far = replace(solution, columns=solution.columns | {column: np.full(len(solution.t), -2.5)})
-    (reason,) = installation(far).reasons
+    (reason,) = estimated_installation(far).reasons
     assert "-2.500 +- 0.0" in reason.seen and "at most 2 s is plausible" in reason.seen
     assert reason.weight == pytest.approx(3 * 2.5 / calibration_parameters.CLOCK.most)
 
@@ -306,7 +311,7 @@ def test_angles_of_a_mounting_are_those_to_be_written(turning):
     level = Aiding("zero-vertical-velocity", t, zeros, zeros + 0.1, (0.0,) * 3)
     recording = replace(recording, aidings=(*recording.aidings, level))
     solution = sd.fuse(recording, start=start(turning), estimate=["mounting"])
-    pitch, heading = installation(solution).parameters
+    pitch, heading = estimated_installation(solution).parameters
     assert (pitch.given, heading.given) == (0.0, -90.0) and pitch.motion != heading.motion
     C = Rotation.from_rotvec(np.radians([0, pitch.change, heading.change])) * Rotation.from_euler(
         "ZYX", [-90, 0, 0], degrees=True
@@ -318,8 +323,10 @@ def test_a_file_says_the_same(turning, tmp_path):
     asked = with_estimates(turning, ["clock", "lever-arm"])
     solution = sd.fuse(asked, start=start(turning))
     sd.write_solution(solution, tmp_path / "solution.nc")
-    assert installation(sd.read_solution(tmp_path / "solution.nc")) == installation(solution)
+    assert estimated_installation(
+        sd.read_solution(tmp_path / "solution.nc")
+    ) == estimated_installation(solution)
 
 
 def test_nothing_is_said_where_nothing_was_asked_for(turning):
-    assert installation(sd.fuse(turning, start=start(turning))).lines == []
+    assert estimated_installation(sd.fuse(turning, start=start(turning))).lines == []

@@ -67,7 +67,7 @@ def test_the_page_has_a_section_with_the_table_and_a_figure_per_kind(solution, t
     page.save(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert page.notes == () and text.index("<h2>Installation</h2>") < text.index("<h2>Fixes</h2>")
-    for each in sd.installation(solution).parameters:
+    for each in solution.installation.parameters:
         assert f"<td>{each.name} [{each.unit}]</td><td>{each.given:.3f}</td>" in text
         assert f"<td>{each.value:.3f}</td>" in text
     assert "<td>not observable; to show it, turn, to both sides</td>" in text

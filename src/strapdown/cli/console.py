@@ -295,7 +295,7 @@ def summarise(solution: "sd.Solution") -> None:
             f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
             f"and {verbs[1]} not used"
         )
-    for line in sd.installation(solution).told:
+    for line in solution.installation.told:
         print(line)
     for t, text in solution.events[:10]:
         print(f"{t:10.2f} s  {text}")

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from ..evaluation.metrics import Errors
     from ..evaluation.other_instants import Instants
+    from ..installation.states import EstimatedInstallation
     from .recording import Recording
 
 ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
@@ -399,6 +400,13 @@ class Solution(Value):
             return Verdict(NOT_JUDGED, untested=(remedy,))
         verdict: Verdict = operation("judge")(self)
         return verdict
+
+    @property
+    def installation(self) -> EstimatedInstallation:
+        """Parameters of the installation that were states (`estimate`), as the run ended with them;
+        empty where none was."""
+        found: EstimatedInstallation = operation("installation")(self)
+        return found
 
     @property
     def rejected(self) -> tuple[Rejected, ...]:

@@ -189,7 +189,7 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
     found: dict[str, Traversable] = {}
     for place in (
         package,
-        *(entry.value for entry in entry_points(group="strapdown.data.solution") if others),
+        *(entry.value for entry in entry_points(group="strapdown.data") if others),
     ):
         try:
             folder = files(place).joinpath(kind)

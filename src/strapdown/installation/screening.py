@@ -23,7 +23,7 @@ from .diagnose import MIN_CLOCK_ALONE
 from .findings import MIN_GAIN, MIN_Z
 from .iteration import Trial, Unknown, estimated, explained, groups
 from .model import CONSTRAINED, GNSS, InstallationModel, applied, constants, rotation
-from .states import installation
+from .states import estimated_installation
 
 STEP, PACE = 0.5, 1.0
 """s: of the thinned samples, and between the fixes of a source that are used."""
@@ -109,7 +109,7 @@ def as_found(
         [a.name or a.kind for a in recording.aidings],
     )
     theta, turn = np.zeros(len(known)), np.zeros(3)
-    for each in installation(solution).parameters:
+    for each in estimated_installation(solution).parameters:
         for k, (of, sources, axis) in enumerate(known):
             if (of, axis) == (each.of, each.axis) and names[sources[0]] in each.sources:
                 theta[k] = each.change / of.factor
@@ -191,7 +191,7 @@ def _estimated(solution: Solution, suspect: Suspect) -> bool:
     names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
     own = {
         name
-        for each in installation(solution).parameters
+        for each in estimated_installation(solution).parameters
         if each.of is suspect.of
         for name in each.sources
     }

@@ -115,7 +115,7 @@ class EstimatedInstallation:
         return str(operation("card")(self))
 
 
-def installation(solution: Solution) -> EstimatedInstallation:
+def estimated_installation(solution: Solution) -> EstimatedInstallation:
     """Return the final estimates of the parameters that were states (`estimate`) in a Solution of
     `fuse`, `smooth` or a Stream; empty where none was. Raises DataError."""
     if not isinstance(solution, Solution):

@@ -20,7 +20,7 @@ from ..core.loop.contract import ATT, BA, BG, POS, VEL
 from ..data.solution import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
-from ..installation.states import installation
+from ..installation.states import estimated_installation
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from ..units.wording import metres
@@ -878,7 +878,9 @@ def extra(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     """The filter's own output columns, but those of the installation, a panel each; None where it
     has none."""
     of_installation = {
-        name for each in installation(solution).parameters for name in (each.column, each.sd_column)
+        name
+        for each in estimated_installation(solution).parameters
+        for name in (each.column, each.sd_column)
     }
     numeric = {
         name: np.asarray(values, float)

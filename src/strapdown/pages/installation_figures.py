@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from ..data.solution import Solution
 from ..installation.findings import NOT_OBSERVABLE
-from ..installation.states import EstimatedParameter, installation
+from ..installation.states import EstimatedParameter, estimated_installation
 from ..units.wording import enumerated, number
 from .drawing import (
     SHADED_BANDS,
@@ -40,7 +40,7 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
     shown = each(solutions)
     found: dict[str, list[tuple[ShownSolution, EstimatedParameter]]] = {}
     for one in shown:
-        for parameter in installation(one.solution).parameters:
+        for parameter in estimated_installation(one.solution).parameters:
             if parameter.parameter == name:
                 found.setdefault(parameter.column, []).append((one, parameter))
     if not found:
@@ -95,7 +95,7 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
     "" where none was estimated."""
     rows, said = [], []
     for name, solution in solutions.items():
-        found, whose = installation(solution), f"{name}: " if len(solutions) > 1 else ""
+        found, whose = estimated_installation(solution), f"{name}: " if len(solutions) > 1 else ""
         for parameter in found.parameters:
             unit = f" [{parameter.unit}]" if parameter.unit else ""
             values = (

@@ -18,7 +18,7 @@ from ..data.recording import Recording
 from ..data.solution import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from ..installation.states import installation
+from ..installation.states import estimated_installation
 from ..io.solutions.solution_netcdf import plain
 from ..units.time_scales import span
 from . import summary
@@ -98,7 +98,7 @@ def report(
     heading, text = document.sections[1]
     on_map = document.place(drawn, "On a map", CAPTION)
     document.sections[1] = heading, on_map + _key(solutions) + text
-    of_reference = {name: installation(s).of_reference for name, s in solutions.items()}
+    of_reference = {name: estimated_installation(s).of_reference for name, s in solutions.items()}
     contradicted = summary.contradictions(scores, window, of_reference)
     verdicts = {name: solution.verdict for name, solution in solutions.items()}
     shown = cards(solutions, scores, window, contradicted)

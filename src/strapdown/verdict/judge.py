@@ -12,7 +12,7 @@ from ..data.verdict import NOT_JUDGED, Reason, Verdict
 from ..inspection.all import check
 from ..installation import screening
 from ..installation.model import CONSTRAINED
-from ..installation.states import in_motion, installation
+from ..installation.states import estimated_installation, in_motion
 from ..io.facts import own_reasons
 from ..plugins import one_line
 from . import evidence
@@ -44,7 +44,7 @@ def judge(solution: Solution) -> Verdict:
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
-    installed = installation(solution)
+    installed = estimated_installation(solution)
     causes = [*evidence.gaps(solution), *evidence.heights(solution), *installed.reasons]
     causes += attempt("guessed axes", of_guessed_axes, recording) or []
     if any(source.kind == "position" for source in sources):

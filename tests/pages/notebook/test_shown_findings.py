@@ -31,7 +31,7 @@ def found(drive):
     estimated = sd.fuse(drive, estimate=["clock"])
     return {
         "diagnosis": sd.diagnose(drive),
-        "estimated": sd.installation(estimated),
+        "estimated": estimated.installation,
         "installation": sd.calibrate_installation(drive),
         "tuning": sd.tune(drive),
         "flight": sd.fly("turning", duration=10.0, seed=1, sensors=Sensors(imu="industrial")),

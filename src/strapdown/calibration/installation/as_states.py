@@ -14,7 +14,7 @@ from ...engine.smoothing import smooth
 from ...installation.findings import Diagnosed
 from ...installation.iteration import unknowns
 from ...installation.model import constants
-from ...installation.states import EstimatedParameter, installation
+from ...installation.states import EstimatedParameter, estimated_installation
 from ...typing import Progress
 
 ROWS = 1000
@@ -51,7 +51,7 @@ def as_states(
             progress=asking.progress,
             **asking.set_up,
         )
-        states = installation(solution).parameters
+        states = estimated_installation(solution).parameters
         for each in wanted:
             own = [s for s in states if (s.of, s.axis) == (each.of, each.axis)]
             for state in own:
