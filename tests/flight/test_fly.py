@@ -579,7 +579,7 @@ def test_a_slower_filter_is_that_filter_fed_the_summed_increments(rate):
     )
     assert np.array_equal(slow.recording.meta["b_g"], fast.recording.meta["b_g"][n - 1 :: n])
     t = fast.recording.imu.t[n - 1 :: n]
-    fed = replace(slow.recording, imu=sd.data.Imu(t, np.diff(np.r_[0.0, t]), *sums))
+    fed = replace(slow.recording, imu=sd.Imu(t, np.diff(np.r_[0.0, t]), *sums))
     alone = sd.fuse(fed, "closed-loop", start=slow.start).trajectory
     mine = slow.solution.trajectory
     assert np.abs(alone.v_n - mine.v_n).max() < 1e-8

@@ -37,7 +37,7 @@ def recording(truth, known=slice(None), movement=((1.0, 2.0),)):
 
 def trial(truth, number="02", **more):
     made = recording(truth, **more)
-    return main.Trial(
+    return main.BroadTrial(
         f"{number}_made", made, {}, 100.0, main.moving(made) & np.isin(T, made.reference.t)
     )
 

@@ -33,7 +33,7 @@ TWO_CORES = """
     """
 BOTH = f"""{TWO_CORES}
     import numpy as np
-    from strapdown.core.loop.contract import Belief
+    from strapdown.core.loop.contract import FilterState
     from strapdown.core.mathematics.source import new_source
     both = heading.observe, velocity.observe
     print("ready", flush=True)
@@ -41,7 +41,7 @@ BOTH = f"""{TWO_CORES}
     said, zero, seen = [], np.zeros(3), np.zeros(3)
     jit.compile_together(both, "two", said.append)
     print(*(each.at_hand for each in both), len(said) > 0)
-    belief = Belief(*(zero, zero, np.eye(3), zero, zero, np.eye(15), zero, zero, zero, zero[:0]))
+    belief = FilterState(*(zero, zero, np.eye(3), zero, zero, np.eye(15), zero, zero, zero, zero[:0]))
     for each in both:
         seen[:] = 0
         each(belief, np.array([0.25, 0.5, 0.75]), new_source(), seen, np.zeros((3, 15)))

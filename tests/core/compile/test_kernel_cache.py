@@ -30,12 +30,12 @@ COMPILE = """
     import numpy as np
     from strapdown.aiding import heading
     from strapdown.core.compile import jit
-    from strapdown.core.loop.contract import Belief
+    from strapdown.core.loop.contract import FilterState
     from strapdown.core.mathematics.source import new_source
     was_cached = heading.observe.at_hand
     compiled = jit.compile_kernel(heading.observe)
     z, e = np.zeros(3), np.zeros(3)
-    heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), new_source(), e, np.zeros((3, 15)))
+    heading.observe(FilterState(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), new_source(), e, np.zeros((3, 15)))
     print(round(e[0], 6), compiled, was_cached)
     """
 KEYS = """

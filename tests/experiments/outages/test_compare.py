@@ -48,8 +48,8 @@ def sensed(seconds=60.0, shift=0.013, interval=1.0):
         4,
         20.0,
         Gnss(interval, lever_arm=(0.3, -0.2, -0.5)),
-        magnetometer,
-        barometer,
+        magnetometer=magnetometer,
+        barometer=barometer,
     )
     late = lambda a: replace(a, t=a.t + shift, y=a.y[: len(a.t)])
     return replace(made, aidings=tuple(late(a) if a.kind in FIXES else a for a in made.aidings))

@@ -19,12 +19,12 @@ from .tables import Fixes
 
 CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first of them this time (s) after the last cause,
-before a flag_unreliable ends."""
+before a doubt ends."""
 HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
 LEFT = -1  # in Books.rejecting: left out
 NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
 LEVELLED = 30.0
-"""s without a fix after which a filter that estimates no position ends a flag_unreliable by itself: gravity
+"""s without a fix after which a filter that estimates no position ends a doubt by itself: gravity
 has levelled it, and a wrong vertical would have shown in the mean force, which attitude filters
 take over 20 s."""
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
