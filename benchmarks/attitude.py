@@ -73,12 +73,12 @@ def timed_run(recording, name):
     from strapdown import filters
     from strapdown.alignment.initial import align
     from strapdown.engine.options import run_options
-    from strapdown.engine.prepare import assumed_noise, positioned
+    from strapdown.engine.prepare import assumed_noise, has_position
 
     start = align(
         recording,
         assumed_noise(recording.meta["grade"], None, True)[1],
-        position=positioned(filters.find(name)),
+        position=has_position(filters.find(name)),
     )
     return subject.timed(lambda begin: begin(recording, name, run_options(start=start)))
 

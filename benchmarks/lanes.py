@@ -11,7 +11,7 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.aiding import find
-from strapdown.core.compile.c_calls import aligned
+from strapdown.core.compile.c_calls import aligned_zeros
 from strapdown.core.compile.jit import kernel
 from strapdown.core.compile.signatures import LANES, WHOLE, in_lanes, reals, signature
 from strapdown.core.loop import loop
@@ -65,7 +65,7 @@ class Flight:
             recordings,
             Keeper(
                 batch_scoring.keep_errors_in_lanes,
-                batch_scoring.known(self.at),
+                batch_scoring.truth_array(self.at),
                 simulated.biases,
                 batch_scoring.SCRATCH,
                 batch_scoring.NUMBERS,
@@ -154,7 +154,7 @@ def multiply_and_add(count, x):
 
 def peak():
     """Multiplications and additions a microsecond that a core does at most, in lanes, each rounded."""
-    x, count = aligned(2 * SUMS, LANES), 20_000
+    x, count = aligned_zeros(2 * SUMS, LANES), 20_000
     go = multiply_and_add.for_runs(in_lanes(PEAK)).bound(count, x)
     best = min(_timed(go) for _ in range(50))
     return 2 * SUMS * LANES * count / best / 1e6

@@ -167,7 +167,7 @@ class Kernels:
         of_library = [addresses[kernel.symbol] for kernel in self.kernels]
         self.addresses = {
             "library": of_library,
-            "compiler": [compiler.compiled(kernel)[0] for kernel in self.kernels],
+            "compiler": [compiler.kernel_address(kernel)[0] for kernel in self.kernels],
         }
 
     @contextmanager
@@ -244,7 +244,7 @@ def export(target, folder, seconds=10.0):
     """Sizes of the closed loop with SOURCES for a target, exported into a folder."""
     from strapdown.native.export import chosen, folder as exported
 
-    of = chosen.chosen("closed-loop", SOURCES, flight(seconds))
+    of = chosen.choose_export("closed-loop", SOURCES, flight(seconds))
     return exported.export(of, exported.find_target(target), folder).sizes
 
 

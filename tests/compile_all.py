@@ -27,7 +27,7 @@ def kernels(packages=(strapdown, strapdown_reproductions)):
         kernel
         for package in packages
         for module in ir.modules(package)
-        for kernel in ir.declared(module)
+        for kernel in ir.declared_kernels(module)
     ]
     return sorted(found, key=lambda kernel: not any(part in kernel.stem for part in SLOW))
 

@@ -100,7 +100,7 @@ assert s.counts()["vario"] == (36, 0), s.counts()
 assert s.trajectory.sd[-1, 5] < 0.006 < sd.fuse(sd.simulate("demo", 10.0, seed=1)).trajectory.sd[-1, 5]
 assert sd.smooth(r, "careful").counts()["vario"] == (36, 0)
 grade = r.meta["grade"]
-stream = sd.Stream("careful", sd.align(r, sd.grade(grade)), imu=grade, aidings=r.aidings)
+stream = sd.Stream("careful", start=sd.align(r, sd.grade(grade)), imu=grade, aidings=r.aidings)
 events = [sd.Sample(*row) for row in zip(*map(np.ndarray.tolist, r.imu))]
 events += [
     sd.Fix(float(t), i, tuple(map(float, y)), tuple(map(float, sd_)))

@@ -57,12 +57,12 @@ def test_a_cell_shows_how_far_a_run_is_and_is_empty_at_the_end(cells):
 
 def test_a_bar_goes_where_the_call_fails(cells):
     @with_bar("doomed")
-    def doomed(first, progress=None):
+    def doomed(first, *, progress=None):
         listener(progress)(0.5)
         raise ValueError(first)
 
     with pytest.raises(ValueError, match="x"):
-        doomed("x", True)  # by its place
+        doomed("x", progress=True)
     assert "doomed: 50 %" in cells[-2] and cells[-1] == ""
     with pytest.raises(ValueError):
         doomed(True)  # which is no progress

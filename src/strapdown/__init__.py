@@ -24,7 +24,7 @@ __all__ = [*__all__, "__version__"]
 # what values can do through rooms above them
 provide(
     {
-        "clean": f"{__name__}.preprocessing.fixes:cleaned",
+        "clean": f"{__name__}.preprocessing.fixes:clean_recording",
         "errors": f"{__name__}.evaluation.metrics:errors",
         "at": f"{__name__}.evaluation.other_instants:at",
         "save solution": f"{__name__}.io.solution:write_solution",

@@ -54,14 +54,14 @@ def is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def shown(value: object) -> str:
+def one_line_repr(value: object) -> str:
     """The value on one line, numbers of numpy as plain ones."""
     return " ".join(repr(_plain(value)).split())
 
 
 def brief(value: object) -> str:
-    """The beginning of what `shown` gives."""
-    text = shown(value)
+    """The beginning of what `one_line_repr` gives."""
+    text = one_line_repr(value)
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -75,7 +75,7 @@ def _plain(value: object) -> object:
 def check_flag(value: object, name: str) -> bool:
     """The value, which must be True or False. Raises DataError."""
     if not isinstance(value, bool):
-        raise DataError(f"{name} is {shown(value)}; it must be True or False")
+        raise DataError(f"{name} is {one_line_repr(value)}; it must be True or False")
     return value
 
 
@@ -143,7 +143,7 @@ def check_number(
     if not fits:
         kind = "a whole number" if whole else "a number" if infinite else "a finite number"
         raise DataError(
-            f"{name} is {shown(value)}{unit and ' ' + unit}; it must be {kind}"
+            f"{name} is {one_line_repr(value)}{unit and ' ' + unit}; it must be {kind}"
             f"{_bounds(least, above, most, below)}"
         )
     return value  # type: ignore[return-value]

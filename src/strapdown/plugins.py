@@ -83,16 +83,16 @@ def plugins() -> list[Plugin]:
     # a module that looks a name up while another thread waits for that module would wait forever
     if _loading.acquire(timeout=PATIENCE):
         try:
-            for entry in _installed():
+            for entry in _installed_plugins():
                 _load(entry.name, entry.value, entry.load)
             for where in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
                 load(where)
         finally:
             _loading.release()
-    return known()
+    return known_plugins()
 
 
-def known() -> list[Plugin]:
+def known_plugins() -> list[Plugin]:
     """Those that have come so far; nothing is imported."""
     with _writing:
         return list(_plugins.values())
@@ -123,7 +123,7 @@ def require(needed: Iterable[tuple[str, str]]) -> None:
 
 
 @cache
-def _installed() -> tuple[EntryPoint, ...]:
+def _installed_plugins() -> tuple[EntryPoint, ...]:
     return tuple(sorted(entry_points(group=ENTRY_POINTS), key=lambda entry: entry.name))
 
 
@@ -244,7 +244,7 @@ class Registry(Generic[Kind]):
         """{name: (value, plugin)} of what plugins bring. What has a name that is taken or cannot be
         used is left out and told of once."""
         found: dict[str, tuple[Kind, Plugin]] = {}
-        for plugin in plugins() if imports else known():
+        for plugin in plugins() if imports else known_plugins():
             for value in plugin.values:
                 if isinstance(value, self.kind):
                     try:
@@ -357,7 +357,7 @@ IN_WORDS = {
 
 
 @contextmanager
-def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iterator[None]:
+def blame_plugin(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iterator[None]:
     """Where and why a kernel of `value` does not compile, as a DataError of one line in place of
     numba's many."""
     try:

@@ -30,7 +30,7 @@ def register(*values: Any) -> None:
         homes[type(value)].add(value, module)
 
 
-def brought() -> list[tuple[str, str, str, str]]:
+def registration_rows() -> list[tuple[str, str, str, str]]:
     """[(plugin, where it is from, what it brings, what cannot be used)], a row per plugin."""
     found = [
         (plugin, f"{kind.__name__} {name}")

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.compile.records import copied
+from strapdown.core.compile.records import copy_row
 from strapdown.core.loop.contract import (
     FilterState,
     compile_kernel,
@@ -134,7 +134,7 @@ def observed(kind, belief, y, parameters):
     compile_kernel(kernel)
     innovation, H, row = np.full(3, np.nan), np.zeros((3, STATES)), np.full(3, np.nan)
     row[: len(y)] = y
-    rows = kernel(belief, row, copied(parameters), innovation, H)
+    rows = kernel(belief, row, copy_row(parameters), innovation, H)
     assert rows == KINDS[kind]
     return innovation[:rows], H[:rows]
 
@@ -206,7 +206,7 @@ def test_a_point_far_off_in_its_clock_sees_the_motion_of_then(kind, clock, param
 
 def test_without_a_rate_the_arm_has_no_part_in_a_velocity(parameters):
     """As before the first sample, when the belief has no rate yet."""
-    resting, row = believed()._replace(omega=np.zeros(3)), copied(parameters)
+    resting, row = believed()._replace(omega=np.zeros(3)), copy_row(parameters)
     row.rate[:] = 0.0
     _, H = observed("velocity", resting, V, row)
     assert not H[:, ARM:SCALE].any() and H[0, 3] == 1.0

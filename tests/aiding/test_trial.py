@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from strapdown import aiding, plugins
-from strapdown.aiding.trial import tried
+from strapdown.aiding.trial import derivative_complaints
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import OBSERVE, Measurement, compile_kernel, kernel
 
@@ -13,7 +13,7 @@ from strapdown.core.loop.contract import OBSERVE, Measurement, compile_kernel, k
 @pytest.mark.short
 @pytest.mark.parametrize("name", aiding.own_names())
 def test_the_kinds_of_the_library_pass(name):
-    assert tried(aiding.find(name), aiding.compiled(name)) == []
+    assert derivative_complaints(aiding.find(name), aiding.compile_observation(name)) == []
 
 
 @kernel(OBSERVE)
@@ -90,7 +90,7 @@ def sometimes(belief, y, parameters, innovation, H):
 def test_mistakes_are_refused(observe, said):
     compile_kernel(observe)
     with pytest.raises(DataError, match=said) as error:
-        tried(Measurement("mine", observe, ("speed",)), observe)
+        derivative_complaints(Measurement("mine", observe, ("speed",)), observe)
     assert "\n" not in str(error.value)
 
 
@@ -106,7 +106,7 @@ def test_mistakes_are_refused(observe, said):
 )
 def test_derivatives_that_are_not_the_innovations_are_told(observe, said):
     compile_kernel(observe)
-    found = tried(Measurement("mine", observe, ("speed",)), observe)
+    found = derivative_complaints(Measurement("mine", observe, ("speed",)), observe)
     if said is None:
         assert found == []
     else:
@@ -119,10 +119,10 @@ def test_a_registered_sensor_is_tried_once_before_it_is_used(monkeypatch):
     monkeypatch.setattr(aiding, "_tried", {})
     aiding.REGISTRY.add(Measurement("mine", wrong_sign, ("speed",)), __name__)
     with pytest.warns(plugins.PluginWarning, match=r"test_trial.py: Measurement 'mine': H\[0, 5\]"):
-        aiding.compiled("mine")
-    aiding.compiled("mine")  # and says no more
+        aiding.compile_observation("mine")
+    aiding.compile_observation("mine")  # and says no more
     aiding.REGISTRY.add(Measurement("other", two_rows, ("speed",)), __name__)
     with pytest.raises(
         DataError, match="plugin test_trial.py: Measurement 'other': observe returns 2"
     ):
-        aiding.compiled("other")
+        aiding.compile_observation("other")

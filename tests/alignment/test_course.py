@@ -13,7 +13,7 @@ from strapdown.alignment.course_heading import (
 )
 from strapdown.core.loop.contract import Imu
 from strapdown.data.solution import Aiding
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 
 LLA = np.array([0.9, 0.1, 100.0])
 pytestmark = pytest.mark.short
@@ -36,7 +36,7 @@ def positions(v, sd, seconds=40, seed=1):
     """A fix a second, at a constant velocity (m/s, north and east)."""
     t = np.arange(1.0, seconds)
     noise = np.random.default_rng(seed).normal(0, sd, (len(t), 3))
-    y = displaced(LLA, t[:, None] * np.array([*v, 0.0]) + noise)
+    y = displace_lla(LLA, t[:, None] * np.array([*v, 0.0]) + noise)
     return Aiding("position", t, y, np.full((len(t), 3), sd))
 
 

@@ -12,7 +12,7 @@ from strapdown.alignment.first_fixes import position_and_velocity
 from strapdown.alignment.initial_heading import mean_force
 from strapdown.alignment.rest import rests
 from strapdown.geometry.geodesy import wrap
-from strapdown.preprocessing.unbroken import felt, is_unbroken, nearest_felt, unbroken
+from strapdown.preprocessing.unbroken import is_covered, is_unbroken, nearest_felt, unbroken
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
@@ -23,7 +23,7 @@ def test_random_gaps_leave_a_start_that_is_honest(seed):
     a consistent start; 40 starts have 120 angles, so a false alarm is one in 1200 runs."""
     recording = gapped(seed, "tactical")
     start = sd.align(recording, sd.grade("tactical"))
-    assert felt(recording.imu, np.array([start.t])).all()
+    assert is_covered(recording.imu, np.array([start.t])).all()
     k = int(np.argmin(np.abs(recording.reference.t - start.t)))
     off = np.abs(wrap(np.array(start.rph) - recording.reference.rph[k]))
     assert (off < 4.5 * np.array(start.sd[6:9])).all()
@@ -40,7 +40,7 @@ def test_random_gaps_and_sources_leave_a_start(seed, grade):
             try:
                 start = sd.align(recording, spec, at=moment, position=position)
             except sd.DataError as error:
-                in_gap = moment is not None and not felt(recording.imu, np.array([at])).all()
+                in_gap = moment is not None and not is_covered(recording.imu, np.array([at])).all()
                 assert in_gap and f"cannot start at {at:g} s, in a gap of the IMU" in str(error)
             else:
                 assert np.isfinite([*start.lla, *start.v, *start.rph, *start.sd]).all()
@@ -49,7 +49,9 @@ def test_random_gaps_and_sources_leave_a_start(seed, grade):
 def test_stretches_end_at_gaps_and_not_at_single_lost_samples():
     made = without_samples(at_rest(20.0, 20.0), (3.0, 3.05), (5.0, 7.0), (11.0, 11.45))
     assert made.imu.t[unbroken(made.imu)[:, 0]].tolist() == [0.05, 7.05]
-    inside = felt(made.imu, np.array([-1.0, 0.0, 3.02, 5.0, 5.01, 6.99, 7.0, 11.2, 20.0, 20.1]))
+    inside = is_covered(
+        made.imu, np.array([-1.0, 0.0, 3.02, 5.0, 5.01, 6.99, 7.0, 11.2, 20.0, 20.1])
+    )
     assert inside.tolist() == [False, True, True, True, False, False, True, True, True, False]
     assert nearest_felt(made.imu, 5.6)[1] == 5.0 and nearest_felt(made.imu, 6.4)[1] == 7.0
     assert is_unbroken(made.imu, 3.0, 5.0) and not is_unbroken(made.imu, 4.0, 8.0)

@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.spatial.transform import Rotation
 
 from strapdown import read
-from strapdown.alignment.static_attitude import gyrocompass, level, levelled, static_attitude
+from strapdown.alignment.static_attitude import gyrocompass, level, level_vector, static_attitude
 from strapdown.core.mathematics import earth
 from strapdown.geometry.geodesy import gravity, gravity_ned
 from strapdown.preprocessing.stationary import motionless
@@ -103,7 +103,7 @@ def test_signed_zeros_do_not_turn_it_over():
 def test_levelled_vectors_keep_their_vertical_part():
     rph = np.array([0.4, -0.7, 1.1])
     np.testing.assert_allclose(
-        levelled(seen(rph, FIELD), *rph[:2]),
+        level_vector(seen(rph, FIELD), *rph[:2]),
         Rotation.from_euler("z", -rph[2]).apply(FIELD),
         atol=1e-20,
     )

@@ -8,7 +8,7 @@ import pytest
 
 from strapdown.allan.deviation import CONFIDENCE, allan, cluster_sizes, first_gap, oadev
 from strapdown.allan.fit import COEFFICIENTS, edf, fit
-from strapdown.allan.suggested_grade import expected, suggest
+from strapdown.allan.suggested_grade import expected_deviation, suggest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import Triad
@@ -201,7 +201,9 @@ def test_a_simulated_grade_is_recognised_and_its_fit_describes_it(tmp_path, name
     ) and found.spec.accel.noise == pytest.approx(true.accel.noise, rel=0.05)
     assert found.spec.gyro.turn_on_bias == true.gyro.turn_on_bias
     tau = result.gyro.triad.tau[:-12]
-    np.testing.assert_allclose(expected(found.spec.gyro, tau), expected(true.gyro, tau), rtol=0.5)
+    np.testing.assert_allclose(
+        expected_deviation(found.spec.gyro, tau), expected_deviation(true.gyro, tau), rtol=0.5
+    )
     found.spec.to_toml(tmp_path / "found.toml")
     assert grade(tmp_path / "found.toml") == found.spec
 

@@ -22,7 +22,7 @@ from strapdown.calibration.installation.iterated import Settled, theta_of
 from strapdown.checks import DataError
 from strapdown.data.calibration_parameters import CLOCK
 from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
-from strapdown.installation.model import applied, constants
+from strapdown.installation.model import apply_constants, constants
 
 DEG = np.pi / 180
 TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "odometer scale": 0.01}
@@ -79,7 +79,7 @@ def test_what_is_wrong_is_found_within_its_interval(found):
 
 def test_the_recording_as_found_is_the_right_one_and_has_nothing_to_change(found):
     known = constants(found.given.aidings)
-    again = applied(found.given, known, theta_of(known, found.given, found.found))
+    again = apply_constants(found.given, known, theta_of(known, found.given, found.found))
     for a, b in zip(found.recording.aidings, again.aidings):
         np.testing.assert_array_equal(a.t, b.t)
     right = car(1070)
@@ -313,7 +313,7 @@ def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
             made.diff(tmp_path / name)
     # what was changed after reading, and what was read otherwise
     known = constants(read.aidings)
-    for other in (applied(read, known, np.full(len(known), 0.01)), replace(read, meta={})):
+    for other in (apply_constants(read, known, np.full(len(known), 0.01)), replace(read, meta={})):
         with pytest.raises(DataError, match="was not read as a recording.toml has it; read that"):
             replace(made, given=other).write(drive)
     assert drive.read_text() == text

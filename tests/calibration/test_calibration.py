@@ -11,8 +11,8 @@ from scipy.stats import chi2
 
 import strapdown as sd
 from strapdown.calibration.ellipsoid import ellipsoid, inflation
-from strapdown.calibration.gyro_aided import turning, windows
-from strapdown.calibration.methods import coverage, hard_and_soft_iron, lacking, rests
+from strapdown.calibration.gyro_aided import fit_by_turns, windows
+from strapdown.calibration.methods import coverage, hard_and_soft_iron, missing_directions, rests
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import gravity
 from strapdown.data.recording import Recording
@@ -154,7 +154,7 @@ def test_standard_deviations_of_the_ellipsoid_are_honest():
 @pytest.mark.short
 def test_turning_recovers_a_general_distortion_and_the_gyro_bias():
     imu, C = tumble(36.0)
-    fit, gyro = turning(imu.t, felt(C) @ A.T + B, imu, STRENGTH, DIP)
+    fit, gyro = fit_by_turns(imu.t, felt(C) @ A.T + B, imu, STRENGTH, DIP)
     np.testing.assert_allclose(fit.matrix, np.linalg.inv(A), atol=2e-6)
     np.testing.assert_allclose(fit.bias, B, atol=1e-10)
     np.testing.assert_allclose(gyro, GYRO_BIAS, atol=1e-6)
@@ -175,7 +175,9 @@ def test_standard_deviations_of_turning_are_honest():
     )
     clean = felt(C) @ askew.T + B
     for _ in range(runs):
-        fit, _ = turning(imu.t, clean + 3e-7 * rng.standard_normal(clean.shape), imu, STRENGTH, DIP)
+        fit, _ = fit_by_turns(
+            imu.t, clean + 3e-7 * rng.standard_normal(clean.shape), imu, STRENGTH, DIP
+        )
         error = np.r_[fit.bias, fit.matrix.ravel()] - truth
         total += error @ np.linalg.solve(fit.covariance, error)
     low, high = chi2.ppf([0.0005, 0.9995], 12 * runs)
@@ -191,7 +193,7 @@ def test_turning_bridges_no_gap_and_survives_outliers():
     torn = Imu(*(column[keep] for column in imu))
     rows = windows(imu.t, y, torn, STRENGTH).rows
     assert keep[rows].all() and (np.diff(imu.t[rows], axis=1) < 0.11).all()
-    fit, _ = turning(imu.t, y, torn, STRENGTH, DIP)
+    fit, _ = fit_by_turns(imu.t, y, torn, STRENGTH, DIP)
     assert np.abs((felt(C) @ A.T + B - fit.bias) @ fit.matrix.T - felt(C)).max() < 0.01 * STRENGTH
     assert (
         not fit.used[(imu.t > 40.5) & (imu.t < 51.9)].any()
@@ -276,7 +278,7 @@ def test_left_handed_axes_are_refused_and_turned_ones_said():
     fit, form, _ = hard_and_soft_iron(
         imu.t, y * [1, -1, -1] + 1e-6 * np.sin(imu.t / 3)[:, None], imu, STRENGTH, DIP
     )
-    fit, _ = turning(imu.t, y * [1, -1, -1], imu, STRENGTH, DIP)
+    fit, _ = fit_by_turns(imu.t, y * [1, -1, -1], imu, STRENGTH, DIP)
     np.testing.assert_allclose(fit.matrix, np.diag([1, -1, -1]), atol=0.01)
 
 
@@ -383,7 +385,9 @@ def test_coverage_counts_cells_of_equal_area():
     assert np.abs(counts - expected).max() < 5 * np.sqrt(expected)
     share, counts, lack = coverage(np.array([[0, 0, 1.0]]))
     assert (share, counts.sum(), lack) == (1 / 48, 1, ("+x", "-x", "+y", "-y", "-z"))
-    assert lacking(("+z",), "no rest with") == "no rest with the z axis up (within 30 deg)"
+    assert (
+        missing_directions(("+z",), "no rest with") == "no rest with the z axis up (within 30 deg)"
+    )
 
 
 @pytest.mark.short

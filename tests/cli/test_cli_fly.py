@@ -59,7 +59,7 @@ def test_a_flight_is_flown_printed_and_written(flight, command, tmp_path, monkey
 
 @pytest.mark.short
 def test_the_drift_is_what_the_outage_added(flight):
-    (window,) = cli_fly.withheld(flight)
+    (window,) = cli_fly.withheld_outages(flight)
     # a fix at 4 s ends it, and the sample at 4 s has it
     assert window == pytest.approx((3.0, 3.99))
     said = re.fullmatch(
@@ -219,7 +219,7 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
     assert "Wind" in titles and "Wind" not in [
         heading for _, shown in figures.sections(flight) for _, heading, _ in shown
     ]
-    figure = figures.asked(windy)
+    figure = figures.command_figure(windy)
     assert [trace.name for trace in figure.data] == ["asked", "flown", "estimate"] * 4
     assert np.allclose(figure.data[2].y, np.degrees(windy.solution.trajectory.rph[:, 0]), atol=1e-3)
     assert np.allclose(
@@ -228,12 +228,12 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
         atol=1e-4,
     )
     (shaded,) = [shape for shape in figure.layout.shapes if shape.type == "rect"]
-    assert (shaded.x0, shaded.x1) == (3.0, 4.0) and cli_fly.withheld(windy) == [(3.0, 4.0)]
+    assert (shaded.x0, shaded.x1) == (3.0, 4.0) and cli_fly.withheld_outages(windy) == [(3.0, 4.0)]
 
 
 @pytest.mark.short
 def test_the_largest_has_its_sign(flight):
-    rows = {what: float(largest) for what, _, largest, _ in cli_fly.kept(flight)}
+    rows = {what: float(largest) for what, _, largest, _ in cli_fly.tracking_rows(flight)}
     assert rows["above its route, m"] < 0 and rows["above its route, m"] == pytest.approx(
         flight.log["above route, m"].min(), rel=0.01
     )

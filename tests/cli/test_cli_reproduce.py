@@ -70,14 +70,14 @@ def test_without_the_reproductions_the_library_has_its_own_grades_and_scenarios(
     from strapdown.fileio import files
 
     monkeypatch.setattr(files, "entry_points", lambda group: ())
-    files.shipped.cache_clear()
+    files.shipped_files.cache_clear()
     try:
         assert strapdown.grades() == ["consumer", "dmu10", "industrial", "navigation", "tactical"]
         assert "demo" in strapdown.scenarios() and "paper1-01" not in strapdown.scenarios()
         with pytest.raises(strapdown.DataError, match="unknown scenario 'paper1-01'"):
             strapdown.scenario("paper1-01")
     finally:
-        files.shipped.cache_clear()
+        files.shipped_files.cache_clear()
 
 
 def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
@@ -86,7 +86,7 @@ def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
     monkeypatch.setattr(
         files, "entry_points", lambda group: [EntryPoint("x", "no_such_package", group)]
     )
-    files.shipped.cache_clear()
+    files.shipped_files.cache_clear()
     try:
         with (
             pytest.warns(
@@ -98,7 +98,7 @@ def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
             strapdown.grade("nonsense")
         assert strapdown.grade("tactical").name == "tactical"
     finally:
-        files.shipped.cache_clear()
+        files.shipped_files.cache_clear()
 
 
 def test_help_names_what_takes_an_option_that_few_take():
@@ -109,7 +109,7 @@ def test_help_names_what_takes_an_option_that_few_take():
 
     from strapdown.cli import app, complete
 
-    found = complete.offered()
+    found = complete.offered_commands()
     if "consistency" not in found:
         pytest.skip("strapdown-reproductions is not installed")
     takes = {name: inspect.signature(each.load()).parameters for name, each in found.items()}

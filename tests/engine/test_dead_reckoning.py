@@ -13,6 +13,7 @@ from strapdown.core.loop.contract import InitialState
 from strapdown.core.loop.cursor import Work
 from strapdown.core.loop.reacquisition import make_room
 from strapdown.core.mathematics.source import new_source
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.any_sensor import Simulated
 
 pytestmark = pytest.mark.short
@@ -97,5 +98,5 @@ def test_a_recorded_robot_comes_home(heading, data_folder):
     lla = (0.8, 0.1, 100.0)
     begin = InitialState(float(first), lla, (0.0,) * 3, (np.nan, np.nan, np.radians(heading)))
     solution = sd.fuse(recording, start=begin)
-    moved = sd.geodesy.displacement(solution.trajectory.lla[-1:], np.array([lla]))
+    moved = displacement(solution.trajectory.lla[-1:], np.array([lla]))
     assert np.linalg.norm(moved) < 15.0

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.alignment.initial_heading import UNKNOWN_SD
-from strapdown.engine.heading_hypotheses import DOUBTFUL, REUSE, _mean, aligned
+from strapdown.engine.heading_hypotheses import DOUBTFUL, REUSE, _mean, align_start
 from strapdown.io.readers.broad import with_positions
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion, demo_flight, ramp, static
@@ -46,7 +46,7 @@ def heading_error(start, recording):
 @pytest.mark.parametrize("heading", [0.5, 3.1, 5.0])
 def test_the_fixes_of_a_carried_imu_decide_and_not_its_course(heading):
     recording = sd.simulate(carried(heading), 40.0, IMU, 4, 50.0, Gnss(0.2, 1.0, 0.1))
-    start = aligned(recording, sd.grade(IMU))
+    start = align_start(recording, sd.grade(IMU))
     assert "deg found by trying 12 headings over" in start.note and start.sd[8] < DOUBTFUL
     assert abs(heading_error(start, recording)) < 3 * start.sd[8]
     solution = sd.fuse(recording)
@@ -58,22 +58,22 @@ def test_the_fixes_of_a_carried_imu_decide_and_not_its_course(heading):
 def test_a_heading_found_after_a_rest_is_that_of_the_rest():
     recording = sd.simulate(carried(4.0, 15.0), 50.0, IMU, 4, 50.0, Gnss(1.0, 1.5, None))
     recording = recording.between(2.0)
-    start = aligned(recording, sd.grade(IMU))
+    start = align_start(recording, sd.grade(IMU))
     assert abs(heading_error(start, recording)) < 3 * start.sd[8] < 3.0
 
 
 def test_what_stands_has_no_heading():
     recording = sd.simulate(static(LLA, (0.0, 0.0, 2.0)), 30.0, IMU, 1, 50.0, Gnss(0.5, 2.0, None))
-    start = aligned(recording, sd.grade(IMU))
+    start = align_start(recording, sd.grade(IMU))
     assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note
 
 
 def test_where_fixes_end_nothing_is_tried():
     recording = sd.simulate(carried(1.0, 15.0), 30.0, IMU, 4, 50.0, Gnss(1.0, 1.5, None))
     early = replace(recording, aidings=tuple(a.between(0.0, 5.0) for a in recording.aidings))
-    assert "tried" not in aligned(early, sd.grade(IMU)).note
+    assert "tried" not in align_start(early, sd.grade(IMU)).note
     short = recording.between(0.0, 1.02)
-    assert "heading unknown" in aligned(short, sd.grade(IMU)).note
+    assert "heading unknown" in align_start(short, sd.grade(IMU)).note
 
 
 def test_a_slow_straight_course_is_a_guess_that_nothing_confirms():
@@ -81,16 +81,16 @@ def test_a_slow_straight_course_is_a_guess_that_nothing_confirms():
         "straight", LLA, lambda t: (0 * t, 1 + 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 1.7 + 0 * t)
     )
     recording = sd.simulate(straight, 40.0, IMU, 1, 50.0, Gnss(0.2, 1.0, 0.1))
-    start = aligned(recording, sd.grade(IMU))
+    start = align_start(recording, sd.grade(IMU))
     assert "12 headings tried over" in start.note and "deg" in start.note
     assert np.degrees(start.sd[8]) > 45 and abs(heading_error(start, recording)) < start.sd[8]
 
 
 def test_a_sure_heading_is_not_tried():
     fast = sd.simulate(demo_flight(), 20.0, IMU, 4, 50.0)
-    assert aligned(fast, sd.grade(IMU)) == sd.align(fast, sd.grade(IMU))
+    assert align_start(fast, sd.grade(IMU)) == sd.align(fast, sd.grade(IMU))
     slow = sd.simulate(carried(1.0), 20.0, IMU, 4, 50.0)
-    alone = aligned(slow, sd.grade(IMU), position=False)
+    alone = align_start(slow, sd.grade(IMU), position=False)
     assert alone == sd.align(slow, sd.grade(IMU), position=False)
 
 
@@ -103,7 +103,7 @@ def test_recorded_hands(data_folder):
         begin = trial.meta["movement"][0][0]
         for after in (20.0,):
             recording = placed.between(begin + after)
-            start = aligned(recording, sd.grade("consumer"))
+            start = align_start(recording, sd.grade("consumer"))
             row = int(np.argmin(np.abs(trial.reference.t - start.t)))
             turn = trial.reference.rotation[row] * euler(start.rph).inv()
             errors.append(turn.as_rotvec() / start.sd[6:9])

@@ -18,7 +18,7 @@ from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SC
 from strapdown.engine import sensitivity
 from strapdown.engine.options import run_options
 from strapdown.engine.prepare import Run
-from strapdown.installation.model import InstallationModel, applied, constants
+from strapdown.installation.model import InstallationModel, apply_constants, constants
 from strapdown.sensor_models.gnss import Gnss
 
 
@@ -41,7 +41,8 @@ def slopes(recording, direction, step, filter="closed-loop", skip=50):
     found = constants(recording.aidings)
     _, before, J = sensitive(recording, filter)
     there, back = (
-        sensitive(applied(recording, found, sign * step * direction), filter)[1] for sign in (1, -1)
+        sensitive(apply_constants(recording, found, sign * step * direction), filter)[1]
+        for sign in (1, -1)
     )
     made = {}
     for source in range(len(recording.aidings)):

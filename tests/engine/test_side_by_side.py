@@ -7,7 +7,7 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.compile.c_calls import aligned
+from strapdown.core.compile.c_calls import aligned_zeros
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.compile.signatures import LANES
 from strapdown.core.loop import lane_loop
@@ -79,13 +79,13 @@ class Both:
             Keeper(
                 keep_state.for_runs(KEEP_LANES),
                 np.zeros((rows, 1)),
-                aligned(rows, 6, LANES),
+                aligned_zeros(rows, 6, LANES),
                 1,
                 KEPT,
             ),
         )
         count = len(first.samples.t)
-        increments = aligned(count, 6, LANES)
+        increments = aligned_zeros(count, 6, LANES)
         for lane, recording in enumerate(self.recordings):
             increments[:, :3, lane] = recording.imu.dtheta
             increments[:, 3:, lane] = recording.imu.dv

@@ -21,7 +21,7 @@ from strapdown.engine import prepare as preparation, smoothing
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 from strapdown.engine.smoothing import Differences
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.synthesis import draw_start
@@ -525,7 +525,7 @@ def drifting(recording):
     """Position fixes walk away by 0.5 m/s from 120 s on, which the velocities contradict."""
     fix, *others = recording.aidings
     east = 0.5 * np.clip(fix.t - 120, 0, None)
-    y = displaced(fix.y, np.c_[0 * east, east, 0 * east])
+    y = displace_lla(fix.y, np.c_[0 * east, east, 0 * east])
     return replace(recording, aidings=(replace(fix, y=y), *others))
 
 

@@ -10,7 +10,7 @@ from strapdown.engine.batch import begin
 from strapdown.engine.installation import with_estimates
 from strapdown.engine.options import run_options
 from strapdown.geometry.geodesy import displacement
-from strapdown.installation.model import applied, constants
+from strapdown.installation.model import apply_constants, constants
 
 ESTIMATE = {"clock": 0.1, "lever-arm": 0.5}
 
@@ -28,7 +28,7 @@ def test_correlations_of_the_start_are_what_a_wrong_set_up_does_to_it():
         [(CLOCK, 0, 0.02), *((LEVER_ARM, axis, 0.1) for axis in range(3))]
     ):
         theta = np.array([step if (one.of, one.axis) == (of, axis) else 0.0 for one in found])
-        other = sd.align(applied(recording, found, theta), sd.grade("tactical"))
+        other = sd.align(apply_constants(recording, found, theta), sd.grade("tactical"))
         if of is CLOCK:  # the moment of the start moves with the stamps: both at one time
             shift = (start.t - other.t) * np.asarray(other.v)
         else:

@@ -23,14 +23,14 @@ from strapdown.checks import DataError
 from strapdown.core.loop.loop import SAME_TIME
 from strapdown.data.solution import BRIDGED, INVALID, VALID
 from strapdown.engine import stream as live
-from strapdown.engine.prepare import positioned
+from strapdown.engine.prepare import has_position
 from strapdown.engine.stream import Fix, Sample, Stream
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 
 pytestmark = pytest.mark.short
 
 
-WITH_POSITION = [name for name in SWIFT if positioned(filters.find(name))]
+WITH_POSITION = [name for name in SWIFT if has_position(filters.find(name))]
 
 
 def eventful(name="closed-loop"):
@@ -42,7 +42,7 @@ def eventful(name="closed-loop"):
     recording = without_samples(flight(), (4.8, 5.3), (12.6, 15.1))
     p, v = recording.aidings
     y = p.y.copy()
-    y[7], y[9, 2] = displaced(y[7:8], [[60.0, 0, 0]])[0], np.nan
+    y[7], y[9, 2] = displace_lla(y[7:8], [[60.0, 0, 0]])[0], np.nan
     p = replace(p, t=p.t - 0.013, y=y)._where(np.arange(len(p.t)) != 16)
     attitude = (ahrs(recording.reference, 2.0),) if filters.find(name).needs else ()
     return replace(recording, aidings=(p, replace(v, t=v.t - 0.02), *attitude))

@@ -97,8 +97,10 @@ def test_band_holds_the_mean_as_often_as_it_says():
 
 @pytest.mark.short
 def test_bound_is_one_sided():
-    assert consistency.bound(1, 0.05) == pytest.approx(3.8415, abs=1e-4)
-    assert stats.chi2.cdf(consistency.bound(15, 1e-6), 15) == pytest.approx(1 - 1e-6, abs=1e-12)
+    assert consistency.chi_square_bound(1, 0.05) == pytest.approx(3.8415, abs=1e-4)
+    assert stats.chi2.cdf(consistency.chi_square_bound(15, 1e-6), 15) == pytest.approx(
+        1 - 1e-6, abs=1e-12
+    )
 
 
 T = 0.5 * np.arange(100)
@@ -198,13 +200,13 @@ def test_paired_is_the_t_interval_of_the_differences():
     a, b = common + 0.2 * rng.standard_normal(30), common + 0.3
     a[3], b[7] = np.nan, np.inf
     both = np.isfinite(a + b)
-    found = consistency.paired(a, b)
+    found = consistency.paired_comparison(a, b)
     expected = stats.ttest_rel(a[both], b[both]).confidence_interval()
     assert found[:3] == pytest.approx(((a - b)[both].mean(), expected.low, expected.high))
     assert found.count == 28 and found.wins == (a < b)[both].sum()
     assert found.high < 0  # the runs differ by 10, the filters by 0.3: seen only pair by pair
-    assert consistency.paired([1.0], [2.0])[3:] == (1, 1) and np.isnan(
-        consistency.paired([1.0], [2.0]).low
+    assert consistency.paired_comparison([1.0], [2.0])[3:] == (1, 1) and np.isnan(
+        consistency.paired_comparison([1.0], [2.0]).low
     )
 
 
@@ -280,7 +282,7 @@ def test_normalised_innovations_have_unit_size_and_keep_their_correlation():
         np.where(source == 0, 3.0, z[:, 0] ** 2),
     )
     solution = solution_with(innovation, nis, source, accepted, ("gnss", "baro"))
-    scaled = consistency.normalised(solution, "gnss")
+    scaled = consistency.normalised_innovations(solution, "gnss")
     assert scaled.shape == (960, 3) and np.square(scaled).mean(axis=0) == pytest.approx(1, abs=0.02)
     assert (
         min(np.corrcoef(scaled[:, k], z[(source == 0) & accepted, k])[0, 1] for k in range(3))
@@ -289,10 +291,10 @@ def test_normalised_innovations_have_unit_size_and_keep_their_correlation():
     assert consistency.whiteness(scaled).p_value.min() > 1e-3
     # exactly e / sqrt(S), not e / rms
     np.testing.assert_allclose(
-        consistency.normalised(solution, 1)[:, 0], z[(source == 1) & accepted, 0]
+        consistency.normalised_innovations(solution, 1)[:, 0], z[(source == 1) & accepted, 0]
     )
     with pytest.raises(DataError, match="no source 'radar'; it has gnss, baro"):
-        consistency.normalised(solution, "radar")
+        consistency.normalised_innovations(solution, "radar")
 
 
 CRUISE = Motion(

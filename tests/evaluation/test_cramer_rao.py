@@ -14,7 +14,7 @@ from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
 from strapdown.evaluation.cramer_rao import cramer_rao
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
 
@@ -150,7 +150,7 @@ def ratios(told=1.0, runs=200, duration=60):
         position = perfect.aidings[0]
         fixes = replace(
             position,
-            y=displaced(position.y, FIX_SD * rng.standard_normal((duration, 3))),
+            y=displace_lla(position.y, FIX_SD * rng.standard_normal((duration, 3))),
             gate=np.inf,
         )
         solution = sd.fuse(

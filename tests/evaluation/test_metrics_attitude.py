@@ -184,7 +184,8 @@ def test_numbers_and_nouns_of_the_console():
         console.number(value) for value in (1234.5, 999.7, 99.96, 0.01234, 3e8, np.nan, None, 4)
     ] == ["1234", "1000", "100", "0.0123", "3e+08", "-", "-", "4"]
     assert (
-        console.counted(1, "fix", "es") == "1 fix" and console.counted(0, "fix", "es") == "0 fixes"
+        console.count_text(1, "fix", "es") == "1 fix"
+        and console.count_text(0, "fix", "es") == "0 fixes"
     )
 
 

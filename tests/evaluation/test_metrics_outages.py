@@ -6,7 +6,7 @@ import pytest
 from strapdown.checks import DataError
 from strapdown.data.solution import Trajectory
 from strapdown.evaluation.metrics import moving_windows, outages
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 
 pytestmark = pytest.mark.short
 T = np.arange(0, 100.5, 0.5)
@@ -15,7 +15,7 @@ ORIGIN = np.array([0.8, 0.1, 200.0])
 
 def still(offsets=None):
     lla = np.tile(ORIGIN, (len(T), 1))
-    return Trajectory(T, lla if offsets is None else displaced(lla, offsets))
+    return Trajectory(T, lla if offsets is None else displace_lla(lla, offsets))
 
 
 def test_errors_within_the_window_are_scored_and_no_others():

@@ -12,7 +12,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data.solution import Trajectory
 from strapdown.evaluation import other_instants
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 ARM = np.array([1.5, -0.7, 2.0])
@@ -59,7 +59,7 @@ def test_the_errors_of_another_point_are_those_of_the_transport(solution):
 
     def point(x):
         turn = Rotation.from_rotvec(x[6:9]) * path.rotation[0]
-        lla = displaced(path.lla, (x[:3] + turn.apply(ARM))[None])
+        lla = displace_lla(path.lla, (x[:3] + turn.apply(ARM))[None])
         v = path.v_n[0] + x[3:6] + turn.apply(np.cross(omega - x[12:15], ARM))
         return np.r_[displacement(lla, path.lla)[0], v, x[6:9]]
 

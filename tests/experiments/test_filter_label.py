@@ -3,7 +3,7 @@
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.experiments.filter_label import parsed, tried
+from strapdown.experiments.filter_label import labelled_filter, parse_label
 
 pytestmark = pytest.mark.short
 
@@ -22,13 +22,15 @@ pytestmark = pytest.mark.short
     ],
 )
 def test_a_label_comes_back_to_one_text(text, options, estimate, label):
-    found = parsed(text)
+    found = parse_label(text)
     assert (found.options, found.estimate, found.label) == (options, estimate, label)
-    assert parsed(label) == found
+    assert parse_label(label) == found
 
 
 def test_a_list_of_names_is_what_their_text_is():
-    assert tried("mekf", {"estimate": ["clock", "scale"]}) == parsed("mekf:estimate=clock+scale")
+    assert labelled_filter("mekf", {"estimate": ["clock", "scale"]}) == parse_label(
+        "mekf:estimate=clock+scale"
+    )
 
 
 @pytest.mark.parametrize(
@@ -44,4 +46,4 @@ def test_a_list_of_names_is_what_their_text_is():
 )
 def test_a_label_that_estimates_nothing_known_is_refused(text, said):
     with pytest.raises(DataError, match=said.replace("+", r"\+")):
-        parsed(text)
+        parse_label(text)

@@ -21,7 +21,7 @@ from strapdown.fileio.file_access import (
     check_lines,
     files_of,
     json_of,
-    metered,
+    metered_file,
     open_file,
     settings_text,
     toml_of,
@@ -148,7 +148,7 @@ def calls(file):
 
 
 def test_nothing_else_opens_a_file():
-    """Whoever adds a reader opens by `file_access`, `open_bytes`, `mapped`, `open_hdf5`, ..., or says here
+    """Whoever adds a reader opens by `file_access`, `open_bytes`, `map_file`, `open_hdf5`, ..., or says here
     why not."""
     found = {}
     for file in PACKAGE.rglob("*.py"):
@@ -172,20 +172,20 @@ def test_a_line_without_an_end_is_refused_however_it_is_read(tmp_path):
     with pytest.raises(LimitError, match=r"long.csv: has a line of more than 2 MB"):
         check_lines(long)
     with pytest.raises(LimitError, match="a line of more"), long.open("rb") as file:
-        metered(file, Meter(long), lines=True).read()
+        metered_file(file, Meter(long), lines=True).read()
     with long.open("rb") as file:
-        assert len(metered(file, Meter(long)).read()) == long.stat().st_size
+        assert len(metered_file(file, Meter(long)).read()) == long.stat().st_size
     short = tmp_path / "short.csv"
     short.write_bytes(b"1,2\n" * LINE)
     check_lines(short)
     with short.open("rb") as file:
-        assert metered(file, Meter(short), lines=True).read() == short.read_bytes()
+        assert metered_file(file, Meter(short), lines=True).read() == short.read_bytes()
 
 
 def test_what_unpacks_is_counted_as_it_comes(tmp_path):
     file = io.BytesIO(bytes(2_000_000))
     with sd.reading_limits(size=1.5e6), pytest.raises(LimitError, match="a.gz: has 0.00"):
-        metered(file, Meter("a.gz")).read()
+        metered_file(file, Meter("a.gz")).read()
     with pytest.raises(LimitError, match="unpacks to .* from 0.001 MB"):
         meter = Meter("a.gz", 1000)
         for _ in range(200):

@@ -19,7 +19,7 @@ from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sensor_models.magnetometer import Magnetometer
-from strapdown.sim.motions import moored
+from strapdown.sim.motions import moored_vessel
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
 
@@ -196,7 +196,7 @@ def test_gravity_levels_at_rest(name):
 def test_mean_sea_level_holds_the_height(name):
     """Without any vertical position: the height stays about the level, within the deviation that
     it was given."""
-    vessel = Flight(moored(PLACE, heave=0.5, roll=1 * DEG, pitch=1 * DEG), 120)
+    vessel = Flight(moored_vessel(PLACE, heave=0.5, roll=1 * DEG, pitch=1 * DEG), 120)
     recording, start, _ = vessel.drawn(4, constraint("zero-sea-level", 1.0, 1.5, level=500.0))
     gnss, *others = recording.aidings
     recording = replace(recording, aidings=(replace(gnss, y=gnss.y * [1, 1, np.nan]), *others))

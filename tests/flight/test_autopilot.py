@@ -15,7 +15,7 @@ from strapdown.flight.aircraft.modes import linearise
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.flight.asked import Loop, World
-from strapdown.flight.autopilot_gains import gains, steering
+from strapdown.flight.autopilot_gains import gains, make_steering
 from strapdown.flight.fly import fly
 from strapdown.flight.plan import (
     DEFAULT_PLACE,
@@ -46,7 +46,7 @@ def steered(craft, steady, k, gravity=G):
     """The Steering of an aircraft in trim, without a route, in calm air."""
     parameters = craft.parameters("flat", DEFAULT_PLACE)
     parameters.gravity = gravity
-    return steering(k, steady, parameters, rows(p.Segment, 0), CALM)
+    return make_steering(k, steady, parameters, rows(p.Segment, 0), CALM)
 
 
 def feedback(craft, steady, k):

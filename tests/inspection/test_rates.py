@@ -9,7 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.data.solution import Aiding
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.inspection.all import check
 from strapdown.sensor_models.gnss import Gnss
 
@@ -44,7 +44,7 @@ def drifting(recording):
 
     def drift(a):
         north = 0.1 * (a.t - a.t[0])
-        return replace(a, y=displaced(a.y, np.c_[north, 0 * north, 0 * north]))
+        return replace(a, y=displace_lla(a.y, np.c_[north, 0 * north, 0 * north]))
 
     return bent.with_sources(recording, drift, ("position",))
 

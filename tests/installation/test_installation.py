@@ -17,7 +17,7 @@ from strapdown.engine.options import run_options
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
 from strapdown.geometry.geodesy import displacement
 from strapdown.installation.findings import edits
-from strapdown.installation.model import InstallationModel, applied, constants, rotation
+from strapdown.installation.model import InstallationModel, apply_constants, constants, rotation
 from strapdown.preprocessing.axes import rotation_matrix
 
 STEP = 1e-6
@@ -95,7 +95,7 @@ def test_a_start_made_of_fixes_errs_with_them():
     recording = car(1040, 60.0)
     found, step = constants(recording.aidings), 0.01
     begun = lambda theta: begin_sensitive(
-        applied(recording, found, theta), filters.find("closed-loop"), run_options()
+        apply_constants(recording, found, theta), filters.find("closed-loop"), run_options()
     )
     run = begun(np.zeros(len(found)))
     V = InstallationModel(run, found, True).start
@@ -122,14 +122,14 @@ def test_what_is_applied_is_what_the_constants_say():
     theta[[one.of is LEVER_ARM and one.axis == 2 for one in found].index(True)] = 0.4
     theta[[one.of is MOUNTING and one.axis == 2 for one in found].index(True)] = np.pi / 2
     theta[[one.of is SCALE for one in found].index(True)] = 0.25
-    made = applied(recording, found, theta)
+    made = apply_constants(recording, found, theta)
     position, _, speed = made.aidings[:3]
     np.testing.assert_allclose(position.t, recording.aidings[0].t + 0.3)
     np.testing.assert_allclose(position.parameters, (0.5, 0.2, -0.6))
     np.testing.assert_allclose(speed.y, recording.aidings[2].y / 1.25)
     # its x axis points to the right of the vehicle
     np.testing.assert_allclose(made.imu.dv[:, 1], recording.imu.dv[:, 0], atol=1e-12)
-    assert applied(recording, found, 0 * theta).imu is recording.imu
+    assert apply_constants(recording, found, 0 * theta).imu is recording.imu
 
 
 @pytest.mark.short
@@ -141,7 +141,7 @@ def test_rates_that_the_gyro_measured_turn_with_it():
     recording = replace(recording, aidings=(*recording.aidings, rates))
     found = constants(recording.aidings)
     theta = np.array([np.pi / 2 * (one[::2] == (MOUNTING, 2)) for one in found])
-    made = applied(recording, found, theta)
+    made = apply_constants(recording, found, theta)
     np.testing.assert_allclose(made.aidings[-1].y, [[-0.02, 0.01, 0.03]], atol=1e-15)
 
 
@@ -159,7 +159,7 @@ def test_a_magnetometer_and_an_ahrs_turn_with_their_imu():
     recording = replace(recording, aidings=(*recording.aidings, *sources))
     found = constants(recording.aidings)
     theta = np.array([0.3 * (one[::2] == (MOUNTING, 2)) for one in found])
-    *others, magnetic, attitude = applied(recording, found, theta).aidings
+    *others, magnetic, attitude = apply_constants(recording, found, theta).aidings
     assert all((made.y == given.y).all() for made, given in zip(others, recording.aidings))
     own = C * Rotation.from_rotvec([0, 0, 0.3]).inv()
     np.testing.assert_allclose(own.apply(magnetic.y), np.tile(field, (4, 1)), atol=1e-12)
@@ -201,7 +201,7 @@ def test_what_the_description_must_say_gives_the_recording_as_found():
     theta = np.array(
         [sum(x for of, _, axis, x, _ in found if one[::2] == (of, axis)) for one in known]
     )
-    wanted = applied(recording, known, theta)
+    wanted = apply_constants(recording, known, theta)
     made = {(each.of, each.source): each for each in edits(recording, found)}
     said = {key: np.array(each.value) for key, each in made.items()}
     assert made[MOUNTING, None].sd == (0.0, 0.01, 0.02) and made[LEVER_ARM, 1].sd == (0.2, 0, 0)

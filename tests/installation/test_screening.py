@@ -28,7 +28,7 @@ FAULTS = {
 
 def test_thinned_samples_keep_all_motion_the_gaps_and_the_moment_of_a_fix():
     recording = without_samples(car(1040, 20.0), (5.0, 6.0))
-    made = screening.thinned(recording)
+    made = screening.thin_recording(recording)
     assert len(made.imu.t) < len(recording.imu.t) / 10
     for fast, slow in zip(recording.imu[1:], made.imu[1:]):
         np.testing.assert_allclose(slow.sum(axis=0), fast.sum(axis=0))

@@ -14,7 +14,7 @@ from strapdown.checks import DataError
 from strapdown.io import read, write_recording
 from strapdown.io.calibration_file import (
     Correction,
-    composed,
+    compose_corrections,
     read_calibration,
     read_corrections,
     write_calibration,
@@ -179,7 +179,7 @@ def test_a_correction_in_body_axes_comes_back_to_the_columns():
     own, raw = Correction(rng.normal(size=3), MATRIX), rng.normal(size=(5, 3))
     bias, matrix = rng.normal(size=3), np.eye(3) + 0.1 * rng.normal(size=(3, 3))
     body = (raw - own.bias) @ own.matrix.T @ axes.T
-    found = composed(
+    found = compose_corrections(
         "accel",
         bias,
         matrix,

@@ -9,7 +9,7 @@ import pytest
 import strapdown as sd
 from strapdown.core.loop.contract import Imu
 from strapdown.io.description.imu_grade import CLASSES, nearest_grade
-from strapdown.io.description.rewriting import rewritten
+from strapdown.io.description.rewriting import rewrite_text
 from strapdown.io.description.rewriting_noise import GRADE, NoiseEdit, change_noise
 from strapdown.io.inspection import draft
 
@@ -120,7 +120,7 @@ def test_a_mark_of_no_key_is_refused_and_a_grade_that_is_tuned_loses_its_mark(pa
     path = tmp_path / "recording.toml"
     path.write_text(draft(pair, {}, tmp_path))
     edit = NoiseEdit(None, GRADE, ('"tuned.toml"',), "95 %")
-    text = rewritten(path, [edit], ["position", "velocity"], "today", change_noise)
+    text = rewrite_text(path, [edit], ["position", "velocity"], "today", change_noise)
     assert 'grade = "tuned.toml"' in text and "assumed = []" in text
     path.write_text(path.read_text().replace('assumed = ["grade"', 'assumed = ["mounting"'))
     with pytest.raises(sd.DataError, match="'mounting' is no key of this section; take it out"):

@@ -27,7 +27,7 @@ from strapdown.checks import DataError
 from strapdown.io.decoding.robots.mcap_records import read_mcap
 from strapdown.io.decoding.robots.packed_chunks import unpack_frames
 from strapdown.io.decoding.robots.ros_messages import Messages
-from strapdown.io.tables.table_file import mapped
+from strapdown.io.tables.table_file import map_file
 
 __all__ = ["driven"]  # a fixture
 SAMPLE = "native/rosbag2/jackal_sim_imu_odom_61s.mcap.xz"
@@ -44,7 +44,7 @@ def test_every_field_of_the_sample_is_as_mcap_and_rosbags_read_it(data_folder, t
         for schema, channel, message in make_reader(file).iter_messages():
             read = types("cdr").deserialize_cdr(message.data, schema.name)
             expected.setdefault(channel.topic, []).append(read)
-    found = list(read_mcap(mapped(path), Messages()).decoded())
+    found = list(read_mcap(map_file(path), Messages()).decoded())
     assert len(found) == 2
     for topic, decoded in found:
         same_fields(topic, decoded, expected[topic.name])
@@ -75,7 +75,7 @@ def test_messages_of_ros_1_in_mcap(tmp_path):
     topics = every_type("ros1")
     path = write_mcap(tmp_path / "a.mcap", topics, encoding="ros1")
     expected = oracle(write_bag(tmp_path / "a.bag", topics), "ros1")
-    found = list(read_mcap(mapped(path), Messages()).decoded())
+    found = list(read_mcap(map_file(path), Messages()).decoded())
     assert len(found) == 8
     for topic, decoded in found:
         same_fields(topic, decoded, expected[topic.name])

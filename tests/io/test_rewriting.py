@@ -7,8 +7,8 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
-from strapdown.io.description.edits import Edit, told
-from strapdown.io.description.rewriting import rewrite, rewritten
+from strapdown.io.description.edits import Edit, edit_text
+from strapdown.io.description.rewriting import rewrite, rewrite_text
 
 MARK = "2026-11-22, calibrate installation"
 KINDS = ["position", "velocity", "speed"]
@@ -58,7 +58,7 @@ def path(tmp_path):
 def changed(path, *edits, kinds=KINDS):
     """Lines that are gone, and lines that are new."""
     old = path.read_text().splitlines()
-    new = rewritten(path, edits, kinds, MARK).splitlines()
+    new = rewrite_text(path, edits, kinds, MARK).splitlines()
     return [line for line in old if line not in new], [line for line in new if line not in old]
 
 
@@ -118,7 +118,7 @@ def test_of_an_arm_over_several_lines_only_what_was_estimated_changes(path):
 
 @pytest.mark.short
 def test_what_is_missing_is_added_at_the_end_of_its_section(path):
-    text = rewritten(
+    text = rewrite_text(
         path,
         [Edit(1, LEVER_ARM, (1.0, 0.0, 2.0), (0.1, 0.0, 0.1)), Edit(1, CLOCK, (0.5,), (0.01,))],
         KINDS,
@@ -145,14 +145,14 @@ offset = 0.500  # +- 0.010 s, {MARK}
         kinds=["zero-lateral-velocity"],
     )[1][0].startswith("lever_arm = [1.00, 0.00, 2.00]")
     edits = [Edit(None, MOUNTING, (0.0, 0.1, 0.0), (0.0, 1e-3, 0.0))]
-    made = rewritten(path, edits, ["zero-lateral-velocity"], MARK)
+    made = rewrite_text(path, edits, ["zero-lateral-velocity"], MARK)
     assert tomllib.loads(made)["imu"]["mounting"] == {"unit": "deg", "pitch": 5.73}
 
 
 @pytest.mark.short
 def test_what_was_said_before_is_replaced(path):
     edit = Edit(0, CLOCK, (0.002,), (0.003,))
-    path.write_text(rewritten(path, [edit], KINDS, "2025-01-01, calibrate installation"))
+    path.write_text(rewrite_text(path, [edit], KINDS, "2025-01-01, calibrate installation"))
     _, (line,) = changed(path, edit)
     assert line.endswith(f"# of the receiver; offset +- 0.003 s, {MARK}")
     assert "offset = -0.196" in line
@@ -161,7 +161,7 @@ def test_what_was_said_before_is_replaced(path):
 @pytest.mark.short
 def test_lines_end_as_they_did(path):
     path.write_bytes(TEXT.replace("\n", "\r\n").encode())
-    new = rewritten(path, [Edit(1, LEVER_ARM, (1.0, 0, 2.0), (0.1, 0, 0.1))], KINDS, MARK)
+    new = rewrite_text(path, [Edit(1, LEVER_ARM, (1.0, 0, 2.0), (0.1, 0, 0.1))], KINDS, MARK)
     assert new.count("\n") == new.count("\r\n") == TEXT.count("\n") + 1
 
 
@@ -228,7 +228,7 @@ def test_an_edit_is_told_with_the_digits_of_the_file():
         ),
         (Edit(2, SCALE, (1.01234,), (0.001,)), "scale: multiply by 1.0123"),
     ):
-        assert told(edit) == text
+        assert edit_text(edit) == text
 
 
 def test_a_clock_of_two_tables_is_left_to_the_user(path):
@@ -236,7 +236,7 @@ def test_a_clock_of_two_tables_is_left_to_the_user(path):
     path.write_text(TEXT.replace("# the receiver", own))
     edit = Edit(None, CLOCK, (0.25,), (0.01,))
     with pytest.raises(DataError, match=r"\[imu\] accel has a time of its own; add \+0.25 s"):
-        rewritten(path, [edit], KINDS, MARK)
+        rewrite_text(path, [edit], KINDS, MARK)
 
 
 def test_keys_beside_stay(path):

@@ -3,7 +3,7 @@
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.io.description.rewriting import rewritten
+from strapdown.io.description.rewriting import rewrite_text
 from strapdown.io.description.rewriting_noise import NoiseEdit, change_noise, scaled_deviations
 
 pytestmark = pytest.mark.short
@@ -33,7 +33,7 @@ def changed(tmp_path, text, edits):
     path = tmp_path / "recording.toml"
     path.write_text(text)
     kind = "position" if "position" in text else "velocity"
-    return rewritten(path, [edit(path) for edit in edits], [kind], MARK, change_noise)
+    return rewrite_text(path, [edit(path) for edit in edits], [kind], MARK, change_noise)
 
 
 def scaled(factors):

@@ -33,10 +33,10 @@ from strapdown.checks import DataError
 from strapdown.io.decoding.robots.bag_records import read_bag
 from strapdown.io.decoding.robots.ros_messages import RosTopic
 from strapdown.io.decoding.robots.ros_transforms import RosFrames
-from strapdown.io.description.logs import join, opened
+from strapdown.io.description.logs import join, open_logs
 from strapdown.io.inspection import draft
 from strapdown.io.readers.rosbag2 import messages_of
-from strapdown.io.tables.table_file import mapped
+from strapdown.io.tables.table_file import map_file
 
 SAMPLES = "native/rosbag1/jackal_sim_imu_odom_61s.bag", "native/rosbag2/jackal_sim_imu_odom_61s.db3"
 N = 400
@@ -67,7 +67,7 @@ def still(**options):
 
 
 def log_of(path):
-    return opened([path])[path]
+    return open_logs([path])[path]
 
 
 def keys(path, role, instance=0):
@@ -136,7 +136,7 @@ def every_type(encoding, order="<"):
 @pytest.mark.parametrize("compression", [None, "lz4", "bz2"])
 def test_every_field_of_a_bag_is_as_rosbags_reads_it(tmp_path, compression):
     path = write_bag(tmp_path / "all.bag", every_type("ros1"), compression)
-    messages, expected = read_bag(mapped(path)), oracle(path, "ros1")
+    messages, expected = read_bag(map_file(path)), oracle(path, "ros1")
     found = list(messages.decoded())
     assert len(found) == 8 and not messages.left
     for topic, decoded in found:
@@ -304,7 +304,7 @@ def test_the_imu_that_can_be_taken_is(bag):
         ("/camera/imu", IMU, imu("ros1", T, SLOW, UP[:, [0, 2, 1]], frame="camera")),
         ("/imu", IMU, imu("ros1", T, 2 * SLOW, UP)),
     )
-    joined = join(opened([path]))
+    joined = join(open_logs([path]))
     assert "imu 1 of log.bag: /imu, 200 Hz" in joined.told[0]
     assert any("left: imu 0" in line and "not forward, left, up" in line for line in joined.told)
     np.testing.assert_allclose(sd.read(path).imu.dtheta[:, 0], 2 * SLOW[:, 0] * 0.005)
@@ -355,7 +355,7 @@ def test_what_topics_are_for(bag):
         ("/mag", "sensor_msgs/msg/MagneticField", field("ros1", T, v * 20)),
         ("/baro", "sensor_msgs/msg/FluidPressure", pressure("ros1", T, v[:, 0] * 0 + 963.0)),
     )
-    joined = join(opened([path]))
+    joined = join(open_logs([path]))
     left = {each.section.keys["table"]: why for each, why in joined.left}
     assert set(left) == {"/b/fix", "/b/vel", "/odometry/gps_filtered", "/cmd_vel", "/mag"}
     assert "estimated" in left["/odometry/gps_filtered"] and "command" in left["/cmd_vel"]
@@ -384,7 +384,7 @@ def test_what_an_autopilot_estimated_is_no_measurement(bag, of):
         (f"{of}/local_position/odom", "nav_msgs/msg/Odometry", speeds),
         (f"{of}/local_position/velocity_body", STAMPED, twist("ros1", T, linear, "base_link")),
     )
-    joined = join(opened([path]))
+    joined = join(open_logs([path]))
     taken = [each.section.keys["table"] for each in joined.taken]
     names = "imu/data", "global_position/raw/fix", "global_position/raw/gps_vel"
     assert sorted(taken) == sorted(f"{of}/{name}" for name in names)
@@ -416,7 +416,7 @@ def test_a_twist_is_a_speed_in_a_frame_of_the_vehicle_only(bag, frame, said):
         ("/twist", STAMPED, twist("ros1", T, linear, frame)),
         ("/tf_static", "tf2_msgs/msg/TFMessage", [mounted], T[:1]),
     )
-    joined = join(opened([path]))
+    joined = join(open_logs([path]))
     left = {each.section.role: why for each, why in joined.left}
     assert said in left["speed"] if said else "speed" not in left
 
@@ -441,7 +441,7 @@ def test_fixes_without_a_fix_are_missing(bag):
     none = fixes("ros1", T, lla, status=-1)
     path.unlink()
     path = bag(still(), ("/fix", FIX, none))
-    assert "never has a fix" in " ".join(join(opened([path])).told)
+    assert "never has a fix" in " ".join(join(open_logs([path])).told)
 
 
 def test_other_definitions_and_types_are_left(tmp_path):

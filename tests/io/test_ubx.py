@@ -11,7 +11,7 @@ from support.written_ubx import GPS, drive
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.io.description.logs import join, opened
+from strapdown.io.description.logs import join, open_logs
 from strapdown.io.readers.ubx import open_ubx, sniff
 from strapdown.io.tables.table_file import read_bytes
 
@@ -143,7 +143,7 @@ def test_what_the_receiver_fused_is_left_until_asked_for(written, tmp_path):
     assert frame["velD"].isna().sum() == 10
     fused = [each for each in log.sections if each.instance == 1]
     assert len(log.tables["NAV-PVT fused"].frame) == 20 and all(each.left for each in fused)
-    joined = join(opened([tmp_path / "a.ubx"]))
+    joined = join(open_logs([tmp_path / "a.ubx"]))
     assert all(each.section.instance == 0 for each in joined.taken)
     assert any("no independent aiding" in line for line in joined.told)
 

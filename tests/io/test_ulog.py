@@ -12,7 +12,7 @@ from multicopter import motion
 
 import strapdown as sd
 from strapdown.io.decoding.autopilots.ulog import ULog
-from strapdown.io.description.logs import join, opened
+from strapdown.io.description.logs import join, open_logs
 from strapdown.io.inspection import inspect
 from strapdown.io.tables.table_file import read_bytes
 from strapdown.units.time_scales import gps_from_unix, iso
@@ -130,7 +130,7 @@ def test_the_imu_that_px4_selected_is_named(flown, log):
         "accel_device_id": ("uint32_t", [10, 11]),
         "gyro_device_id": ("uint32_t", [20, 21]),
     }
-    titles = [each.title for each in opened([log(topics)]).popitem()[1].sections[:2]]
+    titles = [each.title for each in open_logs([log(topics)]).popitem()[1].sections[:2]]
     assert ["PX4 selected" in title for title in titles] == [False, True]
 
 
@@ -360,7 +360,7 @@ def test_magnetometer_and_barometer(flown, log):
 
 def test_the_truth_is_the_reference_and_the_estimate_is_left(data_folder):
     path = sample(data_folder, SAMPLES[4])
-    joined = join(opened([path]))
+    joined = join(open_logs([path]))
     taken = {(each.section.role, each.section.instance) for each in joined.taken}
     assert ("reference", 0) in taken
     recording = sd.read(path)

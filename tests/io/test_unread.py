@@ -9,7 +9,7 @@ from support import written_ubx as ubx
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io import registry
-from strapdown.io.readers.unsupported_formats import FORMATS, known
+from strapdown.io.readers.unsupported_formats import FORMATS, unsupported_format
 
 pytestmark = pytest.mark.short
 SAMPLES = {
@@ -69,7 +69,7 @@ def test_logs_that_carry_such_pieces_are_read(tmp_path):
     content, _ = WRITTEN["a.rtcm3"]
     path = tmp_path / "port.ubx"
     path.write_bytes(content + ubx.pvt(np.array([1_400_000_000_000])).tobytes())
-    assert known(path) is None and registry.find(path).name == "ubx"
+    assert unsupported_format(path) is None and registry.find(path).name == "ubx"
 
 
 def test_noise_and_text_are_none_of_them(tmp_path):
@@ -77,13 +77,13 @@ def test_noise_and_text_are_none_of_them(tmp_path):
     path = tmp_path / "noise.bin"
     for i in range(20):
         path.write_bytes(rng.integers(0, 256, 60_000, np.uint8).tobytes())
-        assert known(path) is None, i
+        assert unsupported_format(path) is None, i
     for text in ("t,ax\n1,2\n" * 1000, "queue blue due true value " * 3000, "", "\0" * 1360):
         path.write_text(text)
-        assert known(path) is None
+        assert unsupported_format(path) is None
     path.write_bytes(struct.pack("<17d", *range(17)))
-    assert known(path) is None
-    assert known(tmp_path) is None
+    assert unsupported_format(path) is None
+    assert unsupported_format(tmp_path) is None
 
 
 def test_every_format_says_what_to_do():

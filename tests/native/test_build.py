@@ -98,7 +98,7 @@ def test_its_functions_give_the_bits_of_the_compiler(small):
         file = folder / made["libraries"][level]["file"]
         address = machine_code.load(file, file.read_bytes())[kernel.symbol]
         theirs = state()
-        assert c_calls.prepared(address, kernel.signature, theirs)() == 3
+        assert c_calls.kernel_call(address, kernel.signature, theirs)() == 3
         for mine, other in zip(ours[-2:], theirs[-2:], strict=True):
             assert mine.tobytes() == other.tobytes()
 

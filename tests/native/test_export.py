@@ -13,11 +13,11 @@ from strapdown.core.compile.signatures import Numbers, Rows
 from strapdown.core.loop import contract
 from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
-from strapdown.native.export.chosen import chosen
+from strapdown.native.export.chosen import choose_export
 from strapdown.native.export.folder import find_target
 from strapdown.native.export.glue import glue
 from strapdown.native.export.header import header, source_text, type_name
-from strapdown.native.export.image import image, known
+from strapdown.native.export.image import image, known_numbers
 from strapdown.native.export.layout import RECORDS, layout, numbers, sizes_of
 from strapdown.native.export.texts import CLASSES, CODE, ENUMS, FIELDS, SIZES
 from strapdown.sim.trajectory import demo_flight
@@ -47,7 +47,7 @@ def choice(name="closed-loop", kinds=None, **options):
     usual = ["position", "velocity"]
     if "attitude" in filters.find(name).needs:
         usual = ["position", "attitude"]
-    return chosen(name, kinds or SOURCES.get(name, usual), flight(), **options)
+    return choose_export(name, kinds or SOURCES.get(name, usual), flight(), **options)
 
 
 def pictured(of):
@@ -72,7 +72,7 @@ def test_the_start_of_a_filter_is_constants_and_copies_or_is_refused(name):
         for k, value in values.items():
             real = place.within(k)[1]
             (got if real else got_whole)[place.first + k] = value
-    parts = known(start, of.noise)
+    parts = known_numbers(start, of.noise)
     for place, copies in found.copies.items():
         for k, what in copies.items():
             got[place.first + k] = parts[what]
@@ -169,7 +169,7 @@ def test_what_cannot_be_is_refused_in_one_line(arguments, said):
 
 def test_no_sources_and_an_unknown_target_are_refused():
     with pytest.raises(sd.DataError, match="sources: there are none"):
-        chosen("closed-loop", [], flight())
+        choose_export("closed-loop", [], flight())
     with pytest.raises(sd.DataError, match="did you mean 'cortex-m7'"):
         find_target("cortex-m8")
     assert find_target("wasm32").name == "wasm32"

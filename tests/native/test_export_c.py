@@ -9,7 +9,7 @@ from exports import STRICT, InC, build_example, rough_flight, run
 
 import strapdown as sd
 from strapdown.core.loop.contract import DOUBTFUL, INVALID, Use
-from strapdown.native.export.chosen import chosen
+from strapdown.native.export.chosen import choose_export
 from strapdown.native.export.folder import export, find_target
 from strapdown.native.export.layout import layout, sizes_of
 
@@ -24,7 +24,7 @@ def made(tmp_path_factory):
     """(what was chosen, what was written, its folder); a closed loop with
     held biases over a rough flight."""
     folder = tmp_path_factory.mktemp("exported")
-    of = chosen("closed-loop", KINDS, rough_flight(), options={"bias": "held"})
+    of = choose_export("closed-loop", KINDS, rough_flight(), options={"bias": "held"})
     return of, export(of, find_target("host"), folder), folder
 
 

@@ -9,7 +9,7 @@ from test_export import REFUSED, SOURCES
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.native.export.chosen import chosen
+from strapdown.native.export.chosen import choose_export
 from strapdown.native.export.folder import export, find_target
 from strapdown.sensor_models.ahrs import Ahrs
 
@@ -36,7 +36,7 @@ def flight(seconds):
 
 
 def exported(target, folder, seconds=120.0):
-    of = chosen("closed-loop", KINDS, flight(seconds))
+    of = choose_export("closed-loop", KINDS, flight(seconds))
     return export(of, find_target(target), folder)
 
 
@@ -127,7 +127,7 @@ def test_without_a_linker_of_webassembly_a_note_says_so(tmp_path, monkeypatch):
 
 
 def compiled(name, kinds, recording, folder, **options):
-    export(chosen(name, kinds, recording, **options), find_target("host"), folder)
+    export(choose_export(name, kinds, recording, **options), find_target("host"), folder)
     build_example("cc", folder)
     return run("./main", "replay.bin", "0", folder=folder)
 

@@ -40,7 +40,7 @@ def test_kernels_of_a_file_run(tmp_path):
         block = place(both)
         assert block.kernels.needed == ("exp", "log")
         file = tmp_path / f"{level}.bin"
-        file.write_bytes(machine_code.written(*block))
+        file.write_bytes(machine_code.file_content(*block))
         addresses = machine_code.load(file, file.read_bytes())
         assert set(addresses) == {"one", "two"}
         call = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_int64)

@@ -258,7 +258,12 @@ def test_euler_sd_agrees_with_sampling():
 
 
 def test_headings_are_cut_where_they_wrap():
-    assert np.isnan(figures.cut([350.0, 359.0, 1.0, 5.0])).tolist() == [False, False, True, False]
+    assert np.isnan(figures.cut_wraps([350.0, 359.0, 1.0, 5.0])).tolist() == [
+        False,
+        False,
+        True,
+        False,
+    ]
     heading = trace(figures.attitude(SOLUTION), "estimate", "y3").y
     assert np.nanmax(np.abs(np.diff(heading))) < 180 and np.isnan(heading).any()
 

@@ -220,7 +220,7 @@ def test_causes_of_rejection_have_marks_of_their_own():
     assert len({symbol for _, symbol in fix_figures.CAUSES.values()}) == len(fix_figures.CAUSES)
     for cause in fix_figures.CAUSES:
         figure = drawing.panels(["x [m]"])
-        drawing.marks(figure, np.arange(3.0), np.arange(3.0), *fix_figures._rejected(cause))
+        drawing.marks(figure, np.arange(3.0), np.arange(3.0), *fix_figures._rejected_style(cause))
 
 
 def test_the_separation_of_a_smoother_is_what_it_was_from_the_filter():

@@ -9,8 +9,8 @@ import pytest
 from pages import plotly, unpacked
 
 from strapdown.pages import script
-from strapdown.pages.packing import packed
-from strapdown.pages.shell import Document, Page, placed, shell
+from strapdown.pages.packing import pack_json
+from strapdown.pages.shell import Document, Page, figure_html, shell
 
 pytestmark = pytest.mark.short
 RNG = np.random.default_rng(1)
@@ -28,7 +28,7 @@ RNG = np.random.default_rng(1)
     ],
 )
 def test_numbers_come_back(values):
-    back = np.array(unpacked(packed({"a": [{"y": values}]}))["a"][0]["y"], float)
+    back = np.array(unpacked(pack_json({"a": [{"y": values}]}))["a"][0]["y"], float)
     change = np.abs(np.diff(values[np.isfinite(values)]))
     usual = np.median(change[change > 0]) if change.any() else 1.0
     assert np.array_equal(np.isnan(back), np.isnan(values))
@@ -40,13 +40,13 @@ def test_numbers_come_back(values):
 )
 def test_what_cannot_be_packed_stays(values):
     figure = go.Figure(go.Scatter(y=values))
-    (trace,) = unpacked(packed(figure.to_plotly_json()))["data"]
+    (trace,) = unpacked(pack_json(figure.to_plotly_json()))["data"]
     spec = trace["y"]
     assert np.array_equal(np.frombuffer(base64.b64decode(spec["bdata"])), values, equal_nan=True)
 
 
 def page(*traces):
-    sections = [("s", placed(1, go.Figure(traces), "Height"))]
+    sections = [("s", figure_html(1, go.Figure(traces), "Height"))]
     return Page(shell(Document("t", {}, "", sections=sections)))
 
 
@@ -72,7 +72,7 @@ def test_an_unknown_script_stays_whole(monkeypatch):
 def test_figures_say_what_they_show_to_those_who_do_not_see_them():
     figure = go.Figure(go.Scatter(y=[1, 2], name="<b>up</b>"))
     figure.update_layout(yaxis={"title": "height [m]", "range": [1, 2]}, xaxis_title="time [s]")
-    html = placed(1, figure, "Height of 'a' & b")
+    html = figure_html(1, figure, "Height of 'a' & b")
     assert (
         "aria-label='Height of &#x27;a&#x27; &amp; b. up: height [m] from 1 to 2. "
         "across: time [s]. shown:  up '" in html

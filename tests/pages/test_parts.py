@@ -8,11 +8,11 @@ from strapdown.pages.parts import (
     Ruled,
     TableCell,
     around,
+    bullet_list,
     caption,
-    listing,
-    numbered,
+    numbered_list,
     remarks,
-    split,
+    split_cells,
     table,
 )
 from strapdown.pages.shell import Document
@@ -30,7 +30,11 @@ def test_texts_of_a_table_are_escaped_and_html_is_not():
 def test_a_table_has_cells_with_a_look_and_rows_above_and_below():
     above = [TableCell("", rows=2), TableCell("both", "split", columns=2)]
     made = table(
-        split("ab", 2), [Ruled(["r", *split([TableCell(1, "best"), 2], 2)])], "tall", above, [["f"]]
+        split_cells("ab", 2),
+        [Ruled(["r", *split_cells([TableCell(1, "best"), 2], 2)])],
+        "tall",
+        above,
+        [["f"]],
     )
     assert made == (
         "<div class='scroll tall'><table><thead>"
@@ -42,12 +46,14 @@ def test_a_table_has_cells_with_a_look_and_rows_above_and_below():
 
 
 def test_nothing_is_made_of_nothing():
-    assert listing([]) == numbered([]) == remarks([]) == around("grid", "", "") == ""
+    assert bullet_list([]) == numbered_list([]) == remarks([]) == around("grid", "", "") == ""
 
 
 def test_long_lists_say_how_many_more_there_are():
-    assert listing("abc", limit=2) == "<ul class=list><li>a</li><li>b</li><li>and 1 more</li></ul>"
-    assert numbered(["<"]) == "<ol><li>&lt;</li></ol>"
+    assert (
+        bullet_list("abc", limit=2) == "<ul class=list><li>a</li><li>b</li><li>and 1 more</li></ul>"
+    )
+    assert numbered_list(["<"]) == "<ol><li>&lt;</li></ol>"
     assert caption("c") + remarks("n") == "<p class=caption>c</p><p class=note>n</p>"
 
 

@@ -9,7 +9,7 @@ from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown import report
 from strapdown.data.verdict import Reason, Verdict
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.pages.verdict_block import verdict_block
 
 pytestmark = pytest.mark.short
@@ -77,7 +77,7 @@ def test_a_page_says_once_and_first_that_its_reference_contradicts_it():
     true = flight(60, rate=1.0)
     made = solution(true, verdict=TRUSTED.as_dict())
     off = np.full((len(true.t), 3), [9.0, 0.0, 0.0])
-    html = report(made, replace(true, lla=displaced(true.lla, off))).html
+    html = report(made, replace(true, lla=displace_lla(true.lla, off))).html
     assert html.index("Trusted, but contradicted by the reference") < html.index("<section")
     assert "class='verdict doubt'" in html and html.count("position error beyond 3σ") == 1
     assert "class='verdict right'" in report(made, true).html

@@ -10,7 +10,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.data.solution import Aiding, Trajectory
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.preprocessing.lever_arm import gnss_at, imu_at, specific_force_at
 from strapdown.sim.trajectory import DEG, Motion, records
 
@@ -284,5 +284,5 @@ def test_it_is_the_inverse_of_displaced():
     fixes, truth, _, rows = antenna()
     moved = gnss_at(fixes, truth)
     np.testing.assert_allclose(
-        displaced(moved.y, truth.rotation[rows].apply(ARM))[:, :2], fixes.y[:, :2], atol=1e-12
+        displace_lla(moved.y, truth.rotation[rows].apply(ARM))[:, :2], fixes.y[:, :2], atol=1e-12
     )

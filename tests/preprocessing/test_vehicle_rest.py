@@ -10,7 +10,7 @@ from strapdown.data.solution import Aiding
 from strapdown.preprocessing.imu_samples import increments
 from strapdown.preprocessing.stationary import at_rest
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
-from strapdown.preprocessing.wheel_slip import MAX_SLIP, slipping, without_slip
+from strapdown.preprocessing.wheel_slip import MAX_SLIP, is_slipping, without_slip
 
 pytestmark = pytest.mark.short
 
@@ -100,7 +100,7 @@ def test_spin_and_lock_are_left_out_and_nothing_else(share):
     imu, speed = driven(slope=0.05)
     wrong = (speed.t > 40.0) & (speed.t < 43.0)
     bad = replace(speed, y=speed.y * np.where(wrong, 1 + share, 1.0)[:, None], name="wheel")
-    np.testing.assert_array_equal(slipping(bad, imu), wrong)
+    np.testing.assert_array_equal(is_slipping(bad, imu), wrong)
     left, [note] = without_slip(bad, imu)
     assert len(left.t) == len(speed.t) - wrong.sum()
     assert note.startswith(f"wheel: {wrong.sum()} fixes left out") and "40.1 to 42.9 s" in note
@@ -109,7 +109,7 @@ def test_spin_and_lock_are_left_out_and_nothing_else(share):
 def test_what_lasts_is_followed_again():
     imu, speed = driven()
     bad = replace(speed, y=speed.y * np.where(speed.t > 30, 1.5, 1.0)[:, None])
-    found = slipping(bad, imu)
+    found = is_slipping(bad, imu)
     assert found[(speed.t > 30) & (speed.t < 30 + MAX_SLIP)].all()
     assert not found[speed.t > 30.1 + MAX_SLIP].any()
 
@@ -124,11 +124,11 @@ def test_a_wheel_speed_that_always_contradicts_is_kept_and_said():
 @pytest.mark.parametrize("rows", [0, 1, 2])
 def test_few_fixes(rows):
     imu, speed = driven(5.0)
-    assert not slipping(speed._where(np.arange(len(speed.t)) < rows), imu).any()
+    assert not is_slipping(speed._where(np.arange(len(speed.t)) < rows), imu).any()
 
 
 def test_backwards_is_below_zero():
     imu, speed = driven()
     back = imu._replace(dv=imu.dv * [-1.0, 1.0, 1.0])
-    assert not slipping(replace(speed, y=-speed.y), back).any()
-    assert slipping(speed, back).any()
+    assert not is_slipping(replace(speed, y=-speed.y), back).any()
+    assert is_slipping(speed, back).any()

@@ -108,7 +108,7 @@ def test_only_movement_with_a_reference_counts():
     made = trial(truth, known=known, movement=((1.0, 1.49), (3.0, 3.0)))
     assert np.array_equal(np.flatnonzero(made.scored), np.r_[100:120, 300])
     off = np.where(made.scored, 0.1, 1.5)
-    run = main.Run(
+    run = main.TrialRun(
         "x",
         made.name,
         main.angles(path_of(Rotation.from_euler("z", off[:, None]) * truth), made.recording),
@@ -130,11 +130,12 @@ def test_a_missing_estimate_is_not_a_good_one():
         Trajectory(T[101:], path.lla[101:], q_nb=path.q_nb[101:]),
     ):
         assert np.isnan(
-            main.rms(main.Run("x", made.name, main.angles(late, made.recording), 1.0), made)
+            main.rms(main.TrialRun("x", made.name, main.angles(late, made.recording), 1.0), made)
         ).all()
     early = Trajectory(T[100:], path.lla[100:], q_nb=path.q_nb[100:])
     assert (
-        main.rms(main.Run("x", made.name, main.angles(early, made.recording), 1.0), made) < 1e-7
+        main.rms(main.TrialRun("x", made.name, main.angles(early, made.recording), 1.0), made)
+        < 1e-7
     ).all()
 
 
@@ -143,7 +144,7 @@ def five(errors, us=1.0):
     truth = random(9)
     trials = [trial(truth, number) for number in ("02", "15", "21", "24", "33")]
     runs = [
-        main.Run(
+        main.TrialRun(
             name,
             made.name,
             main.angles(

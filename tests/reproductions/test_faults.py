@@ -12,7 +12,7 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from strapdown.data.solution import Trajectory
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.faults import cells as of_cells, jumps, summary
 from strapdown_reproductions.faults.catalogue import EVERY, FAULTS
@@ -61,7 +61,7 @@ def trajectory(north=0.0, sd=SD):
     n = len(T)
     away = np.zeros((n, 3))
     away[:, 0] = north
-    lla = displaced(np.tile([0.8, 0.2, 100.0], (n, 1)), away)
+    lla = displace_lla(np.tile([0.8, 0.2, 100.0], (n, 1)), away)
     q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
     return Trajectory(T, lla, np.zeros((n, 3)), q, None if sd is None else np.full((n, 15), sd))
 

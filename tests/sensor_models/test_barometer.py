@@ -15,12 +15,12 @@ from strapdown.sensor_models.atmosphere import (
     standard_pressure,
 )
 from strapdown.sensor_models.barometer import Barometer
-from strapdown.sim.motions import hand_held, moored
+from strapdown.sim.motions import hand_held, moored_vessel
 from strapdown.sim.trajectory import DEG, sample, static
 
 pytestmark = pytest.mark.short
 PLACE = (48 * DEG, 11 * DEG, 500.0)
-SEA = sample(moored((60 * DEG, 5 * DEG, 45.0)), np.arange(6001) / 20)
+SEA = sample(moored_vessel((60 * DEG, 5 * DEG, 45.0)), np.arange(6001) / 20)
 # ISO 2533:1975, table 1: geopotential height m, pressure Pa
 TABLE = [
     (-1000, 113929),

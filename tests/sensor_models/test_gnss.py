@@ -6,7 +6,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.data.solution import Trajectory
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.gnss import Gnss, position_fixes, velocity_fixes
 from strapdown.sim.trajectory import DEG, demo_flight, sample
 
@@ -22,8 +22,8 @@ def north_east_down(lla, origin):
 @pytest.mark.parametrize("lat, lon", [(47, 9), (-78, 179.99999), (0, -180)])
 def test_displaced_moves_by_metres(lat, lon):
     origin, move = np.array([[lat * DEG, lon * DEG, 900.0]]), np.array([[3.0, -5.0, 2.0]])
-    np.testing.assert_allclose(north_east_down(displaced(origin, move), origin), move, atol=2e-5)
-    assert -np.pi <= displaced(origin, -move)[0, 1] < np.pi
+    np.testing.assert_allclose(north_east_down(displace_lla(origin, move), origin), move, atol=2e-5)
+    assert -np.pi <= displace_lla(origin, -move)[0, 1] < np.pi
 
 
 def test_fixes_come_at_the_interval_and_carry_their_noise():
@@ -51,7 +51,8 @@ def test_antenna_position_and_velocity():
     np.testing.assert_allclose(north_east_down(fixes.y, TRUTH.lla[ROWS]), expected, atol=1e-6)
     assert fixes.parameters == ARM
     antenna = np.stack(
-        pymap3d.geodetic2ecef(*displaced(TRUTH.lla, TRUTH.rotation.apply(ARM)).T, deg=False), axis=1
+        pymap3d.geodetic2ecef(*displace_lla(TRUTH.lla, TRUTH.rotation.apply(ARM)).T, deg=False),
+        axis=1,
     )
     inner = ROWS[:-1]
     moved = (antenna[inner + 1] - antenna[inner - 1]) / 0.02
@@ -127,7 +128,9 @@ def test_late_fixes_are_stamped_late():
         keep = ((one.t < 69.9999) | (one.t >= 74.9999)) & (one.t <= 179.801)
         np.testing.assert_allclose(other.t, one.t[keep] + 0.2, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(other.y, one.y[keep])
-    error = north_east_down(late[0].y, displaced(sample(demo_flight(), late[0].t).lla, np.zeros(3)))
+    error = north_east_down(
+        late[0].y, displace_lla(sample(demo_flight(), late[0].t).lla, np.zeros(3))
+    )
     # 45 m/s for 0.2 s, which a filter without knowledge of it takes for error
     assert np.linalg.norm(error, axis=1).mean() > 7
 

@@ -10,7 +10,7 @@ import pytest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import WarmUp
-from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
+from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturation_notes
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import simulate
@@ -435,11 +435,13 @@ def test_saturated_samples_are_clipped_and_counted():
     ).max() == pytest.approx(20 * 0.01)
     assert np.sign(made.dtheta[10, 1]) == np.sign(true.dtheta[10, 1]) and made.dv[5, 2] > 0
     np.testing.assert_array_equal(made.dtheta[:10], true.dtheta[:10])
-    assert saturated(full, made) == [
+    assert saturation_notes(full, made) == [
         "gyro: 20 of 100 samples saturated at 28.65 deg/s",
         "accelerometer: 1 of 100 samples saturated at 2.039 g",
     ]
-    assert saturated(full, moving(T[:101])) == [] == saturated(grade("tactical"), made)
+    assert (
+        saturation_notes(full, moving(T[:101])) == [] == saturation_notes(grade("tactical"), made)
+    )
 
 
 def test_a_simulated_recording_has_the_temperature_of_its_warm_up():

@@ -19,7 +19,7 @@ from strapdown.sim.jsbsim import (
     jsbsim_motion,
     session,
 )
-from strapdown.sim.splined import residual, splined
+from strapdown.sim.splined import residual, spline_motion
 from strapdown.sim.trajectory import DEG, normal_gravity, rates
 
 START, EAST = (47.6 * DEG, 9.3 * DEG, 1200.0), 90 * DEG
@@ -73,7 +73,7 @@ def test_the_motion_keeps_to_the_positions_of_jsbsim_and_to_rows_held_back():
     pytest.importorskip("jsbsim")
     dense = flown_by_jsbsim(START, EAST, 52.0, 30.0, targets=TARGETS, row=0.01)
     half = sd.Trajectory(dense.t[::2], dense.lla[::2], dense.v_n[::2], dense.q_nb[::2])
-    position, velocity, turn = residual(splined(half), dense)
+    position, velocity, turn = residual(spline_motion(half), dense)
     assert (
         np.abs(position).max() < 1e-5
         and np.abs(velocity).max() < 2e-4
@@ -105,7 +105,7 @@ def test_its_specific_force_and_rate_are_those_of_jsbsim():
                 + [executive[key] for key in rate]
             ),
         )
-    omega, f = rates(splined(flown), flown.t[5:-5], flown.lla[5:-5].T, normal_gravity)
+    omega, f = rates(spline_motion(flown), flown.t[5:-5], flown.lla[5:-5].T, normal_gravity)
     said = np.array(said)[5:-5]
     # m/s^2: a kink when the target comes
     assert (

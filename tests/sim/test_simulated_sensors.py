@@ -19,7 +19,7 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sensor_models.streams import RandomStream
-from strapdown.sim.motions import hand_held, moored
+from strapdown.sim.motions import hand_held, moored_vessel
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, draw_start, simulate
 from strapdown.sim.trajectory import DEG, demo_flight, gravity, normal_gravity, rates, sample
@@ -328,7 +328,7 @@ def test_impossible_scenarios_are_refused():
         (hand_held, {"turning": 2.0}, "pitches over the vertical"),
         (hand_held, {"rest": -1.0}, "rest is -1.0 s; it must be a finite number, 0 or more"),
         (
-            moored,
+            moored_vessel,
             {"wave_period": 0.0},
             "period of a swell is 0.0 s; it must be a finite number above 0",
         ),

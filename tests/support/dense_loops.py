@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
@@ -24,7 +24,7 @@ class State:
     def plus(self, error):
         """This state (+) an error of nine numbers: equations (21)-(23)."""
         return State(
-            displaced(self.lla, error[:3]),
+            displace_lla(self.lla, error[:3]),
             self.v + error[3:6],
             Rotation.from_rotvec(error[6:9]).as_matrix() @ self.C,
         )

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.data.calibration_parameters import CLOCK
 from strapdown.data.solution import Aiding
-from strapdown.installation.model import applied, constants
+from strapdown.installation.model import apply_constants, constants
 from strapdown.sensor_models.gnss import Gnss
 
 GNSS = Gnss(
@@ -73,4 +73,4 @@ def wrong(recording, kind, value, axis=0, of=None):
         ]
     )
     assert theta.any()
-    return applied(recording, found, -theta)
+    return apply_constants(recording, found, -theta)

@@ -7,7 +7,7 @@ from flat_flight import NOISE, flight
 
 import strapdown as sd
 from strapdown.data.solution import Correlated
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.noise import gauss_markov
 
 EXACT = NOISE._replace(gyro=1e-8)
@@ -22,7 +22,7 @@ def erring(recording, deviation, time, seed, kind="position"):
     for a in recording.aidings:
         if a.kind == kind:
             c = gauss_markov(np.diff(a.t) / time, rng) * deviation
-            a = replace(a, y=displaced(a.y, c) if kind == "position" else a.y + c)
+            a = replace(a, y=displace_lla(a.y, c) if kind == "position" else a.y + c)
         aidings.append(a)
     return replace(recording, aidings=tuple(aidings))
 

@@ -28,7 +28,7 @@ def plotly(page):
 
 
 def unpacked(text):
-    """What `packed` of strapdown.pages.packing was given; columns are lists, None where unknown."""
+    """What `pack_json` of strapdown.pages.packing was given; columns are lists, None where unknown."""
     head, numbers = zlib.decompress(base64.b64decode(text)).split(b"\n", 1)
     return json.loads(head, object_hook=lambda value: _column(value, numbers))
 

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 import strapdown as sd
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import scenario
@@ -51,7 +51,7 @@ def changed(recording, kind, change):
 
 
 def _moved(a, by):
-    return replace(a, y=displaced(a.y, by))
+    return replace(a, y=displace_lla(a.y, by))
 
 
 def _sideways(rng):

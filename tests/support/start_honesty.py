@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import strapdown as sd
-from strapdown.engine.heading_hypotheses import aligned
+from strapdown.engine.heading_hypotheses import align_start
 from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
@@ -157,7 +157,7 @@ def normalised(case, seed):
     motion = case.motion(np.random.default_rng([seed, 77]))
     recording = sd.simulate(motion, case.seconds, case.imu, seed, 50.0, case.gnss)
     seen = recording if case.at is None else recording.between(case.at)
-    start = aligned(seen, sd.grade(case.imu))
+    start = align_start(seen, sd.grade(case.imu))
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - start.t)))
     turn = truth.rotation[row] * Rotation.from_euler("ZYX", start.rph[::-1]).inv()

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.mathematics.earth import RATE, gravity
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.filters.attitude.attitude_error_state import carry
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 CROSS = lambda a: np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 WRAP = lambda angle: (angle + np.pi) % (2 * np.pi) - np.pi
@@ -57,7 +57,7 @@ class State:
 
     def plus(self, x):
         return State(
-            displaced(self.lla, x[P]),
+            displace_lla(self.lla, x[P]),
             self.v + x[V],
             self.angles + x[A],
             self.ba + x[BA],

@@ -11,7 +11,7 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.data.solution import Correlated
 from strapdown.engine.options import run_options
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.tuning.findings import AT_MAX, KEPT, OPEN
 from strapdown.tuning.likelihood import slope
@@ -142,7 +142,7 @@ def test_outliers_do_not_count(right):
     position = right.aidings[0]
     off = (rng.random(len(position.t)) < 0.05) & (position.t > 40)
     error = 20 * position.sd * rng.standard_normal(position.sd.shape) * off[:, None]
-    spoiled = replace(position, y=displaced(position.y, error))
+    spoiled = replace(position, y=displace_lla(position.y, error))
     tuning = sd.tune(replace(right, aidings=(spoiled, *right.aidings[1:])), correlated=False)
     each = found(tuning, "noise horizontal")
     assert each.value == pytest.approx(SIZES[0], rel=0.2)

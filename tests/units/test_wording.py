@@ -3,10 +3,10 @@
 import pytest
 
 from strapdown.units.wording import (
-    capitalised,
-    counted,
-    elapsed,
-    enumerated,
+    capitalise,
+    count_text,
+    duration_text,
+    join_words,
     metres,
     number,
     short,
@@ -16,8 +16,8 @@ pytestmark = pytest.mark.short
 
 
 def test_counts_have_the_noun_in_their_number():
-    assert [counted(n, "row") for n in (0, 1, 2)] == ["0 rows", "1 row", "2 rows"]
-    assert counted(1, "fix", "es") == "1 fix" and counted(3, "fix", "es") == "3 fixes"
+    assert [count_text(n, "row") for n in (0, 1, 2)] == ["0 rows", "1 row", "2 rows"]
+    assert count_text(1, "fix", "es") == "1 fix" and count_text(3, "fix", "es") == "3 fixes"
 
 
 @pytest.mark.parametrize(
@@ -59,10 +59,10 @@ def test_short_numbers_end_without_zeros_and_without_exponent():
     ],
 )
 def test_lengths_of_time(seconds, said):
-    assert elapsed(seconds) == said
+    assert duration_text(seconds) == said
 
 
 def test_lists_and_lengths():
-    assert [enumerated("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+    assert [join_words("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
     assert metres(12.34) == "12.3 m" and metres(4567) == "4.57 km"
-    assert capitalised("no IMU") == "No IMU" and capitalised("") == ""
+    assert capitalise("no IMU") == "No IMU" and capitalise("") == ""

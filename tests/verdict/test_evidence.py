@@ -71,7 +71,7 @@ def test_right_statistics_give_no_reason():
     solution = made_up()
     own = source(solution)
     found = [
-        *evidence.stopped(solution),
+        *evidence.check_divergence(solution),
         *evidence.biases(solution),
         *evidence.noise(own),
         *evidence.rejections(own),
@@ -279,7 +279,7 @@ def test_doubtful_rows_of_the_start_are_no_reason():
 
 
 def test_a_filter_that_stopped_is_not_to_be_trusted():
-    reasons = evidence.stopped(made_up(stopped="stopped at 3 s: diverged"))
+    reasons = evidence.check_divergence(made_up(stopped="stopped at 3 s: diverged"))
     assert Verdict.of(reasons).word == NOT_TO_BE_TRUSTED
 
 

@@ -8,7 +8,7 @@ import pytest
 import strapdown as sd
 from strapdown.data.solution import DOUBTFUL
 from strapdown.data.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.verdict import evidence
@@ -97,7 +97,7 @@ def smoothed_fixes(scenario, interval, lasts, seed):
         for k in range(1, len(e)):
             e[k] = kept * e[k - 1] + np.sqrt(1 - kept**2) * e[k]
         truth = [np.interp(a.t, right.reference.t, column) for column in right.reference.lla.T]
-        y = displaced(np.stack(truth, axis=1), e * [1, 1, -1])
+        y = displace_lla(np.stack(truth, axis=1), e * [1, 1, -1])
         return replace(a, y=y, sd=np.full_like(a.y, 15.0), parameters=(0.0, 0.0, 0.0))
 
     return with_fixes(right, smoothed, "position")

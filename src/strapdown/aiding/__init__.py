@@ -10,7 +10,7 @@ from .. import plugins
 from ..checks import DataError, check_choice, check_number, located
 from ..core.loop.contract import OBSERVE, Kind, Measurement, Observe, compile_kernel
 from ..units import quantities
-from .trial import tried
+from .trial import derivative_complaints
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")
 """What source.parameters[0:3] of a source can be."""
@@ -69,16 +69,16 @@ _given: dict[str, int] = {}
 _one_at_a_time = Lock()
 
 
-def compiled(name: str) -> Observe:
+def compile_observation(name: str) -> Observe:
     """The observation of a kind, compiled. Raises DataError of one line, which names the plugin,
     where somebody else's code does not compile or does not pass its trial."""
     sensor = find(name)
-    with plugins.blamed(sensor, sensor.observe, lambda: REGISTRY.brought_by(name)):
+    with plugins.blame_plugin(sensor, sensor.observe, lambda: REGISTRY.brought_by(name)):
         compile_kernel(sensor.observe)
     plugin = REGISTRY.brought_by(name)
     if plugin and _tried.get(name) is not sensor.observe:
         with located(f"plugin {plugin.name}: Measurement {name!r}"):
-            for text in tried(sensor, sensor.observe):
+            for text in derivative_complaints(sensor, sensor.observe):
                 plugin.complain(f"Measurement {name!r}: {text}")
         _tried[name] = sensor.observe
     return sensor.observe

@@ -1,7 +1,7 @@
 """Ellipsoidal height of a point of the body: y = m."""
 
 from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, helper, kernel
-from ..core.mathematics.rotation import turned
+from ..core.mathematics.rotation import rotate_vector
 from ..typing import Array
 
 
@@ -11,7 +11,7 @@ def height(
 ) -> int:
     """One row, down: estimated height of the point at the lever arm source.parameters[0:3] (m, body) -
     measured, m."""
-    north, east, down = turned(
+    north, east, down = rotate_vector(
         belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
     )
     innovation[0] = belief.lla[2] - measured - down

@@ -10,7 +10,7 @@ is left out.
 import math
 
 from ..core.loop.contract import STATES, FilterState, SourceRow, helper
-from ..core.mathematics.rotation import turned
+from ..core.mathematics.rotation import rotate_vector
 from ..typing import Array, Ints
 
 Three = tuple[float, float, float]
@@ -147,8 +147,8 @@ def bias_since(belief: FilterState, source: SourceRow) -> Three:
 @helper
 def in_n(C: Array, M: Array, x: Three) -> Three:
     """C M x: from the body at the instant of the fix to n."""
-    y = turned(M, x[0], x[1], x[2])
-    return turned(C, y[0], y[1], y[2])
+    y = rotate_vector(M, x[0], x[1], x[2])
+    return rotate_vector(C, y[0], y[1], y[2])
 
 
 @helper
@@ -168,18 +168,20 @@ def position(belief: FilterState, source: SourceRow, innovation: Array, H: Array
     age = source.age - later
     omega, l = rate_then(belief, source), arm_of_body(belief, source)
     swing = cross(omega, l)
-    arm = turned(M, l[0] + later * swing[0], l[1] + later * swing[1], l[2] + later * swing[2])
+    arm = rotate_vector(
+        M, l[0] + later * swing[0], l[1] + later * swing[1], l[2] + later * swing[2]
+    )
     F, Q, f = source.force, source.lag, source.force_then
     half, r = 0.5 * later * later, source.gravity
     bias, lag = bias_since(belief, source), -0.5 * age * age
-    x = turned(
+    x = rotate_vector(
         C,
         arm[0] + Q[0] - later * F[0] + half * f[0] + lag * bias[0],
         arm[1] + Q[1] - later * F[1] + half * f[1] + lag * bias[1],
         arm[2] + Q[2] - later * F[2] + half * f[2] + lag * bias[2],
     )
-    s = turned(M, swing[0], swing[1], swing[2])
-    by_clock = turned(
+    s = rotate_vector(M, swing[0], swing[1], swing[2])
+    by_clock = rotate_vector(
         C,
         s[0] - F[0] + later * f[0] + age * bias[0],
         s[1] - F[1] + later * f[1] + age * bias[1],
@@ -219,7 +221,7 @@ def velocity(belief: FilterState, source: SourceRow, innovation: Array, H: Array
     age = source.age - later
     omega, l = rate_then(belief, source), arm_of_body(belief, source)
     swing = cross(omega, l)
-    s, round_ = turned(M, swing[0], swing[1], swing[2]), cross(omega, swing)
+    s, round_ = rotate_vector(M, swing[0], swing[1], swing[2]), cross(omega, swing)
     spun = cross((source.spin[0], source.spin[1], source.spin[2]), l)
     more = round_[0] + spun[0], round_[1] + spun[1], round_[2] + spun[2]
     F, f, r = (
@@ -227,14 +229,14 @@ def velocity(belief: FilterState, source: SourceRow, innovation: Array, H: Array
         source.force_then,
         source.gravity,
     )
-    bias, m = bias_since(belief, source), turned(M, more[0], more[1], more[2])
-    x = turned(
+    bias, m = bias_since(belief, source), rotate_vector(M, more[0], more[1], more[2])
+    x = rotate_vector(
         C,
         s[0] - F[0] + later * (f[0] + m[0]) + age * bias[0],
         s[1] - F[1] + later * (f[1] + m[1]) + age * bias[1],
         s[2] - F[2] + later * (f[2] + m[2]) + age * bias[2],
     )
-    by_clock = turned(C, f[0] - bias[0] + m[0], f[1] - bias[1] + m[1], f[2] - bias[2] + m[2])
+    by_clock = rotate_vector(C, f[0] - bias[0] + m[0], f[1] - bias[1] + m[1], f[2] - bias[2] + m[2])
     for i in range(3):
         innovation[i] -= x[i] - age * r[i]
         H[i, 3 + i] = 1.0
@@ -281,7 +283,7 @@ def along(
     u = axis_of_vehicle(k, belief, source)
     speed = dot(u, b)
     innovation[0] = y[0] - scale * speed
-    c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
+    c, by_force = in_n(C, M, u), rotate_vector(M, u[0], u[1], u[2])
     by_attitude_row, by_bias = cross(c, w), cross(u, l)
     for i in range(3):
         H[0, 3 + i] = scale * c[i]
@@ -331,12 +333,12 @@ def acceleration_then(C: Array, source: SourceRow, bias: Three) -> Three:
 def heading(belief: FilterState, source: SourceRow, H: Array) -> float:
     """Heading of the x axis of the vehicle, rad, and its row of H."""
     C, u = belief.C, axis_of_vehicle(0, belief, source)
-    n, e, d = turned(C, u[0], u[1], u[2])
+    n, e, d = rotate_vector(C, u[0], u[1], u[2])
     square = max(n * n + e * e, 1e-12)
     H[0, 6], H[0, 7], H[0, 8] = -d * n / square, -d * e / square, 1.0
     for k in range(3):
         if source.mounting_state[k] > 0:
             by = axis_by_mounting(0, k, belief, source)
-            x = turned(C, by[0], by[1], by[2])
+            x = rotate_vector(C, by[0], by[1], by[2])
             H[0, source.mounting_state[k]] = (n * x[1] - e * x[0]) / square
     return math.atan2(e, n)

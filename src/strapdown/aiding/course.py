@@ -11,7 +11,7 @@ import math
 from ..core.compile.selection import all_of, where
 from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
-from ..core.mathematics.rotation import turned, wrap
+from ..core.mathematics.rotation import rotate_vector, wrap
 from ..typing import Array
 
 MIN_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations
@@ -22,7 +22,9 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     """One row: y - course, wrapped, rad; NaN where there is none."""
     C, w = belief.C, belief.omega
     l0, l1, l2 = source.parameters[0], source.parameters[1], source.parameters[2]
-    by_turning = turned(C, w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0)
+    by_turning = rotate_vector(
+        C, w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0
+    )
     north, east = belief.v[0] + by_turning[0], belief.v[1] + by_turning[1]
     square = north * north + east * east
     doubt = SURELY * SURELY * max(belief.P[3, 3], belief.P[4, 4])

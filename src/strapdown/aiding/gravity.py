@@ -8,7 +8,7 @@ body goes into the attitude as its angle against g; its standard deviation is wh
 
 from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.earth import gravity, gravity_north, place
-from ..core.mathematics.rotation import turned
+from ..core.mathematics.rotation import rotate_vector
 from ..typing import Array
 
 
@@ -16,7 +16,7 @@ from ..typing import Array
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
     C, f = belief.C, belief.f
-    n0, n1, n2 = turned(C, f[0], f[1], f[2])
+    n0, n1, n2 = rotate_vector(C, f[0], f[1], f[2])
     h = belief.lla[2]
     sine, cosine, _, _ = place(belief.lla[0], h)
     innovation[0], innovation[1], innovation[2] = (

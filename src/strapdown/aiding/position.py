@@ -3,7 +3,7 @@
 from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
 from ..core.mathematics.earth import radii
 from ..core.mathematics.elementary import cosine
-from ..core.mathematics.rotation import turned, wrap
+from ..core.mathematics.rotation import rotate_vector, wrap
 from ..typing import Array
 from . import augmented
 
@@ -18,7 +18,9 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     if augmented.any_of(belief, source):
         augmented.position(belief, source, innovation, H)
         return 3
-    l0, l1, l2 = turned(belief.C, source.parameters[0], source.parameters[1], source.parameters[2])
+    l0, l1, l2 = rotate_vector(
+        belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
+    )
     innovation[0] -= l0
     innovation[1] -= l1
     innovation[2] -= l2

@@ -43,7 +43,7 @@ def pressure_altitude(p: float) -> float:
 
 
 @helper
-def biased(
+def biased_height(
     belief: FilterState, measured: float, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row, down: estimated height of the point + bias - measured, m."""
@@ -55,7 +55,7 @@ def biased(
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row from y = pressure, Pa."""
-    return biased(belief, pressure_altitude(y[0]), source, innovation, H)
+    return biased_height(belief, pressure_altitude(y[0]), source, innovation, H)
 
 
 @kernel(OBSERVE)
@@ -63,7 +63,7 @@ def observe_altitude(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row from y = barometric height, m."""
-    return biased(belief, y[0], source, innovation, H)
+    return biased_height(belief, y[0], source, innovation, H)
 
 
 # the walk: 6 m an hour, where 1 hPa of weather is 8 m

@@ -40,7 +40,7 @@ MARGIN, UNTOUCHED = 4096, 12345.678
 EARTH_RADIUS = 6.37e6  # m: near enough for a comparison to a tenth
 
 
-def tried(sensor: Measurement, observe: Observe) -> list[str]:
+def derivative_complaints(sensor: Measurement, observe: Observe) -> list[str]:
     """Sentences on derivatives in H that differ from the change of the innovation. Raises DataError
     where the observation returns another number of rows than it has quantities, writes beside its
     arrays or fails."""
@@ -76,7 +76,7 @@ def _belief(turn: tuple[float, float, float], extra: int, dx: Array | None = Non
     )
 
 
-def _called(
+def _call_observation(
     sensor: Measurement, observe: Observe, belief: FilterState, measured: Array
 ) -> tuple[Array, Array]:
     """(H, innovation) of its rows, of which there may be none. Raises DataError."""
@@ -112,10 +112,11 @@ def _nearest(sensor: Measurement, observe: Observe, belief: FilterState) -> Arra
     ones."""
     y = np.array([TYPICAL.get(quantity, 1.0) for quantity in sensor.quantities])
     for _ in range(10):
-        _, e = _called(sensor, observe, belief, y)
+        _, e = _call_observation(sensor, observe, belief, y)
         steps = np.diag(1e-6 * np.maximum(np.abs(y), 1e-6))
         slopes = [
-            (_called(sensor, observe, belief, y + step)[1] - e) / step.sum() for step in steps
+            (_call_observation(sensor, observe, belief, y + step)[1] - e) / step.sum()
+            for step in steps
         ]
         if not len(e) or not np.isfinite(slopes).all():
             break
@@ -129,7 +130,7 @@ def _differences(
     """Sentences on the derivatives of H that are not those of the innovation."""
     extra = len(sensor.states)
     y = _nearest(sensor, observe, _belief(turn, extra))
-    H, e = _called(sensor, observe, _belief(turn, extra), y)
+    H, e = _call_observation(sensor, observe, _belief(turn, extra), y)
     count = np.concatenate([np.full(3, error) for _, _, error in PARTS] + [np.ones(extra)])
     change = np.empty(H.shape)
     for i, error in enumerate(count):
@@ -137,7 +138,7 @@ def _differences(
         for step in (STEP * error, -STEP * error):
             dx = np.zeros(len(count))
             dx[i] = step
-            _, moved = _called(sensor, observe, _belief(turn, extra, dx), y)
+            _, moved = _call_observation(sensor, observe, _belief(turn, extra, dx), y)
             sides.append(moved if moved.shape == e.shape else np.full(e.shape, np.nan))
         change[:, i] = -(sides[0] - sides[1]) / (2 * STEP * error)
     weight = np.maximum(np.abs(H), np.abs(change)) * count

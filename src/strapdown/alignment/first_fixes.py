@@ -9,7 +9,7 @@ from ..data.recording import Recording
 from ..data.solution import Aiding
 from ..geometry.geodesy import displacement
 from ..typing import Array
-from .location import known
+from .location import has_location
 
 UNKNOWN_SPEED = 10.0  # m/s: standard deviation of a velocity of which nothing is known
 UNKNOWN_CHANGE = 0.5  # m/s: what a mean velocity between two fixes differs by from that at the last
@@ -30,7 +30,7 @@ def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Aidi
     for a in recording.aidings:
         usable = (
             np.isfinite(a.y[:, needed]).all(axis=1)
-            & known(a)
+            & has_location(a)
             & (a.t >= recording.span[0])
             & (a.t < recording.span[1])
             if a.kind == kind

@@ -19,10 +19,10 @@ from ..core.mathematics.rotation import matrix_to_euler
 from ..data.recording import Recording
 from ..data.solution import Aiding
 from ..data.vehicle import find as find_vehicle
-from ..geometry.geodesy import displaced, displacement
+from ..geometry.geodesy import displace_lla, displacement
 from ..geometry.rotation_products import running_matrices
-from ..preprocessing.lever_arm import swung
-from ..preprocessing.unbroken import felt, is_unbroken, nearest_felt
+from ..preprocessing.lever_arm import lever_arm_std
+from ..preprocessing.unbroken import is_covered, is_unbroken, nearest_felt
 from ..typing import Array, Ints
 from .course_heading import SURE, best_instant, courses, heading_of
 from .first_fixes import UNKNOWN_SPEED, position_and_velocity, source, velocities
@@ -78,7 +78,7 @@ def align(
             f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to "
             f"{recording.span[1]:.3f} s"
         )
-    if at is not None and not felt(recording.imu, np.array([at])).all():
+    if at is not None and not is_covered(recording.imu, np.array([at])).all():
         raise DataError(
             f"cannot start at {at:g} s, in a gap of the IMU record; the nearest time with samples is "
             f"{nearest_felt(recording.imu, at)[1]:.3f} s"
@@ -167,7 +167,7 @@ def _moment(
         None,
         note,
     )
-    return moment._replace(felt=_felt(recording, moment))
+    return moment._replace(felt=_mean_force(recording, moment))
 
 
 def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound) -> InitialState:
@@ -179,20 +179,20 @@ def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound)
         if heading.at_rest and moment.force
         else _level(recording, moment, heading)
     )
-    if record := _recorded(recording, t, moment.bg):
+    if record := _recorded_attitude(recording, t, moment.bg):
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
     arm, swinging = C @ _arm(fixes), _arm(moment.velocity)
     swing = C @ np.cross(moment.omega, swinging)
     v = moment.v - swing
-    lla = displaced(fixes.y[k], v * (t - fixes.t[k]) - arm)
+    lla = displace_lla(fixes.y[k], v * (t - fixes.t[k]) - arm)
     attitude_sd = np.r_[np.broadcast_to(level_sd, 2), heading.sd]
     # what an error of the attitude, and of the rate, does to the lever arms
     v_sd = np.hypot(
-        swung(moment.v_sd, swing, attitude_sd),
+        lever_arm_std(moment.v_sd, swing, attitude_sd),
         np.linalg.norm(moment.bias_sd[3:]) * np.linalg.norm(swinging),
     )
-    lla_sd = swung(np.hypot(fixes.sd[k], abs(t - fixes.t[k]) * v_sd), arm, attitude_sd)
+    lla_sd = lever_arm_std(np.hypot(fixes.sd[k], abs(t - fixes.t[k]) * v_sd), arm, attitude_sd)
     sd = [*lla_sd, *v_sd, *attitude_sd, *moment.bias_sd]
     return _start(
         t,
@@ -260,7 +260,7 @@ def _attitude_start(
     force = mean_force(recording, t, bg)
     assert force is not None  # samples reach to t
     age = _age(recording.imu, rest, t)
-    record = _recorded(recording, t, bg)
+    record = _recorded_attitude(recording, t, bg)
     if force.off > WEIGHTLESS and not record:
         raise DataError(
             f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} "
@@ -328,7 +328,7 @@ class AlignmentRecord(NamedTuple):
     name: str
 
 
-def _recorded(recording: Recording, t: float, bg: Array) -> AlignmentRecord | None:
+def _recorded_attitude(recording: Recording, t: float, bg: Array) -> AlignmentRecord | None:
     """The AlignmentRecord of the attitude nearest to t, carried there by the gyros less their bias bg
     (rad/s); None without one within `RECORD_AGE`."""
     imu = recording.imu
@@ -342,7 +342,7 @@ def _recorded(recording: Recording, t: float, bg: Array) -> AlignmentRecord | No
         if len(near) and is_unbroken(imu, a.t[k], t):
             between = slice(*np.searchsorted(imu.t, sorted((a.t[k], t)), side="right"))
             turns = imu.dtheta[between] - bg * imu.dt[between, None]
-            rph = _turned(a.y[k], turns, t < a.t[k])
+            rph = _rotate_attitude(a.y[k], turns, t < a.t[k])
             return AlignmentRecord(
                 rph,
                 np.hypot(a.sd[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()),
@@ -351,7 +351,7 @@ def _recorded(recording: Recording, t: float, bg: Array) -> AlignmentRecord | No
     return None
 
 
-def _turned(
+def _rotate_attitude(
     rph: tuple[float, float, float], dtheta: Array, back: bool
 ) -> tuple[float, float, float]:
     """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad,
@@ -420,7 +420,7 @@ def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) ->
 def _first_felt(recording: Recording, t: Array) -> float:
     """The first of the times t of fixes that lies in no gap of the samples; where all do, the time
     with samples that is nearest to the first."""
-    inside = t[felt(recording.imu, t)]
+    inside = t[is_covered(recording.imu, t)]
     return float(inside[0]) if len(inside) else nearest_felt(recording.imu, float(t[0]))[1]
 
 
@@ -457,7 +457,7 @@ def _heading(
     measured, else the surer one of field and Earth's rate."""
     if given is not None:
         return given
-    record = _recorded(recording, t, bg)
+    record = _recorded_attitude(recording, t, bg)
     if record and record.sd[2] < UNKNOWN_SD and np.isfinite(record.rph[2]):
         return HeadingFound(record.rph[2], float(record.sd[2]), f"heading from {record.name}")
     compass = source(recording, "heading")
@@ -524,7 +524,7 @@ def _level(recording: Recording, moment: _Moment, heading: HeadingFound) -> Leve
     )
 
 
-def _felt(recording: Recording, moment: _Moment) -> _Felt | None:
+def _mean_force(recording: Recording, moment: _Moment) -> _Felt | None:
     """Return the mean force and acceleration by the velocity fixes around, else by positions; None
     where a rest gives the level, or there are too few fixes."""
     if moment.rested(recording.imu):
@@ -596,7 +596,7 @@ def _level_from_rest(
     imu, last = recording.imu, rest[-1]
     roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
     since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
-    roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
+    roll, pitch = _carry_level(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
     age = max(0.0, t - imu.t[last[-1]])
     return (
         roll,
@@ -622,7 +622,7 @@ def _sways(imu: Imu, rest: list[Ints]) -> bool:
     return bool(rest) and bool(np.linalg.norm(unsteadiness(imu, rest)) > SWAYING)
 
 
-def _carried(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:
+def _carry_level(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:
     """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction
     of specific force in the body."""
     turn = running_matrices(np.vstack([np.zeros(3), dtheta]))[-1]

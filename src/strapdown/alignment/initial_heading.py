@@ -15,7 +15,7 @@ from ..geometry.rotation_products import running_matrices
 from ..preprocessing.stationary import motionless
 from ..preprocessing.unbroken import nearest_felt
 from ..typing import Array, Mask
-from .static_attitude import PARALLEL, gyrocompass, level, levelled
+from .static_attitude import PARALLEL, gyrocompass, level, level_vector
 
 LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
 UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
@@ -73,7 +73,7 @@ def magnetic_heading(
         return HeadingFound(0.0, UNKNOWN_SD, "no sample of the magnetic field there")
     m = np.einsum("nij,nj->i", force.turns(source.t[near]), source.y[near]) / len(near)
     seen, reference = (
-        levelled(m, *level(force.f)),
+        level_vector(m, *level(force.f)),
         np.array((*source.parameters, 0.0, 0.0, 0.0))[:3],
     )
     horizontal, size = np.hypot(seen[0], seen[1]), np.linalg.norm(m)
@@ -136,7 +136,7 @@ def mean_force(
     seconds = imu.dt[rows]
     if not len(seconds) or (window and seconds.sum() < MIN_FELT * (end - begin)):
         return None
-    turned = _turned(imu.dtheta[rows] - bg * seconds[:, None])
+    turned = _body_rotations(imu.dtheta[rows] - bg * seconds[:, None])
     middles, edges = imu.t[rows] - 0.5 * seconds, np.r_[imu.t[rows][0] - seconds[0], imu.t[rows]]
     to_now = turned[2 * int(np.argmin(np.abs(edges - t)))].T
 
@@ -169,7 +169,7 @@ def _second_around(imu: Imu, t: float) -> tuple[float, float]:
     return begin, begin + 1.0
 
 
-def _turned(dtheta: Array) -> Array:
+def _body_rotations(dtheta: Array) -> Array:
     """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body
     at the first edge."""
     return running_matrices(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))

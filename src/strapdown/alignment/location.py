@@ -29,7 +29,7 @@ def place_of(
         return KnownPlace(np.array(meta["place"], float), np.full(3, GIVEN_SD), "place given")
     for aiding in aidings:
         whole: Ints = (
-            np.flatnonzero(np.isfinite(aiding.y).all(axis=1) & known(aiding))
+            np.flatnonzero(np.isfinite(aiding.y).all(axis=1) & has_location(aiding))
             if aiding.kind == "position"
             else np.empty(0, int)
         )
@@ -39,7 +39,7 @@ def place_of(
     return None
 
 
-def known(aiding: Aiding) -> Mask:
+def has_location(aiding: Aiding) -> Mask:
     """Which fixes (m,) of an aiding are some: latitude 0 with longitude 0 is what receivers write
     that know no position."""
     if aiding.kind != "position":

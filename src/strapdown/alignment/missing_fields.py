@@ -20,10 +20,10 @@ REST_SPEED_SD = 0.1  # m/s, where no fix tells the velocity and the IMU feels re
 
 def missing_fields(start: InitialState) -> list[str]:
     """Names of the parts that are not given; `rph` where roll and pitch are NaN."""
-    return [name for name in PARTS if not _given(start, name)]
+    return [name for name in PARTS if not _is_given(start, name)]
 
 
-def _given(start: InitialState, name: str) -> bool:
+def _is_given(start: InitialState, name: str) -> bool:
     values = getattr(start, name)
     return np.size(values) > 0 and not _heading_alone(name, values)
 
@@ -41,7 +41,7 @@ def _heading_alone(name: str, values: object) -> bool:
     )
 
 
-def filled(
+def fill_missing(
     start: InitialState, recording: Recording, imu: StatesBiases, position: bool = True
 ) -> InitialState:
     """`start` with what it leaves open, `()` or roll and pitch NaN, found from what `recording`

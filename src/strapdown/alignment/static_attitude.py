@@ -48,7 +48,7 @@ def static_attitude(
     heading = (
         np.full(np.shape(roll), np.nan)
         if m is None
-        else _azimuth(levelled(m, roll, pitch), declination)
+        else _azimuth(level_vector(m, roll, pitch), declination)
     )
     roll, pitch, heading = np.broadcast_arrays(roll, pitch, heading)
     return np.where(level_known[..., None], np.stack([roll, pitch, heading], axis=-1), np.nan)
@@ -66,7 +66,7 @@ def _azimuth(vector: Array, declination: ArrayLike = 0.0) -> Array:
     return np.where(known, np.where(heading == 2 * np.pi, 0.0, heading), np.nan)
 
 
-def levelled(vector: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> Array:
+def level_vector(vector: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> Array:
     """Ry(pitch) Rx(roll) vector: a body vector (..., 3) in axes that are level and keep the
     body's heading; angles in rad."""
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
@@ -149,7 +149,7 @@ def gyrocompass(
     for whoever knows the place. Raises ValueError where f is 0 or something is not finite.
     """
     roll, pitch = np.asarray(static_attitude(f))[:2]
-    seen = levelled(rate, roll, pitch)
+    seen = level_vector(rate, roll, pitch)
     if not np.isfinite([*seen, rate_sd, level_sd]).all():
         raise ValueError(
             f"gyrocompass: rate {rate} and specific force {f} must be finite, and the force not 0"

@@ -163,7 +163,7 @@ def fit(
     always = {name: COEFFICIENTS[name] for name in ALWAYS}
     if not gauss_markov:
         shapes = always | {"bias instability": COEFFICIENTS["bias instability"]}
-        return _ordered(
+        return _sort_coefficients(
             problem.solve({name: shapes[name] for name in COEFFICIENTS if name in shapes})
         )
     from scipy.optimize import minimize_scalar
@@ -178,7 +178,9 @@ def fit(
     best = grid[int(np.argmin([cost(each) for each in grid]))]
     width = grid[1] - grid[0]
     best = minimize_scalar(cost, bounds=(best - width, best + width), method="bounded").x
-    return _ordered(_with_time(problem, problem.solve(shapes_at(best)), float(np.exp(best))))
+    return _sort_coefficients(
+        _with_time(problem, problem.solve(shapes_at(best)), float(np.exp(best)))
+    )
 
 
 def markov_shape(time: float) -> Coefficient:
@@ -191,7 +193,7 @@ def markov_shape(time: float) -> Coefficient:
     )
 
 
-def _ordered(found: AllanFit) -> AllanFit:
+def _sort_coefficients(found: AllanFit) -> AllanFit:
     """The AllanFit with its coefficients in the order of COEFFICIENTS."""
 
     def sort(table: dict[str, float]) -> dict[str, float]:
@@ -285,7 +287,7 @@ class _Problem:
         most = (self.highest[:, None] / matrix).min(axis=0)
         weights = 1 / (self.variance**2 * self.cautious)
         for _ in range(8):
-            found = _bounded(matrix, self.variance, weights, most)
+            found = _bounded_least_squares(matrix, self.variance, weights, most)
             weights = 1 / (np.maximum(matrix @ found, 0.1 * self.variance) ** 2 * self.cautious)
         return found
 
@@ -348,7 +350,7 @@ class _Problem:
         )
 
 
-def _bounded(matrix: Array, variance: Array, weights: Array, most: Array) -> Array:
+def _bounded_least_squares(matrix: Array, variance: Array, weights: Array, most: Array) -> Array:
     """Least squares of `matrix` x = `variance` with `weights`, 0 <= x <= `most`."""
     from scipy.optimize import lsq_linear, nnls
 

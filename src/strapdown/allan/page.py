@@ -20,10 +20,10 @@ from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
 from ..typing import Array
 from ..units.conversion import SHEET, in_units
-from ..units.wording import capitalised, short
+from ..units.wording import capitalise, short
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
 from .fit import COEFFICIENTS, AllanFit
-from .suggested_grade import MISFIT, Suggestion, expected, suggest
+from .suggested_grade import MISFIT, Suggestion, expected_deviation, suggest
 
 AXIS_LABELS = ("x (forward)", "y (right)", "z (down)")
 AVERAGING_TIME = 0.25
@@ -65,7 +65,9 @@ class Analysis:
         for sensor in (self.result.gyro, self.result.accel):
             for name in sensor.triad.fit.names:
                 si = COEFFICIENTS[name].units[sensor.name]
-                cells = [_shown(curve.fit, name, si) for curve in (sensor.triad, *sensor.axes)]
+                cells = [
+                    _coefficient_text(curve.fit, name, si) for curve in (sensor.triad, *sensor.axes)
+                ]
                 sd = sensor.triad.fit.sd[name]
                 rows.append(
                     (
@@ -235,7 +237,7 @@ def _misfit(sensor: Sensor) -> list[str]:
     ]
 
 
-def _shown(fit: AllanFit, name: str, si: str) -> str:
+def _coefficient_text(fit: AllanFit, name: str, si: str) -> str:
     if np.isfinite(fit.value[name]):
         return short(in_units(fit.value[name], si))
     return f"< {short(in_units(fit.limit[name], si))}" if np.isfinite(fit.limit[name]) else "-"
@@ -280,7 +282,7 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
         drawn.add_trace(
             go.Scatter(
                 x=sensor.triad.tau,
-                y=shown(expected(triad, sensor.triad.tau)),
+                y=shown(expected_deviation(triad, sensor.triad.tau)),
                 name=f"grade {escape(name)}",
                 mode="lines",
                 line={"color": GREY, "width": 1.6, "dash": "dashdot"},
@@ -361,7 +363,7 @@ def page(analysis: Analysis) -> Page:
         },
         FOOTER,
     )
-    said = f"{capitalised(analysis.verdict)}. {_others(analysis)}"
+    said = f"{capitalise(analysis.verdict)}. {_others(analysis)}"
     document.add("Coefficients", _table(analysis), paragraphs([said]), remarks(analysis.notes))
     nearest = grade(analysis.suggestion.grade)
     gyros = figure(analysis.result.gyro, (nearest.name, nearest.gyro))

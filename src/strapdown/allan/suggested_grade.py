@@ -28,7 +28,7 @@ class Suggestion(NamedTuple):
     spec: ImuSpec
 
 
-def expected(triad: Triad, tau: ArrayLike) -> Array:
+def expected_deviation(triad: Triad, tau: ArrayLike) -> Array:
     """Allan deviation (k,) of an IMU whose errors are those of `triad` at cluster times `tau`,
     s; constant errors do not show in it."""
     tau = np.asarray(tau, float)
@@ -63,7 +63,7 @@ def suggest(result: Allan) -> Suggestion:
 
 def _factor(spec: ImuSpec, result: Allan) -> float:
     ratios = [
-        np.log(expected(triad, sensor.triad.tau) / sensor.triad.deviation)
+        np.log(expected_deviation(triad, sensor.triad.tau) / sensor.triad.deviation)
         for triad, sensor in ((spec.gyro, result.gyro), (spec.accel, result.accel))
     ]
     return float(np.exp(np.mean(np.abs(ratios))))

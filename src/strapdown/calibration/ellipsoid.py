@@ -61,16 +61,16 @@ def ellipsoid(y: Array, strength: float, sd: float = 0.0) -> EllipsoidFit:
     known = np.all(np.isfinite(y), axis=1)
     z = np.where(known[:, None], y, 0) / strength
     p, free = start(z[known]), np.ones(9, bool)
-    p, free, weakest = _held(p, free, z[known])
+    p, free, weakest = _hold_weakest(p, free, z[known])
     while True:
         p, used = _robust(z, known, p, free)
         before = free.sum()
-        p, free, weakest = _held(p, free, z[used])
+        p, free, weakest = _hold_weakest(p, free, z[used])
         if free.sum() == before:
             return _fit(z, used, p, free, weakest, strength, sd)
 
 
-def _held(p: Array, free: Mask, z: Array) -> tuple[Array, Mask, float]:
+def _hold_weakest(p: Array, free: Mask, z: Array) -> tuple[Array, Mask, float]:
     """(p, free, weakest): entries of M held at identity until the directions of z determine the
     rest, those with most part in the weakest first.
 
@@ -114,7 +114,7 @@ def start(z: Array, sphere: bool = False) -> Array:
     return np.r_[1, 1, 1, 0, 0, 0, middle + (centre if np.linalg.norm(centre) < 3 else 0)]
 
 
-def unpacked(p: Array) -> tuple[Array, Array]:
+def unpack_parameters(p: Array) -> tuple[Array, Array]:
     """(M (3, 3), b (3,)) of the nine parameters."""
     M = np.empty((3, 3))
     for value, (i, j) in zip(p, ENTRIES):
@@ -124,7 +124,7 @@ def unpacked(p: Array) -> tuple[Array, Array]:
 
 def _misfit(p: Array, z: Array) -> tuple[Array, Array]:
     """(|M (z - b)| - 1 (n,), its Jacobian (n, 9))."""
-    M, b = unpacked(p)
+    M, b = unpack_parameters(p)
     d = z - b
     m = d @ M
     size = np.maximum(np.linalg.norm(m, axis=1), 1e-9)
@@ -140,7 +140,7 @@ def _robust(z: Array, used: Mask, p: Array, free: Mask) -> tuple[Array, Mask]:
     known = used
     for _ in range(5):
         r = _misfit(p, z)[0]
-        kept = known & (np.abs(r) <= max(OUTLIER * spread(r[known]), 1e-9))
+        kept = known & (np.abs(r) <= max(OUTLIER * robust_std(r[known]), 1e-9))
         if not kept.any():
             break
         p, same = levenberg(lambda p: _misfit(p, z[kept]), p, free), np.array_equal(kept, used)
@@ -160,7 +160,7 @@ def levenberg(
     for _ in range(STEPS):
         r, J = function(p)
         J = J[:, free]
-        scale = 3 * max(spread(r), 1e-9)
+        scale = 3 * max(robust_std(r), 1e-9)
         weigh = (lambda r: np.log1p((r / scale) ** 2) * scale**2) if robust else np.square
         w = 1 / (1 + (r / scale) ** 2) if robust else np.ones(len(r))
         cost = weigh(r).sum()
@@ -180,7 +180,7 @@ def levenberg(
     return p
 
 
-def spread(r: Array) -> float:
+def robust_std(r: Array) -> float:
     """Standard deviation of r about zero from the median of magnitudes, which outliers do not
     move."""
     return float(np.median(np.abs(r))) / MEDIAN_OF_NORMAL if len(r) else 0.0
@@ -207,7 +207,7 @@ def inflation(r: Array, block: int = 50) -> float:
 def _fit(
     z: Array, used: Mask, p: Array, free: Mask, weakest: float, scale: float, sd: float
 ) -> EllipsoidFit:
-    M, b = unpacked(p)
+    M, b = unpack_parameters(p)
     r, J = _misfit(p, z[used])
     J = J[:, free]
     covariance = np.zeros((9, 9))

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..io.calibration_file import Correction, composed, write_calibration
+from ..io.calibration_file import Correction, compose_corrections, write_calibration
 from ..typing import Array, File
-from ..units.wording import counted
+from ..units.wording import count_text
 from .methods import DETAIL
 
 
@@ -96,7 +96,7 @@ class Result:
     def sections(self) -> dict[str, Correction]:
         """{section: Correction} in the axes of the columns; it holds what the recording's own
         calibration did too."""
-        return composed(
+        return compose_corrections(
             "accel" if self.sensor == "accelerometer" else "magnetometer",
             self.bias,
             self.matrix,
@@ -106,7 +106,7 @@ class Result:
     def to_toml(self, path: File) -> None:
         """Write a calibration file that recording.toml can name (docs/how-to/calibrate.md). Raises
         DataError where it cannot be written."""
-        count = counted(len(self.t), "rest" if self.form == "rests" else "sample")
+        count = count_text(len(self.t), "rest" if self.form == "rests" else "sample")
         comments = [
             f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, "
             f"{count}, form {self.form!r}",

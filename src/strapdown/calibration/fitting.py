@@ -22,7 +22,7 @@ from .findings import Result
 from .methods import (
     coverage,
     hard_and_soft_iron,
-    lacking,
+    missing_directions,
     rests,
     six_positions,
     typical,
@@ -96,7 +96,7 @@ def _accelerometer(part: Recording) -> Calibration:
     fit = six_positions(found, local)
     share, _, lack = coverage(found.force)
     if lack:
-        notes.append(lacking(lack, "no rest with"))
+        notes.append(missing_directions(lack, "no rest with"))
     fitted = _Fitted(
         "accelerometer",
         "rests",
@@ -108,7 +108,7 @@ def _accelerometer(part: Recording) -> Calibration:
         notes,
         _columns(part, "accel"),
     )
-    return _made(fitted, part.meta.get("name", ""))
+    return _make_calibration(fitted, part.meta.get("name", ""))
 
 
 def _gravity(part: Recording) -> tuple[float, list[str]]:
@@ -141,9 +141,9 @@ def _magnetometer(part: Recording, source: Aiding, notes: list[str]) -> Calibrat
     size = strength if strength is not None else float(np.mean(np.linalg.norm(m, axis=1)))
     notes += more + _form_notes(form, fit, gyro, t, typical(y))
     if lack:
-        notes.append(lacking(lack, "no field along"))
+        notes.append(missing_directions(lack, "no field along"))
     fitted = _Fitted("magnetometer", form, fit, size, t, y, (share, lack), notes, columns)
-    return _made(fitted, part.meta.get("name", ""))
+    return _make_calibration(fitted, part.meta.get("name", ""))
 
 
 def _reference(source: Aiding, columns: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
@@ -198,7 +198,7 @@ class _Fitted(NamedTuple):
     columns: dict[str, Any]
 
 
-def _made(fitted: _Fitted, name: str) -> Calibration:
+def _make_calibration(fitted: _Fitted, name: str) -> Calibration:
     """The Calibration; `name` is that of the recording."""
     sensor, form, fit, strength, t, measured, directions, notes, columns = fitted
     used, notes = fit.used, list(notes)

@@ -22,7 +22,15 @@ from ..core.loop.contract import Imu
 from ..geometry.rotation_products import running_products
 from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..typing import Array, Ints, Mask
-from .ellipsoid import OUTLIER, STEPS, WEAKEST, EllipsoidFit, inflation, spread, weakest_direction
+from .ellipsoid import (
+    OUTLIER,
+    STEPS,
+    WEAKEST,
+    EllipsoidFit,
+    inflation,
+    robust_std,
+    weakest_direction,
+)
 
 WINDOW_TIME = 30.0  # s: long against turns, short against the wander of a gyro of 0.1 deg/s
 EPOCH = 0.1  # s between the samples that are used, at least
@@ -129,7 +137,7 @@ def _attitude(t: Array, imu: Imu) -> tuple[Array, Array, Array]:
     )
 
 
-def turning(
+def fit_by_turns(
     t: Array, y: Array, imu: Imu, strength: float, dip: float | None = None
 ) -> tuple[EllipsoidFit, Array] | None:
     """(Fit, gyro bias (3,) rad/s) of a magnetometer y (n, 3) at times t against the gyros of `imu`,
@@ -142,17 +150,17 @@ def turning(
     if w is None:
         return None
     state, free, weight = _start(w, dip), np.ones(12, bool), np.ones(w.rows.shape)
-    state, free, weakest = _held(w, state, free, weight)
+    state, free, weakest = _hold_weakest(w, state, free, weight)
     while weakest >= WEAKEST:
         state, weight = _estimate(w, state, free, weight)
         before = free.sum()
-        state, free, weakest = _held(w, state, free, weight)
+        state, free, weakest = _hold_weakest(w, state, free, weight)
         if free.sum() == before:
             break
     return _fit(w, state, free, weight, weakest, y, strength), state.gyro
 
 
-def _held(w: Windows, state: State, free: Mask, weight: Array) -> tuple[State, Mask, float]:
+def _hold_weakest(w: Windows, state: State, free: Mask, weight: Array) -> tuple[State, Mask, float]:
     """(State, free, weakest): entries of A held at identity until the turns determine the rest,
     those with most part in the weakest first."""
     free, A = free.copy(), state.A.copy()
@@ -170,7 +178,7 @@ def _start(w: Windows, dip: float | None) -> State:
     """The State of the linear fit: M y - c turned by the gyros from sample to sample; with M =
     identity where that does not determine M."""
     lag = max(1, round(w.z.shape[1] * LAG / WINDOW_TIME))
-    C, _ = _turned(w, np.zeros(3))
+    C, _ = _window_rotations(w, np.zeros(3))
     down = np.einsum("wkji,wj->wki", C, _down(w, C))  # at each sample
     R = (np.swapaxes(C[:, :-lag], -1, -2) @ C[:, lag:]).reshape(-1, 3, 3)
     first, second = w.z[:, :-lag].reshape(-1, 3), w.z[:, lag:].reshape(-1, 3)
@@ -210,7 +218,7 @@ def _start(w: Windows, dip: float | None) -> State:
     return State(A, b, np.zeros(3), u / np.maximum(np.linalg.norm(u, axis=1), 1e-9)[:, None])
 
 
-def _turned(w: Windows, gyro: Array) -> tuple[Array, Array]:
+def _window_rotations(w: Windows, gyro: Array) -> tuple[Array, Array]:
     """(C (W, L, 3, 3) from the body at each sample to that at the start of its window, its
     integral per gyro bias (W, L, 3, 3))."""
     from scipy.spatial.transform import Rotation
@@ -226,7 +234,7 @@ def _turned(w: Windows, gyro: Array) -> tuple[Array, Array]:
 
 def _misfit(w: Windows, state: State) -> tuple[Array, Array, Array, Array]:
     """(z - A C' u - b (W, L, 3), C' u (W, L, 3), C, S)."""
-    C, S = _turned(w, state.gyro)
+    C, S = _window_rotations(w, state.gyro)
     m = np.einsum("wkji,wj->wki", C, state.u)
     return w.z - m @ state.A.T - state.b, m, C, S
 
@@ -254,7 +262,7 @@ def _normal(w: Windows, state: State, weight: Array) -> tuple[Array, tuple[Array
         J[:, :, i, 9 + i] = 1.0
     J[..., 12:] = -to_z @ _cross(state.u)[:, None] @ S / WINDOW_TIME
     K = to_z @ E[:, None]
-    sigma = max(spread(r[weight > 0]), 1e-9)
+    sigma = max(robust_std(r[weight > 0]), 1e-9)
     weighted = weight[..., None, None] * J
     H = np.einsum("wkia,wkib->ab", weighted, J)
     H[12:, 12:] += np.eye(3) * (sigma / (GYRO_SD * WINDOW_TIME)) ** 2
@@ -300,7 +308,7 @@ def _descend(w: Windows, state: State, free: Mask, weight: Array, robust: bool) 
         while damping < 1e8:
             step = np.zeros(15)
             step[free] = np.linalg.solve(H + damping * ridge, g[free])
-            moved = _moved(state, step, recover)
+            moved = _step_state(state, step, recover)
             if (
                 float(np.sum(soften[..., None] * _misfit(w, moved)[0] ** 2))
                 <= cost * (1 + 1e-9) + 1e-18
@@ -315,7 +323,7 @@ def _descend(w: Windows, state: State, free: Mask, weight: Array, robust: bool) 
     return state
 
 
-def _moved(state: State, step: Array, recover: Recover) -> State:
+def _step_state(state: State, step: Array, recover: Recover) -> State:
     E, gain, own = recover
     u = state.u + np.einsum("wia,wa->wi", E, own - gain @ step)
     return State(

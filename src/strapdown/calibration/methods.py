@@ -10,9 +10,9 @@ from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..preprocessing.stationary import at_rest, stretches
 from ..typing import Array, Ints
-from ..units.wording import counted
+from ..units.wording import count_text
 from .ellipsoid import EllipsoidFit, ellipsoid
-from .gyro_aided import turning
+from .gyro_aided import fit_by_turns
 
 DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
 """SI unit, factor to the unit of tables, and that unit."""
@@ -98,7 +98,7 @@ def six_positions(found: RestPeriods, gravity: float) -> EllipsoidFit:
     directions that lack."""
     if len(found.t) < 3:
         raise DataError(
-            f"accelerometer: {counted(len(found.t), 'rest')} of "
+            f"accelerometer: {count_text(len(found.t), 'rest')} of "
             f"{BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
             "with each axis once up and once down"
         )
@@ -106,7 +106,7 @@ def six_positions(found: RestPeriods, gravity: float) -> EllipsoidFit:
     if fit.missing:
         raise DataError(
             f"accelerometer: too few directions in {len(found.t)} rests: "
-            f"{lacking(coverage(found.force)[2], 'no rest with')}; "
+            f"{missing_directions(coverage(found.force)[2], 'no rest with')}; "
             "rest with each axis once up and once down"
         )
     return fit
@@ -125,7 +125,7 @@ def hard_and_soft_iron(
     known = np.isfinite(y).all(axis=1)
     _refuse_still(y[known], strength)
     size = strength if strength is not None else typical(y[known])
-    static, turned = ellipsoid(y, size), turning(t, y, imu, size, dip)
+    static, turned = ellipsoid(y, size), fit_by_turns(t, y, imu, size, dip)
     if turned is not None and not turned[0].held and np.linalg.det(turned[0].matrix) < 0:
         raise DataError(
             "magnetometer: its axes are left-handed against those of the gyros: one column has the "
@@ -143,7 +143,7 @@ def hard_and_soft_iron(
     if not fits:
         raise DataError(
             f"magnetometer: too few directions: "
-            f"{lacking(coverage(y[known] - static.bias)[2], 'no field along')}; "
+            f"{missing_directions(coverage(y[known] - static.bias)[2], 'no field along')}; "
             "turn the sensor through all directions, upside down too"
         )
     determined = {"ellipsoid": 9, "turning": 12}
@@ -201,7 +201,7 @@ def _own_scale(fit: EllipsoidFit) -> EllipsoidFit:
     )
 
 
-def lacking(axes: Sequence[str], words: str) -> str:
+def missing_directions(axes: Sequence[str], words: str) -> str:
     """ "no rest with the z axis up (within 30 deg), ..."; axes are half-axes such as "+z", the
     direction of specific force, or of the field."""
     within = f"(within {np.degrees(NEAR_AXIS):.0f} deg)"

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from ..pages.drawing import COLOURS, GREY, even, finish, line, note, origin, panels, time_label
 from ..pages.parts import paragraphs, remarks, table
 from ..pages.shell import Document, Page
-from ..units.wording import capitalised
+from ..units.wording import capitalise
 from .findings import Result
 from .methods import BANDS, DETAIL, SECTORS, coverage
 
@@ -133,7 +133,7 @@ def page(found: Result) -> Page:
     document.add(
         "Parameters",
         table(found.header, found.rows),
-        paragraphs([f"{capitalised(found.verdict)}."]),
+        paragraphs([f"{capitalise(found.verdict)}."]),
         remarks(found.notes),
     )
     document.add(

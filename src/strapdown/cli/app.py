@@ -107,11 +107,11 @@ def main() -> None:
         if isinstance(error, MemoryError):
             _stop("memory ran out; take a part of the recording, or a larger machine")
         if isinstance(error, OSError):
-            _refused(error)
+            _refuse_system(error)
         raise
 
 
-def _refused(error: OSError) -> NoReturn:
+def _refuse_system(error: OSError) -> NoReturn:
     """End with what the system refuses: a file of a name, or else standard output."""
     what = "standard output" if error.filename is None else brief(str(error.filename))
     with suppress(OSError, ValueError):  # what is left to print goes nowhere
@@ -156,7 +156,7 @@ def _version(context: typer.Context, given: typer.CallbackParam, wanted: bool) -
             if said["verbose"]:
                 from ..core.compile import library
 
-                print("\n".join(library.told()))
+                print("\n".join(library.describe_library()))
             raise typer.Exit()
         if said["verbose"]:
             context.fail("--verbose goes with --version.")
@@ -344,7 +344,9 @@ def fuse(
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
         print(
-            _written(solution, folder, endings, utc, sd.report(solution, whole.reference, map=map))
+            _write_solution(
+                solution, folder, endings, utc, sd.report(solution, whole.reference, map=map)
+            )
         )
     if diagnosed:
         try:
@@ -378,7 +380,7 @@ def _run(
         return call(recording, filter, progress=progress.track(label), **run), label
 
 
-def _written(
+def _write_solution(
     solution: "sd.Solution", folder: Path, endings: Sequence[str], utc: bool, page: "Page"
 ) -> str:
     """Write the files of a solution, all or none; the line that says which."""
@@ -405,7 +407,7 @@ def _start(
     """The InitialState of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
     if heading is None:
         return None
-    from ..engine.prepare import positioned
+    from ..engine.prepare import has_position
     from ..filters import find
 
     if not isfinite(heading):
@@ -417,7 +419,7 @@ def _start(
             f"--heading {heading:g}: it is clockwise from true north in deg, at most 360"
         )
     return sd.align(
-        recording, sd.grade(imu), heading=radians(heading), position=positioned(find(filter))
+        recording, sd.grade(imu), heading=radians(heading), position=has_position(find(filter))
     )
 
 
@@ -479,9 +481,9 @@ def receivers() -> None:
 @app.command(cls=Command)
 def plugins() -> None:
     """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
-    from ..registration import brought
+    from ..registration import registration_rows
 
-    rows = brought()
+    rows = registration_rows()
     if rows:
         wrapped_table(("plugin", "from", "brings", "cannot be used"), rows)
     else:

@@ -9,7 +9,7 @@ import typer
 
 import strapdown as sd
 
-from ..units.wording import counted
+from ..units.wording import count_text
 from . import complete
 from .console import (
     ADAPTIVE,
@@ -162,7 +162,7 @@ def show(found: "sd.Comparison") -> None:
     for note in found.notes:
         print(f"note: {note}")
     # that of a list counts them itself
-    count = "" if "outage" in found.words else f": {counted(len(found.windows), 'outage')}"
+    count = "" if "outage" in found.words else f": {count_text(len(found.windows), 'outage')}"
     print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
     print(f"start of all filters at {start['t']:.2f} s: {start['note']}")

@@ -80,10 +80,10 @@ def targets() -> Offered:
 
 def reproductions() -> Offered:
     """Reproductions that an installed package offers."""
-    return [(name, "") for name in sorted(offered())]
+    return [(name, "") for name in sorted(offered_commands())]
 
 
-def offered() -> dict[str, EntryPoint]:
+def offered_commands() -> dict[str, EntryPoint]:
     """{name: entry point} of the group `strapdown.reproductions`."""
     return {entry.name: entry for entry in entry_points(group="strapdown.reproductions")}
 

@@ -18,7 +18,7 @@ import strapdown as sd
 
 from ..checks import DataError, check_choice, located
 from ..data.verdict import Verdict, together
-from ..units.wording import counted, short
+from ..units.wording import count_text, short
 from . import complete
 from .help import FORMATS
 
@@ -287,12 +287,12 @@ def summarise(solution: "sd.Solution") -> None:
         print(f"note: {note}")
     print(f"start: {solution.meta['start']['note']}")
     for name, (good, bad) in solution.counts().items():
-        print(f"{name}: {counted(good, 'fix', 'es')} accepted, {bad} rejected")
+        print(f"{name}: {count_text(good, 'fix', 'es')} accepted, {bad} rejected")
     if solution.meta["fixes_outside"]:
         outside = solution.meta["fixes_outside"]
         verbs = ("lies", "was") if outside == 1 else ("lie", "were")
         print(
-            f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
+            f"{count_text(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
             f"and {verbs[1]} not used"
         )
     for line in solution.installation.told:

@@ -72,7 +72,7 @@ def export(
 
         recording = sd.simulate(demo_flight(), REPLAYED, imu or "tactical", 7)
     kinds = [kind.strip() for kind in sources.split(",") if kind.strip()]
-    what = chosen.chosen(filter, kinds, recording, imu, vehicle, options, waiting)
+    what = chosen.choose_export(filter, kinds, recording, imu, vehicle, options, waiting)
     with results_folder(out) as folder:
         with Progress() as progress:
             done = exported.export(what, made_for, folder, progress.say)

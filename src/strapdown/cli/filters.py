@@ -67,9 +67,9 @@ def _list(found: "Sequence[Filter]") -> None:
 
 def needs(filter: "Filter") -> list[str]:
     """Kinds of aiding without which a filter cannot run."""
-    from ..engine.prepare import positioned
+    from ..engine.prepare import has_position
 
-    own = ["position"] if positioned(filter) else []
+    own = ["position"] if has_position(filter) else []
     return list(dict.fromkeys([*own, *filter.needs]))
 
 

@@ -119,7 +119,7 @@ def fly(
             progress=progress.track(filter),
             **_options(option, flown),
         )
-        windows = withheld(flight)
+        windows = withheld_outages(flight)
         if windows:
             flight.solution.meta["withheld"] = windows
         page = sd.report(
@@ -170,7 +170,7 @@ def show(flight: "sd.Flight", name: str, windows: Sequence[tuple[float, float]])
     print_outages(flight.solution, _truth(flight), windows)
     for start, stop in windows if flight.solution.has_position else []:
         print(drift(flight, start, stop))
-    table(("the aircraft", "rms", "largest", "at the end"), kept(flight))
+    table(("the aircraft", "rms", "largest", "at the end"), tracking_rows(flight))
     if flight.stopped:
         print(flight.stopped)
 
@@ -181,7 +181,7 @@ def _truth(flight: "sd.Flight") -> "sd.Trajectory":
     return truth
 
 
-def withheld(flight: "sd.Flight") -> list[tuple[float, float]]:
+def withheld_outages(flight: "sd.Flight") -> list[tuple[float, float]]:
     """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix
     may be used again, or to where the flight stopped."""
     t = flight.recording.imu.t
@@ -195,7 +195,7 @@ def withheld(flight: "sd.Flight") -> list[tuple[float, float]]:
     ]
 
 
-def kept(flight: "sd.Flight") -> list[tuple[str, ...]]:
+def tracking_rows(flight: "sd.Flight") -> list[tuple[str, ...]]:
     """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was
     off its plan, and its controls off their trim."""
     import numpy as np

@@ -275,7 +275,7 @@ FORMATS = "<formats>"
 """What stands in the help of an argument for the formats that are read."""
 
 
-def _grouped(command: Any, ctx: Any, formatter: Any) -> None:
+def _write_groups(command: Any, ctx: Any, formatter: Any) -> None:
     """Write arguments and options, in groups."""
     found: dict[str, list[tuple[str, str]]] = {
         heading: [] for heading in ("Arguments", *GROUPS, "Options")
@@ -319,7 +319,7 @@ class Command(TyperCommand):
                 from ..io.registry import formats
 
                 parameter.help = text.replace(FORMATS, formats())  # type: ignore[attr-defined]
-        _grouped(self, ctx, formatter)
+        _write_groups(self, ctx, formatter)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """As click asks: examples, which are not wrapped, and the page."""
@@ -338,7 +338,7 @@ class Commands(TyperGroup):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """As click asks: the commands, then the options."""
         self.format_commands(ctx, formatter)
-        _grouped(self, ctx, formatter)
+        _write_groups(self, ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """As click asks."""

@@ -120,7 +120,7 @@ def study(
     """Run filters many times on the same simulated data and score them; an interrupted study
     goes on where it was."""
     made = sd.Study(
-        tuple(_carrying(sd.scenario(name), gnss) for name in scenario),
+        tuple(_with_receiver(sd.scenario(name), gnss) for name in scenario),
         tuple(filter or ("closed-loop", "open-loop")),
         tuple(imu or ()),
         runs,
@@ -145,7 +145,7 @@ def study(
     print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
 
 
-def _carrying(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
+def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
     """The scenario with the receiver of that name or file; without one as it is."""
     return scenario if gnss is None else scenario.replace(gnss=sd.receiver(gnss, scenario.gnss))
 
@@ -267,7 +267,7 @@ def advise(
 
 def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
     """The function of that name that an installed package offers as an entry point."""
-    offered = complete.offered()
+    offered = complete.offered_commands()
     if not offered:
         raise sd.DataError(
             f"reproduce {name}: the package strapdown-reproductions is not installed; install it "

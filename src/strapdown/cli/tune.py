@@ -88,11 +88,11 @@ def tune(
         )
         for line in found.lines:
             print(line)
-        for line in _written(found, recording[0], folder, write):
+        for line in _write_results(found, recording[0], folder, write):
             print(line)
 
 
-def _written(found: "Tuning", path: Path, folder: Path | None, write: bool) -> list[str]:
+def _write_results(found: "Tuning", path: Path, folder: Path | None, write: bool) -> list[str]:
     """Write what was asked for, all or nothing; lines that say what, and how to use it."""
     from ..fileio.files import together
 

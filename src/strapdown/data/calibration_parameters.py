@@ -193,7 +193,7 @@ def asked_at(names: Sequence[str]) -> Known:
     return {name: (OF_SOURCE[name],) for name in names if name in OF_SOURCE}
 
 
-def asked(value: Any, known: Known) -> dict[str, tuple[float, ...]]:
+def requested_priors(value: Any, known: Known) -> dict[str, tuple[float, ...]]:
     """{name: prior standard deviations, SI} of what a file asks for: a list of names, or a table of
     names with their prior in `CalibrationParameter.unit`, one number or one per component. Raises
     DataError."""

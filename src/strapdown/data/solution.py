@@ -85,7 +85,7 @@ def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(columns, index=pd.Index(t, name="t"))
 
 
-def _known(part: Array | None) -> Array:
+def _assume_known(part: Array | None) -> Array:
     """A part of a Trajectory that its maker is sure of: for the type checker, nothing else."""
     return part  # type: ignore[return-value]
 
@@ -121,12 +121,12 @@ class Trajectory(Value):
         """scipy Rotation (n,) from body to navigation frame."""
         from scipy.spatial.transform import Rotation
 
-        return Rotation.from_quat(_known(self.q_nb)[:, [1, 2, 3, 0]])
+        return Rotation.from_quat(_assume_known(self.q_nb)[:, [1, 2, 3, 0]])
 
     @cached_property
     def rph(self) -> Array:
         """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is."""
-        angles = quaternion_to_euler(_known(self.q_nb))
+        angles = quaternion_to_euler(_assume_known(self.q_nb))
         return np.c_[angles[:, :2], angles[:, 2] % (2 * np.pi)]
 
     def displaced(self, lever_arm: Vector, omega: Array) -> Trajectory:
@@ -138,8 +138,8 @@ class Trajectory(Value):
         turn = self.rotation
         return replace(
             self,
-            lla=geodesy.displaced(self.lla, turn.apply(lever_arm)),
-            v_n=_known(self.v_n) + turn.apply(np.cross(omega, lever_arm)),
+            lla=geodesy.displace_lla(self.lla, turn.apply(lever_arm)),
+            v_n=_assume_known(self.v_n) + turn.apply(np.cross(omega, lever_arm)),
         )
 
     def table(self) -> pd.DataFrame:
@@ -360,9 +360,9 @@ class Solution(Value):
         verdict = replace(self.verdict, untested=tuple(dict.fromkeys(untested)))
         meta: SolutionMeta = {**self.meta, "verdict": verdict.as_dict()}
         if "rejected" in meta:
-            meta["rejected"] = _during(meta["rejected"], start, stop)
+            meta["rejected"] = _runs_during(meta["rejected"], start, stop)
         if "heights_apart" in meta:
-            meta["heights_apart"] = _during(meta["heights_apart"], start, stop)
+            meta["heights_apart"] = _runs_during(meta["heights_apart"], start, stop)
         return replace(
             self.taking(rows),
             innovations=self.innovations.between(start, stop),
@@ -465,7 +465,7 @@ class Solution(Value):
         return {
             **self.trajectory.as_columns(),
             **dict(zip(BIAS_COLUMNS, biases.T)),
-            **dict(zip(SD_COLUMNS, (_known(self.trajectory.sd) * SD_SCALE).T)),
+            **dict(zip(SD_COLUMNS, (_assume_known(self.trajectory.sd) * SD_SCALE).T)),
             **self.columns,
             "status": self.status,
         }
@@ -514,6 +514,6 @@ class Solution(Value):
         return f"Solution({self.meta.get('filter', '')}: {self.trajectory!r}, {fixes or 'no fixes'}, {len(self.events)} events)"
 
 
-def _during(runs: list[dict[str, Any]], start: float, stop: float) -> list[dict[str, Any]]:
+def _runs_during(runs: list[dict[str, Any]], start: float, stop: float) -> list[dict[str, Any]]:
     """Those of runs of fixes that reach into [start, stop], s."""
     return [run for run in runs if run["start"] <= stop and run["stop"] >= start]

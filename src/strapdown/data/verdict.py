@@ -161,11 +161,13 @@ def together(verdicts: Mapping[str, Verdict]) -> list[tuple[list[str], Verdict]]
     for name, verdict in verdicts.items():
         first = [(reason.cause, reason.source) for reason in verdict.reasons[:1]]
         alike.setdefault((verdict.word, *(first[0] if first else ())), []).append(name)
-    groups = [(names, _merged([verdicts[name] for name in names])) for names in alike.values()]
+    groups = [
+        (names, _merge_verdicts([verdicts[name] for name in names])) for names in alike.values()
+    ]
     return sorted(groups, key=lambda group: SEVERITY.index(group[1].word))
 
 
-def _merged(verdicts: list[Verdict]) -> Verdict:
+def _merge_verdicts(verdicts: list[Verdict]) -> Verdict:
     heaviest: dict[tuple[str, str], Reason] = {}
     # of one result the first of a cause, since causes stand before symptoms
     firsts = (

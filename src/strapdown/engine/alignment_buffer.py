@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..alignment.missing_fields import filled
+from ..alignment.missing_fields import fill_missing
 from ..checks import DataError
 from ..core.loop.contract import Filter, Imu, InitialState
 from ..data.recording import Recording, RecordingMeta
@@ -14,9 +14,9 @@ from ..data.solution import Aiding
 from ..preprocessing.plausible import refuse_mistakes
 from ..sensor_models.imu import ImuSpec
 from .arrivals import Sample, UsableFix
-from .heading_hypotheses import DOUBTFUL, aligned
+from .heading_hypotheses import DOUBTFUL, align_start
 from .options import RunOptions
-from .prepare import positioned
+from .prepare import has_position
 
 ALIGN_EVERY = 10.0
 """s of samples between two looks for a start."""
@@ -99,16 +99,18 @@ class Gathering:
             raise DataError(
                 "to find a start the stream must know its IMU: give imu=, or a whole InitialState"
             )
-        recording, position = self.recording(), positioned(self._filter)
+        recording, position = self.recording(), has_position(self._filter)
         if self._given is not None:
-            return filled(self._given, recording, self._spec, position)
-        return aligned(recording, self._spec, position, self._noise, self._say)
+            return fill_missing(self._given, recording, self._spec, position)
+        return align_start(recording, self._spec, position, self._noise, self._say)
 
     def worth(self, start: InitialState) -> bool:
         """True where a start need not wait for a better one: its heading is known, or given, or the
         filter estimates no position."""
         return (
-            self._given is not None or not positioned(self._filter) or bool(start.sd[8] <= DOUBTFUL)
+            self._given is not None
+            or not has_position(self._filter)
+            or bool(start.sd[8] <= DOUBTFUL)
         )
 
 

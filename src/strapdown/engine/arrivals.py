@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from .. import aiding
-from ..checks import DataError, brief, is_number, shown
+from ..checks import DataError, brief, is_number, one_line_repr
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.solution import Aiding
 from ..preprocessing.attitude_record import possible_attitude
@@ -133,7 +133,7 @@ class Sources:
         for value, sd, bound in zip(y, deviations, most):
             if value == value and not 0 < sd < inf:
                 raise DataError(
-                    f"{where}: standard deviations are {shown(tuple(fix.sd))}; they must be above zero"
+                    f"{where}: standard deviations are {one_line_repr(tuple(fix.sd))}; they must be above zero"
                 )
             if abs(value) > bound:
                 self._refuse(fix.source, y, where)

@@ -3,7 +3,7 @@
 from typing import Unpack
 
 from .. import filters
-from ..alignment.missing_fields import filled, missing_fields
+from ..alignment.missing_fields import fill_missing, missing_fields
 from ..core.loop.contract import Filter, InitialState
 from ..data.recording import Recording, check_recording
 from ..data.solution import Solution
@@ -11,7 +11,7 @@ from ..data.vehicle import find as find_vehicle
 from ..progress import listener, with_bar
 from ..typing import Progress
 from .finish import solution
-from .heading_hypotheses import aligned
+from .heading_hypotheses import align_start
 from .installation import of_grade, with_estimates
 from .options import RunOptions, run_options, takes
 from .prepare import (
@@ -19,7 +19,7 @@ from .prepare import (
     assumed_noise,
     check_needs,
     check_start,
-    positioned,
+    has_position,
     ready,
 )
 from .source_weights import with_weights
@@ -93,8 +93,8 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
     if start is None or not whole:
         assert spec is not None  # it was needed above
         start = (
-            aligned(recording, spec, positioned(filter), asked["noise"], asked["say"])
+            align_start(recording, spec, has_position(filter), asked["noise"], asked["say"])
             if start is None
-            else filled(start, recording, spec, positioned(filter))
+            else fill_missing(start, recording, spec, has_position(filter))
         )
     return ready(recording, filter, start, noise, spec, asked, made)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import aiding
-from ..core.compile.records import copied, rows
+from ..core.compile.records import copy_row, rows
 from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MAX_NIS, MAX_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
@@ -17,10 +17,10 @@ from ..data.solution import Aiding, Rejected
 from ..data.vehicle import Vehicle
 from ..typing import Array
 from ..units import quantities
-from ..units.wording import counted
+from ..units.wording import count_text
 from .rejections import runs
 from .rejections.contradictions import RejectedRun
-from .rejections.texts import rejected
+from .rejections.texts import rejection_texts
 from .rejections.windows import WindowFixes
 
 MAX_OF_A_KIND = 20
@@ -88,9 +88,9 @@ class Events:
         tested = fixes[np.isfinite(fixes["nis"])]
         np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
         found = runs.find(WindowFixes(fixes, sd, self._known, self._begin), self._aidings)
-        self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
+        self.rejected = rejection_texts(runs.join_runs(self._runs, found), self._aidings)
         kept = [run for run in found if run.start < before]
-        self._runs = runs.joined(self._runs, kept)
+        self._runs = runs.join_runs(self._runs, kept)
         for run in kept:
             self._known[run.source] = max(self._known[run.source], run.stop)
 
@@ -106,7 +106,7 @@ class Events:
             alike = self._alike(row)
             there = int(((before["code"] == row.code) & (before["which"] == row.which)).sum())
             if there + len(alike) < MAX_OF_A_KIND and (there or not _goes_on(alike, row)):
-                begun.append(copied(row))
+                begun.append(copy_row(row))
         return begun
 
     def _alike(self, row: LogRow) -> list[LogRow]:
@@ -119,7 +119,7 @@ class Events:
         if len(alike) == MAX_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
             return False
-        alike.append(copied(row))
+        alike.append(copy_row(row))
         self.rows.append(alike[-1])
         return True
 
@@ -230,8 +230,8 @@ def _times(row: LogRow) -> str:
     return f" ({row.count:.0f} times until {row.until:.1f} s)"
 
 
-def _counted(row: LogRow, noun: str) -> str:
-    return counted(int(row.count), noun)
+def _event_count(row: LogRow, noun: str) -> str:
+    return count_text(int(row.count), noun)
 
 
 def _seconds(value: float) -> str:
@@ -243,8 +243,8 @@ def _till(row: LogRow) -> str:
     return f" until {row.until:.1f} s" if row.until > row.t else ""
 
 
-def _missed(row: LogRow) -> str:
-    return f" ({counted(int(row.count) - 1, 'event')} since)" if row.count > 1 else ""
+def _missed_text(row: LogRow) -> str:
+    return f" ({count_text(int(row.count) - 1, 'event')} since)" if row.count > 1 else ""
 
 
 def _imu(which: int, value: float) -> tuple[str, str]:
@@ -264,7 +264,7 @@ def _full_scale(events: Events, row: LogRow, which: int, value: float) -> str:
     return f"{axis} is at full scale, {shown}: what it measured was larger{_times(row)}"
 
 
-def _stuck(events: Events, row: LogRow, which: int, value: float) -> str:
+def _stuck_text(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
     return f"{axis} is stuck at {shown}{_till(row)}: check the sensor and its record"
 
@@ -325,7 +325,7 @@ WORDS: dict[int, Words] = {
     ),
     Code.OUT_OF_RANGE: _out_of_range,
     Code.FULL_SCALE: _full_scale,
-    Code.STUCK: _stuck,
+    Code.STUCK: _stuck_text,
     Code.COARSE: _coarse,
     Code.JITTERED: lambda e, row, s, value: (
         f"time stamps of the IMU jitter by {value:.0%} of their interval, until "
@@ -365,23 +365,23 @@ WORDS: dict[int, Words] = {
         f"until {row.until:.0f} s: set time.offset"
     ),
     Said.SAMPLES_NOT_FINITE: lambda e, row, s, value: (
-        f"IMU: {_counted(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
+        f"IMU: {_event_count(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
     ),
     Said.SAMPLES_TWICE: lambda e, row, s, value: (
-        f"IMU: {_counted(row, 'repeated time')} dropped{_till(row)}"
+        f"IMU: {_event_count(row, 'repeated time')} dropped{_till(row)}"
     ),
     Said.SAMPLES_LATE: lambda e, row, s, value: (
-        f"IMU: {_counted(row, 'late sample')} dropped, up to {value:.3g} s behind{_till(row)}: give "
+        f"IMU: {_event_count(row, 'late sample')} dropped, up to {value:.3g} s behind{_till(row)}: give "
         f"a longer lag"
     ),
     Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_counted(row, 'row')} without time or value dropped{_till(row)}"
+        f"{e.name(s)}: {_event_count(row, 'row')} without time or value dropped{_till(row)}"
     ),
     Said.FIXES_TWICE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_counted(row, 'repeated row')} dropped{_till(row)}"
+        f"{e.name(s)}: {_event_count(row, 'repeated row')} dropped{_till(row)}"
     ),
     Said.FIXES_LATE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {_seconds(value)} s behind{_till(row)}: "
+        f"{e.name(s)}: {_event_count(row, 'late row')} dropped, up to {_seconds(value)} s behind{_till(row)}: "
         f"{'give a longer lag' if value < LONG_LAG else CLOCKS}"
     ),
     Said.FIXES_AHEAD: lambda e, row, s, value: (
@@ -393,7 +393,7 @@ WORDS: dict[int, Words] = {
         f"started with what there is: {e.because[Said.POOR_START]}"
     ),
     Said.CALLBACK: lambda e, row, s, value: (
-        f"on_event raised {e.because[Said.CALLBACK]}; the callback is not called again{_missed(row)}"
+        f"on_event raised {e.because[Said.CALLBACK]}; the callback is not called again{_missed_text(row)}"
     ),
     Said.AHRS_STOPPED: lambda e, row, s, value: e.because[Said.AHRS_STOPPED],
     Said.AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],

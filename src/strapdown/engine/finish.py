@@ -12,7 +12,7 @@ from ..core.loop.tables import FixRow
 from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, SD, Q, T, V
 from ..data.solution import Aiding, Innovations, Solution, SolutionMeta, Trajectory
 from ..typing import Array
-from .installation import told
+from .installation import parameter_meta
 from .prepare import Run, augmented_states
 
 
@@ -26,7 +26,7 @@ def solution(run: Run) -> Solution:
     events, meta = run.events.all, _meta(run, used)
     if cursor.state[0].fault:
         t = float(run.samples.t[cursor.state[0].row])
-        meta["stopped"] = stopped(t)
+        meta["stopped"] = stop_message(t)
         if (t, meta["stopped"]) not in events:  # a stream said so already
             events.append((t, meta["stopped"]))
         if not len(nav):
@@ -66,7 +66,7 @@ def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
         "date": recording.meta.get("date"),
         "point": recording.meta.get("point", "imu"),
     }
-    meta |= told(recording, run.belief.P)
+    meta |= parameter_meta(recording, run.belief.P)
     if epoch := recording.meta.get("epoch"):
         meta["epoch"] = epoch
     if read := recording.meta.get("read"):
@@ -108,7 +108,7 @@ def _columns(run: Run, nav: Array) -> dict[str, Array]:
     return {name: nav[:, NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)}
 
 
-def stopped(t: float) -> str:
+def stop_message(t: float) -> str:
     """Return the message of a filter that stopped at the sample of `t` s."""
     return (
         f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter "

@@ -44,7 +44,7 @@ MIN_SD = np.radians(1.0)
 FIXED_SD = np.radians(0.1)  # of a heading that is held as known
 
 
-def aligned(
+def align_start(
     recording: Recording,
     imu: ImuSpec,
     position: bool = True,
@@ -68,7 +68,7 @@ def aligned(
     if fixes is None or fixes.t[-1] <= begin:
         return start
     part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
-    found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
+    found = _decide_heading(_Trials(part, begin, imu, noise or imu.noise(), say), start)
     return starts_around(recording, imu, start.t, [found])[0]
 
 
@@ -124,7 +124,7 @@ class _Peak(NamedTuple):
     sd: float
 
 
-def _found(trials: _Trials, start: InitialState) -> HeadingFound:
+def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
     """The heading that the innovations decide for; else their mean over all headings, of which that
     of `start` is as likely before as all others together."""
     headings = SPACING * np.arange(HEADINGS)
@@ -139,7 +139,7 @@ def _found(trials: _Trials, start: InitialState) -> HeadingFound:
             break
         weights: Array = np.where(alive, np.exp(-0.5 * (sums - sums[alive].min()) / scale), 0.0)
         mean, spread = _mean(headings, weights)
-        peak = _refined(trials, mean, row) if spread < TOGETHER else None
+        peak = _refine_peak(trials, mean, row) if spread < TOGETHER else None
         if peak and peak.sd < DECIDED:
             note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
             return HeadingFound(
@@ -175,7 +175,7 @@ def _degrees(heading: float) -> str:
     return f"{np.degrees(heading) % 360:.0f}"
 
 
-def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
+def _refine_peak(trials: _Trials, heading: float, row: int) -> _Peak | None:
     """The _Peak of the likelihood around a heading: a parabola through the sums of runs whose
     heading is fixed, as wide as the peak; None where there is none."""
     width = np.radians(10.0)

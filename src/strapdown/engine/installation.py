@@ -106,7 +106,7 @@ def asked_of(sources: Iterable[Aiding], estimate: Estimate) -> tuple[tuple[Aidin
     aidings = list(without_estimates(sources))
     of_imu: dict[str, tuple[float, ...]] = {}
     known = dict.fromkeys([*calibration_parameters.OF_SOURCE, *calibration_parameters.ASKED_OF_IMU])
-    for words, sd in _wanted(estimate).items():
+    for words, sd in _requested_priors(estimate).items():
         *owner, name = words.split()
         check_choice(name, "estimate", known)
         whose = " ".join(owner)
@@ -142,7 +142,7 @@ def _asked_at(aidings: Sequence[Aiding], name: str, whose: str) -> list[int]:
     return found
 
 
-def _wanted(estimate: Estimate) -> dict[str, Prior]:
+def _requested_priors(estimate: Estimate) -> dict[str, Prior]:
     """{name, maybe with its owner: prior or None}. Raises DataError."""
     if isinstance(estimate, str):
         estimate = [part.strip() for part in estimate.split(",")]
@@ -202,7 +202,7 @@ def _same_antenna(a: Aiding, b: Aiding) -> bool:
     return a.kind in gnss and b.kind in gnss and tuple(a.parameters) == tuple(b.parameters)
 
 
-def told(recording: Recording, P: Array) -> SolutionMeta:
+def parameter_meta(recording: Recording, P: Array) -> SolutionMeta:
     """Return the metadata of the parameters that were states, as plain values: each as given and
     its prior, SI, and their correlations by the last covariance P. {} without any."""
     found = parameters(recording.aidings, recording.meta.get("estimate") or {})
@@ -274,7 +274,7 @@ def delays(aidings: Sequence[Aiding], of_imu: OfImu) -> list[float]:
     return list(sources["delay"].tolist())
 
 
-def coupled(found: Sequence[StateParameter], first: int) -> Any:
+def coupling_rows(found: Sequence[StateParameter], first: int) -> Any:
     """The rows of `Cursor.coupled`: those of the states that are scales and misalignments of the
     IMU; the states begin with `first`."""
     listed = [

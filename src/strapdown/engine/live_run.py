@@ -21,7 +21,7 @@ from ..core.loop.contract import (
     Kernels,
     Noise,
     Use,
-    bound,
+    bind_kernel,
 )
 from ..core.loop.cursor import LoopState
 from ..core.loop.log import LOG_FULL, LogRow
@@ -34,7 +34,7 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from .arrivals import MAX_WAITING_FIXES, Sample, UsableFix
 from .events import Events
-from .finish import solution, stopped
+from .finish import solution, stop_message
 from .installation import OfImu
 from .plausible_limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare, stages_of
@@ -83,7 +83,7 @@ class _Room:
         self.stamp, self.sd = np.empty(most), np.empty((most, 3))
         self.waits = self.fixes.sources["delay"].tolist()
         self.out = new_output(of.filter, belief, rows, covariance, most)
-        self.run = bound(
+        self.run = bind_kernel(
             loop.run, kernels, belief, self.imu, self.fixes, of.noise, cursor, self.out
         )
         columns: list[Any] = [cursor.state.view(np.int64), *self.imu]
@@ -171,7 +171,7 @@ class LiveRun:
             blame(error, self.filter, self.aidings)
             raise
         if state[FAULT]:
-            raise DataError(f"stream {stopped(sample[0])}")
+            raise DataError(f"stream {stop_message(sample[0])}")
 
     @property
     def t(self) -> float:

@@ -134,15 +134,15 @@ def takes(record: type, options: Mapping[str, Option] = OPTIONS) -> Callable[[Ca
 
     def taking(call: Call) -> Call:
         if isinstance(call, type):
-            call.__init__ = _refusing(call.__init__, call.__name__, table)  # type: ignore[misc]
-            call.__doc__ = _documented(call, table)
+            call.__init__ = _with_option_check(call.__init__, call.__name__, table)  # type: ignore[misc]
+            call.__doc__ = _option_doc(call, table)
             return call
-        return cast(Call, _refusing(call, call.__name__, table))
+        return cast(Call, _with_option_check(call, call.__name__, table))
 
     return taking
 
 
-def _refusing(
+def _with_option_check(
     call: Callable[..., Any], name: str, table: Mapping[str, Option]
 ) -> Callable[..., Any]:
     """The function, which refuses options that it does not have."""
@@ -163,7 +163,7 @@ def _refusing(
     ]
     checked.__signature__ = signature(call).replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
     if call.__name__ != "__init__":  # a class documents them itself
-        checked.__doc__ = _documented(call, table)
+        checked.__doc__ = _option_doc(call, table)
     return checked
 
 
@@ -177,7 +177,7 @@ def _unknown(name: str, option: str, known: set[str]) -> str:
     return f"{name} has no option {option!r}; {remedy}"
 
 
-def _documented(what: object, table: Mapping[str, Option]) -> str:
+def _option_doc(what: object, table: Mapping[str, Option]) -> str:
     """The documentation of a function or class, with that of its options behind it."""
     lines = [getdoc(what) or "", "", "Other Parameters", "----------------"]
     for name, option in table.items():

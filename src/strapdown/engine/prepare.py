@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .. import aiding, filters
 from ..alignment.missing_fields import MAX_HEADING, PARTS
-from ..checks import DataError, brief, check_number, shown
+from ..checks import DataError, brief, check_number, one_line_repr
 from ..core.compile import records
 from ..core.compile.records import Table
 from ..core.loop import loop, stages
@@ -90,9 +90,9 @@ def prepare(
     observers = [sensor.observe for sensor in sensors]
     compile_together([*slow, *needed.kernels, *observers], filter.name, say)
     for kernel in slow:
-        filters.compiled(filter, kernel)
+        filters.compile_filter_kernel(filter, kernel)
     for sensor in sensors:
-        aiding.compiled(sensor.name)
+        aiding.compile_observation(sensor.name)
     numbers = [aiding.number(sensor.name) for sensor in sensors]
     table = np.zeros(max(numbers, default=0) + 1, np.int64)
     table[numbers] = list(map(address, observers))
@@ -279,13 +279,13 @@ def new_cursor(
         records.rows(Books, sources),
         records.rows(LogRow, LOG_ROWS),
         new_recent(t, any("clock" in a.estimate for a in aidings)),
-        installation.coupled(parameters, first),
+        installation.coupling_rows(parameters, first),
     )
     state, books = cursor.state[0], cursor.books
     state.t, state.cause, state.climb_at, state.latest = float(t), -np.inf, -np.inf, 1
-    if positioned(filter):
+    if has_position(filter):
         state.heights = sum(a.kind in HEIGHTS for a in aidings)
-    state.every, state.positioned = 1, positioned(filter)
+    state.every, state.positioned = 1, has_position(filter)
     state.condition = -1 if filter.condition is None else filter.condition
     doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
     state.doubtful_conditions = sum(1 << k for k in doubtful)
@@ -298,7 +298,7 @@ def new_cursor(
     return cursor
 
 
-def positioned(filter: Filter) -> bool:
+def has_position(filter: Filter) -> bool:
     """True where `filter` estimates a position, and so must start from one."""
     return POS.start in filter.estimates
 
@@ -375,7 +375,7 @@ def ready(
             a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.aidings
         ),
     )
-    options, said = fitted(filter, asked["options"] or {}, aidings)
+    options, said = configure_options(filter, asked["options"] or {}, aidings)
     notes += said
     of_imu = recording.meta.get("estimate")
     belief = new_belief(filter, start, noise, options, aidings, of_imu)
@@ -480,7 +480,7 @@ def _check_part(name: str, value: object, size: int) -> None:
         values = values.astype(float) if values.dtype.kind in "iuf" else np.empty(0)
     except (TypeError, ValueError):
         values = np.empty(0)
-    what = f"start: {name} is {shown(value)}"
+    what = f"start: {name} is {one_line_repr(value)}"
     if name == "rph" and np.isnan(values[:2]).all() and (np.abs(values[2:]) > MAX_HEADING).any():
         raise DataError(f"start: heading is {values[2]:g} rad; is it in degrees?")
     if values.shape != (size,) or not np.isfinite(values).all():
@@ -564,7 +564,7 @@ def _correlate_start(P: Array, aidings: Sequence[Aiding]) -> None:
                 P[state, first + i] -= variance
 
 
-def fitted(
+def configure_options(
     filter: Filter, options: dict[str, Any], aidings: Sequence[Aiding]
 ) -> tuple[dict[str, Any], list[str]]:
     """(options of `filter` with those that these sources decide, notes on them). Raises

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding
-from ..core.compile.c_calls import aligned
+from ..core.compile.c_calls import aligned_zeros
 from ..core.compile.records import rows
 from ..core.compile.signatures import LANES
 from ..core.loop import lane_loop
@@ -95,20 +95,20 @@ class RunBatch:
             table,
             np.full(sources, first.start.t),
             cursor.limits,
-            aligned(7, LANES),
-            aligned(lane_loop.WORK, LANES),
-            aligned(sources, lane_loop.BOOKS, LANES),
-            aligned(len(filter.conditions), LANES),
-            aligned(2, LANES),
+            aligned_zeros(7, LANES),
+            aligned_zeros(lane_loop.WORK, LANES),
+            aligned_zeros(sources, lane_loop.BOOKS, LANES),
+            aligned_zeros(len(filter.conditions), LANES),
+            aligned_zeros(2, LANES),
         )
         self.cursor.conditions[:] = self.cursor.left[:] = np.inf
         self.out = LaneOutput(
-            aligned(len(fixes.t), lane_loop.FIX_NUMBERS, LANES),
-            aligned(len(keep.true), keep.numbers, LANES),
+            aligned_zeros(len(fixes.t), lane_loop.FIX_NUMBERS, LANES),
+            aligned_zeros(len(keep.true), keep.numbers, LANES),
         )
         self.out.kept[:] = np.nan
         self._kernels = _addresses(filter, first, keep.kernel)
-        self._given = keep.true, keep.biases, aligned(keep.scratch, LANES)
+        self._given = keep.true, keep.biases, aligned_zeros(keep.scratch, LANES)
 
     def calls(self, increments: Array) -> Callable[[int, int], None]:
         """Return a function (first, stop) that processes the IMU rows from `first` to before
@@ -196,7 +196,7 @@ def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> li
 
 def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """Arrays of one shape and type as lanes."""
-    made = aligned(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
+    made = aligned_zeros(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
     for lane, part in enumerate(parts):
         made[..., lane] = part
     return made

@@ -17,13 +17,13 @@ Adaptive: TypeAlias = float | Mapping[str, float]
 def with_weights(
     recording: Recording, robust: Robust | None, adaptive: Adaptive | None
 ) -> Recording:
-    """Return the recording with its sources as `weighed` makes them. Raises DataError."""
+    """Return the recording with its sources as `apply_weights` makes them. Raises DataError."""
     if robust is None and adaptive is None:
         return recording
-    return replace(recording, aidings=weighed(recording.aidings, robust, adaptive))
+    return replace(recording, aidings=apply_weights(recording.aidings, robust, adaptive))
 
 
-def weighed(
+def apply_weights(
     aidings: Iterable[Aiding], robust: Robust | None, adaptive: Adaptive | None
 ) -> tuple[Aiding, ...]:
     """Return the sources with these of them robust or adaptive in place of what they say themselves;
@@ -41,11 +41,11 @@ def weighed(
 def _robust(aidings: list[Aiding], robust: Robust) -> set[int]:
     if isinstance(robust, bool):
         return set(range(len(aidings))) if robust else set()
-    names: list[Any] = [robust] if isinstance(robust, str) else _listed(robust)
-    return {i for name in names for i in _named(aidings, name, "robust")}
+    names: list[Any] = [robust] if isinstance(robust, str) else _name_list(robust)
+    return {i for name in names for i in _source_indices(aidings, name, "robust")}
 
 
-def _listed(robust: Any) -> list[Any]:
+def _name_list(robust: Any) -> list[Any]:
     try:
         return list(robust)
     except TypeError:
@@ -61,7 +61,7 @@ def _adaptive(aidings: list[Aiding], adaptive: Adaptive) -> dict[int, float]:
     return {
         i: _memory(memory, f"adaptive of {name}")
         for name, memory in adaptive.items()
-        for i in _named(aidings, name, "adaptive")
+        for i in _source_indices(aidings, name, "adaptive")
     }
 
 
@@ -69,7 +69,7 @@ def _memory(value: Any, what: str) -> float:
     return check_number(value, what, "s", least=0, most=1e6)
 
 
-def _named(aidings: list[Aiding], name: Any, option: str) -> list[int]:
+def _source_indices(aidings: list[Aiding], name: Any, option: str) -> list[int]:
     """The sources of this name or, where none has it, of this kind. Raises DataError."""
     word = str(name).lower()
     named = [i for i, a in enumerate(aidings) if a.name.lower() == word]

@@ -54,15 +54,15 @@ from .prepare import (
     check_needs,
     check_options,
     check_start,
-    fitted,
-    positioned,
+    configure_options,
+    has_position,
     prepare,
     stages_of,
     usable,
 )
 from .source_noise import with_correlated_errors
-from .source_weights import weighed
-from .with_ahrs import SILENT, attitudes, chosen, notes_on, taken_by, whose
+from .source_weights import apply_weights
+from .with_ahrs import SILENT, attitudes, choose_ahrs, notes_on, taken_by, whose
 
 AHEAD = 10.0
 """s by which a fix may be ahead of the newest sample, or the lag where that is longer."""
@@ -127,8 +127,8 @@ class Stream:
     ) -> None:
         self._asked = asked = run_options(**given)
         _check(lag, align_within, history, asked["covariance"])
-        aidings = weighed(checked_aidings(aidings), asked["robust"], asked["adaptive"])
-        aidings, of_imu = _estimated(aidings, asked["estimate"])
+        aidings = apply_weights(checked_aidings(aidings), asked["robust"], asked["adaptive"])
+        aidings, of_imu = _with_estimates(aidings, asked["estimate"])
         start, vehicle = asked["start"], asked["vehicle"]
         whole = isinstance(start, InitialState) and not missing_fields(start)
         self.noise, self._spec = assumed_noise(
@@ -137,7 +137,7 @@ class Stream:
         self._filter = filter = filters.find(filter)
         aidings, widened = with_correlated_errors(filter, aidings)
         self._ahrs: _Ahrs | None = None
-        first = chosen(filter, {a.kind for a in aidings}, asked["ahrs"], asked["ahrs_rate"])
+        first = choose_ahrs(filter, {a.kind for a in aidings}, asked["ahrs"], asked["ahrs_rate"])
         if first:
             stream = Stream(
                 first,
@@ -217,7 +217,7 @@ class Stream:
         kinds = [a.kind for a in self._used]
         needed = stages_of(self._filter, self._used, self._of_imu)
         prepare(self._filter, kinds, self._asked["say"], needed)
-        if tries and positioned(self._filter):
+        if tries and has_position(self._filter):
             closed_loop = filters.find("closed-loop")
             used, _ = usable(closed_loop, aidings)
             needed = stages_of(closed_loop, used)
@@ -262,7 +262,7 @@ class Stream:
         aidings = self._used
         if self._gathered.samples and not any(len(a.t) for a in aidings):
             aidings = usable(self._filter, self._gathered.recording().aidings)[0]
-        options, notes = fitted(self._filter, self._asked["options"] or {}, aidings)
+        options, notes = configure_options(self._filter, self._asked["options"] or {}, aidings)
         self.notes += notes
         live = LiveRun(
             SetUp(
@@ -631,7 +631,7 @@ class Stream:
         return self.solution.verdict
 
 
-def _estimated(
+def _with_estimates(
     aidings: tuple[Aiding, ...], estimate: Estimate | None
 ) -> tuple[tuple[Aiding, ...], OfImu]:
     """The sources, and parameters of the IMU, with what is to be estimated. Raises DataError."""

@@ -25,7 +25,7 @@ from ..typing import Array
 from .finish import solution as solution_of
 from .installation import without_estimates
 from .options import AHRS_RATE, RunOptions, run_options
-from .prepare import assumed_noise, check_needs, positioned, ready
+from .prepare import assumed_noise, check_needs, has_position, ready
 
 AHRS = "attitude-mekf"
 """The one that runs where a filter needs attitude, the recording has none of it, and something
@@ -56,7 +56,7 @@ def with_ahrs(
     asked for cannot be used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
     """
     measured = {a.kind for a in recording.aidings if len(a.t)}
-    first = chosen(filter, measured, asked["ahrs"], asked["ahrs_rate"])
+    first = choose_ahrs(filter, measured, asked["ahrs"], asked["ahrs_rate"])
     if first is None:
         return recording, None
     made, notes = source(recording, first, asked)
@@ -67,7 +67,7 @@ def with_ahrs(
     return replace(recording, aidings=(*left, made)).noting(notes), made
 
 
-def chosen(
+def choose_ahrs(
     filter: Filter, measured: Collection[str], ahrs: str | Filter | None, rate: float
 ) -> Filter | None:
     """The AHRS that runs before `filter` where these kinds are measured, None where there is none
@@ -90,7 +90,7 @@ def chosen(
         if not measured.intersection(HEADING_KINDS):
             raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
         ahrs = AHRS
-    first = _found(ahrs)
+    first = _find_ahrs(ahrs)
     _check(first, filter)
     return first
 
@@ -221,10 +221,10 @@ def _motion(ahrs: Filter, start: InitialState, imu: Imu) -> list[str]:
 
 
 def _alone() -> list[str]:
-    return [name for name in filters.names() if not positioned(filters.find(name))]
+    return [name for name in filters.names() if not has_position(filters.find(name))]
 
 
-def _found(name: str | Filter) -> Filter:
+def _find_ahrs(name: str | Filter) -> Filter:
     """The Filter of that name; DataError with the AHRSs there are where it is unknown."""
     try:
         return filters.find(name)
@@ -238,7 +238,7 @@ def _found(name: str | Filter) -> Filter:
 
 def _check(ahrs: Filter, filter: Filter) -> None:
     """Raise DataError where `ahrs` is none, or `filter` has no use for an attitude."""
-    if positioned(ahrs):
+    if has_position(ahrs):
         raise DataError(
             f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(_alone())}"
         )

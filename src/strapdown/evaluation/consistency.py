@@ -86,7 +86,7 @@ def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
         variance = np.diagonal(covariance, axis1=-2, axis2=-1)
         known = np.isfinite(covariance).all(axis=(-2, -1)) & (variance > 0).all(axis=-1)
         scale = 1 / np.sqrt(np.where(known[..., None], variance, np.nan))
-        rows = _whitened(
+        rows = _whiten_errors(
             error * scale,
             covariance * scale[..., :, None] * scale[..., None, :],
             k * np.finfo(float).eps,
@@ -94,7 +94,7 @@ def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
         return np.square(rows).sum(axis=-1)
 
 
-def _whitened(error: Array, P: Array, least: float) -> Array:
+def _whiten_errors(error: Array, P: Array, least: float) -> Array:
     """L^-1 error with L L' = P (unit diagonal), NaN where a pivot is not above `least`; by
     columns over the whole stack."""
     k = error.shape[-1]
@@ -121,7 +121,7 @@ def band(dof: int, count: int = 1, probability: float = 0.95) -> tuple[float, fl
 
 
 @lru_cache(maxsize=64)
-def bound(dof: int, alarm: float) -> float:
+def chi_square_bound(dof: int, alarm: float) -> float:
     """The bound that one NEES or NIS value of `dof` components exceeds with probability `alarm`."""
     from scipy.stats import chi2
 
@@ -140,7 +140,7 @@ def survival(
     """
     distance, nees, t = (np.asarray(values, float) for values in (distance, nees, t))
     lost = ~(distance <= limits.distance)
-    beyond = ~(nees <= bound(STATES, limits.alarm))
+    beyond = ~(nees <= chi_square_bound(STATES, limits.alarm))
     # last epoch within the bound, -1 for none
     inside_before = np.maximum.accumulate(np.where(beyond, -1, np.arange(len(t))))
     began = t[np.minimum(inside_before + 1, len(t) - 1)]
@@ -203,7 +203,7 @@ def proportion(successes: float, count: float, probability: float = 0.95) -> Int
     )
 
 
-def paired(a: ArrayLike, b: ArrayLike, probability: float = 0.95) -> Paired:
+def paired_comparison(a: ArrayLike, b: ArrayLike, probability: float = 0.95) -> Paired:
     """Compare two filters on the same runs: a and b (runs,), one figure of each run; Paired of a -
     b, with Student's t over the runs.
 
@@ -271,7 +271,7 @@ def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
     return Whiteness(found, bound, gammaincc(lags / 2, statistic / 2))
 
 
-def normalised(solution: Solution, source: str | int, window: int = 101) -> Array:
+def normalised_innovations(solution: Solution, source: str | int, window: int = 101) -> Array:
     """Innovations (m, k) of one source (name or index) of a Solution, accepted fixes in time order,
     for `whiteness`.
 
@@ -359,7 +359,7 @@ def errors_beyond(solution: Solution, true: Mapping[str, ArrayLike]) -> tuple[li
     """(places (m,) in the covariance, (n, m) true - estimate in SI) of states beyond the fifteenth
     at the rows of a Solution: true {column: value in its unit, one or one per row}. Raises
     DataError."""
-    own = _brought(solution)
+    own = _augmented_states(solution)
     names, places = [each.name for each in own], []
     errors = np.empty((len(solution.t), len(true)))
     for k, (name, value) in enumerate(true.items()):
@@ -375,7 +375,7 @@ def errors_beyond(solution: Solution, true: Mapping[str, ArrayLike]) -> tuple[li
     return [STATES + place for place in places], errors
 
 
-def _brought(solution: Solution) -> list[AugmentedState]:
+def _augmented_states(solution: Solution) -> list[AugmentedState]:
     """The states beyond the fifteenth of a Solution. Raises DataError."""
     if solution.recording is None:
         raise DataError(

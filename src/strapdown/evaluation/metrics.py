@@ -114,11 +114,13 @@ def _check_trajectory(value: object, name: str, wanted: str) -> None:
         raise DataError(f"errors: {name} is {brief(value)}; it must be {wanted}")
 
 
-def interpolated(reference: Trajectory, t: Array) -> Trajectory:
+def interpolate_reference(reference: Trajectory, t: Array) -> Trajectory:
     """The Trajectory of a reference at times t (n,), s, interpolated as for `errors`: NaN
     outside its span and in its gaps, None where nothing is known."""
     v_n = _linear(reference.t, reference.v_n, t) if any_known(reference.v_n) else None
-    q_nb = _turned(reference.t, reference.q_nb, t) if any_known(reference.q_nb) else None
+    q_nb = (
+        _interpolate_attitude(reference.t, reference.q_nb, t) if any_known(reference.q_nb) else None
+    )
     return Trajectory(t, _position(reference, t), v_n, q_nb)
 
 
@@ -227,7 +229,7 @@ def _position(reference: Trajectory, t: Array) -> Array:
     return out
 
 
-def _turned(t_ref: Array, q_ref: Array, t: Array) -> Array:
+def _interpolate_attitude(t_ref: Array, q_ref: Array, t: Array) -> Array:
     """(n, 4) the attitude of the reference at times t, NaN where it is not known."""
     rows, left = _brackets(t_ref, _known_rows(q_ref), t)
     out, inside = np.full((len(t), 4), np.nan), left >= 0
@@ -241,7 +243,7 @@ def _turned(t_ref: Array, q_ref: Array, t: Array) -> Array:
 def _attitude(t_ref: Array, q_ref: Array, t: Array, q_nb: Array) -> tuple[Array, Array]:
     """Rotation vector and errors of roll, pitch and heading (n, 3), rad, at times t (n,), of an
     estimate q_nb (n, 4); NaN where either attitude is not known."""
-    true, estimate = _turned(t_ref, q_ref, t), unit(q_nb)
+    true, estimate = _interpolate_attitude(t_ref, q_ref, t), unit(q_nb)
     angles = quaternion_to_euler(true) - quaternion_to_euler(estimate)
     return turns_between(true, estimate), wrap(angles)
 

@@ -22,11 +22,11 @@ def normalised_rows(error: Array, covariance: Array, work: Array, out: Array) ->
     """out[k] = e_k' P_k^-1 e_k of errors (rows, s) and covariances (rows, n, n) of their states and
     others behind them; NaN where P is not positive definite. `work` is (s + 2, s)."""
     for k in range(error.shape[0]):
-        out[k] = normalised(error[k], covariance[k], work)
+        out[k] = normalised_error(error[k], covariance[k], work)
 
 
 @helper
-def normalised(error: Array, P: Array, work: Array) -> float:
+def normalised_error(error: Array, P: Array, work: Array) -> float:
     """e' P^-1 e of an error (s,), as `normalised_rows` has it of many."""
     s, total = error.size, 0.0
     scale, y = work[s], work[s + 1]

@@ -16,7 +16,7 @@ from ..core.mathematics.error_dynamics import cross_matrix
 from ..data.solution import Solution, Trajectory
 from ..typing import Array, ArrayLike
 from ..units.time_scales import seconds_to
-from .metrics import interpolated
+from .metrics import interpolate_reference
 
 MOTION = 9
 """Errors of position, velocity and attitude: the first of the error state."""
@@ -55,10 +55,10 @@ def at(solution: Solution, times: ArrayLike, lever_arm: ArrayLike = (0.0, 0.0, 0
     """
     t = _times(solution, times)
     arm = check_array(lever_arm, "lever_arm", (3,))
-    path = interpolated(solution.trajectory, t)
-    covariance = _interpolated(solution.t, _covariance(solution), t)
+    path = interpolate_reference(solution.trajectory, t)
+    covariance = _interpolate_rows(solution.t, _covariance(solution), t)
     if arm.any():
-        path, covariance = _moved(solution, path, covariance, arm)
+        path, covariance = _move_to_point(solution, path, covariance, arm)
     variances = np.diagonal(covariance, axis1=1, axis2=2)[:, :MOTION]
     path = Trajectory(path.t, path.lla, path.v_n, path.q_nb, np.sqrt(variances))
     return Instants(path, covariance[:, :MOTION, :MOTION])
@@ -88,7 +88,7 @@ def _covariance(solution: Solution) -> Array:
     return solution.trajectory.sd[:, :, None] ** 2 * np.eye(15)
 
 
-def _interpolated(rows: Array, values: Array, t: Array) -> Array:
+def _interpolate_rows(rows: Array, values: Array, t: Array) -> Array:
     """The values (n, ...) of rows at times t, linear between them."""
     right = np.clip(np.searchsorted(rows, t), 1, len(rows) - 1)
     share = (t - rows[right - 1]) / (rows[right] - rows[right - 1])
@@ -96,7 +96,7 @@ def _interpolated(rows: Array, values: Array, t: Array) -> Array:
     return (1 - weight) * values[right - 1] + weight * values[right]
 
 
-def _moved(
+def _move_to_point(
     solution: Solution, path: Trajectory, covariance: Array, arm: Array
 ) -> tuple[Trajectory, Array]:
     """The trajectory and covariance (n, 15, 15) of the point at the end of a lever arm. Raises
@@ -111,7 +111,7 @@ def _moved(
     imu = solution.recording.imu
     sample = np.clip(np.searchsorted(imu.t, path.t), 0, len(imu.t) - 1)
     omega = imu.dtheta[sample] / imu.dt[sample, None]
-    omega -= np.nan_to_num(_interpolated(solution.t, solution.b_g, path.t))
+    omega -= np.nan_to_num(_interpolate_rows(solution.t, solution.b_g, path.t))
     C = path.rotation.as_matrix()
     J = np.tile(np.eye(15), (len(path.t), 1, 1))
     J[:, :3, 6:9] = [-cross_matrix(each) for each in C @ arm]

@@ -43,7 +43,7 @@ class Labelled(NamedTuple):
         return self.filter.name + ":" * bool(texts) + ordered
 
 
-def parsed(label: str) -> Labelled:
+def parse_label(label: str) -> Labelled:
     """Parse a label "name", "name:option=value,option=value" or "name:estimate=clock+lever-arm".
     Raises DataError."""
     name, _, rest = label.partition(":")
@@ -53,10 +53,10 @@ def parsed(label: str) -> Labelled:
             f"filter {label!r}: {wrong[0]!r} is no option with a value; write "
             f"{name}:option=value,option=value"
         )
-    return tried(name, {key.strip(): _value(value) for key, _, value in pairs})
+    return labelled_filter(name, {key.strip(): _value(value) for key, _, value in pairs})
 
 
-def tried(name: str, options: Mapping[str, Any]) -> Labelled:
+def labelled_filter(name: str, options: Mapping[str, Any]) -> Labelled:
     """The filter of that name with these options, which it takes; what they have under ESTIMATE,
     names between "+" or a list of names, is no option of its own. Raises DataError."""
     filter, own = filters.find(name), dict(options)

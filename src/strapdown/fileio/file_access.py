@@ -102,7 +102,7 @@ class _Metered(io.RawIOBase):
         super().close()
 
 
-def metered(file: BinaryIO, meter: Meter, lines: bool = False) -> BinaryIO:
+def metered_file(file: BinaryIO, meter: Meter, lines: bool = False) -> BinaryIO:
     """An open file whose content is counted while it is read; of `lines` as `in_memory`, and none
     may be without an end. Raises DataError."""
     return cast(BinaryIO, io.BufferedReader(_Metered(file, meter, lines), PIECE))
@@ -133,7 +133,7 @@ class Zip(zipfile.ZipFile):
     def __init__(self, path: File) -> None:
         self.path, self._found = path, _Few(path)
         plain = regular(path)
-        with _unzipping(path):
+        with _zip_errors(path):
             super().__init__(plain)
         self.meter = Meter(path, plain.stat().st_size)
 
@@ -149,12 +149,12 @@ class Zip(zipfile.ZipFile):
     def content(self, name: str, meter: Meter | None = None, lines: bool = False) -> BinaryIO:
         """Return the unpacked content of a file of the archive, open to read. Raises as `open`, and
         DataError."""
-        with _unzipping(self.path):
-            return metered(cast(BinaryIO, self.open(name)), meter or self.meter, lines)
+        with _zip_errors(self.path):
+            return metered_file(cast(BinaryIO, self.open(name)), meter or self.meter, lines)
 
 
 @contextmanager
-def _unzipping(path: File) -> Iterator[None]:
+def _zip_errors(path: File) -> Iterator[None]:
     """Around what opens a zip: whatever `zipfile` raises of a damaged one is a BadZipFile, and of one
     that it cannot read a DataError."""
     try:

@@ -179,7 +179,7 @@ def netcdf(part: Path, size: int) -> Iterator[Any]:
 
 
 @cache
-def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversable]:
+def shipped_files(kind: str, package: str, others: bool = True) -> dict[str, Traversable]:
     """{name: file} of the TOML files in folder `kind` (`grades`, `scenarios`) of `package` and,
     with `others`, of installed packages that bring some.
 
@@ -212,6 +212,6 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
 
 
 def find_shipped(kind: str, package: str, name: str) -> Traversable | None:
-    """The TOML file of that name in a folder of `shipped`, or None. What `package` has itself is
+    """The TOML file of that name in a folder of `shipped_files`, or None. What `package` has itself is
     found whatever else is installed."""
-    return shipped(kind, package, False).get(name) or shipped(kind, package).get(name)
+    return shipped_files(kind, package, False).get(name) or shipped_files(kind, package).get(name)

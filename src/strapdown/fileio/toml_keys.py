@@ -93,14 +93,14 @@ def exactly_three(value: Any, where: str) -> tuple[float, ...]:
     return three(items(value, where), where)
 
 
-def listed(read: Read) -> Read:
+def list_of(read: Read) -> Read:
     """A tuple of what `read` makes of each item of a list."""
     return lambda value, where: tuple(
         read(each, f"{where} {row}") for row, each in enumerate(items(value, where), 1)
     )
 
 
-def scaled(unit: float, read: Read = number) -> Read:
+def in_unit(unit: float, read: Read = number) -> Read:
     """A number, or each of several, in a unit of that size."""
 
     def in_si(value: Any, where: str) -> Any:
@@ -112,7 +112,7 @@ def scaled(unit: float, read: Read = number) -> Read:
     return in_si
 
 
-def made(
+def table_reader(
     kind: Callable[..., Made], keys: Mapping[str, Key], **others: Any
 ) -> Callable[[Any, str], Made]:
     """Return a reader that calls `kind` on the fields of a table; `others` are fields where the

@@ -86,9 +86,9 @@ def find(name: str | Filter) -> Filter:
     return name if isinstance(name, Filter) else REGISTRY.find(name)
 
 
-def compiled(filter: Filter, kernel: Callable[..., Any]) -> None:
-    """Compile a kernel of a filter. Raises DataError as `aiding.compiled` does."""
-    with plugins.blamed(filter, kernel, lambda: REGISTRY.brought_by(filter.name)):
+def compile_filter_kernel(filter: Filter, kernel: Callable[..., Any]) -> None:
+    """Compile a kernel of a filter. Raises DataError as `aiding.compile_observation` does."""
+    with plugins.blame_plugin(filter, kernel, lambda: REGISTRY.brought_by(filter.name)):
         compile_kernel(kernel)
 
 

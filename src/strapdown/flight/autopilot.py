@@ -197,7 +197,7 @@ def hold(
     scale = max(ground, MIN_SPEED) / pilot.gravity
     asked = memory.turn + scale * (gains.course_p * error + gains.course_i * memory.course_sum)
     if abs(error) < pilot.course_zone:
-        memory.course_sum = _integrated(memory.course_sum, error, asked, -most, most, dt)
+        memory.course_sum = _integrate_error(memory.course_sum, error, asked, -most, most, dt)
     memory.roll = min(max(asked, -most), most)
     error, most = memory.height - height, pilot.max_pitch
     near = min(max(error, -pilot.height_zone), pilot.height_zone)
@@ -207,17 +207,17 @@ def hold(
         + gains.height_i * memory.height_sum
     )
     if near == error:
-        memory.height_sum = _integrated(memory.height_sum, error, asked, -most, most, dt)
+        memory.height_sum = _integrate_error(memory.height_sum, error, asked, -most, most, dt)
     memory.pitch = min(max(asked, -most), most)
     _surfaces(steering, roll, pitch, omega, max(airspeed, MIN_SPEED), commands)
     error, low, high = memory.airspeed - airspeed, pilot.low[3], pilot.high[3]
     asked = pilot.trim[3] + gains.airspeed_p * error + gains.airspeed_i * memory.speed_sum
-    memory.speed_sum = _integrated(memory.speed_sum, error, asked, low, high, dt)
+    memory.speed_sum = _integrate_error(memory.speed_sum, error, asked, low, high, dt)
     commands[3] = min(max(asked, low), high)
 
 
 @helper
-def _integrated(
+def _integrate_error(
     total: float, error: float, asked: float, low: float, high: float, dt: float
 ) -> float:
     """The integral `total` of an error after dt: it stands still where the error would drive

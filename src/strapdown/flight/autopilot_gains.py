@@ -94,7 +94,7 @@ def gains(aircraft: Aircraft, trim: Trim, modes: Modes, gravity: float) -> Gains
     )
 
 
-def steering(
+def make_steering(
     gains: Gains,
     trim: Trim,
     parameters: Parameters,

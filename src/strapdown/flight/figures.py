@@ -73,7 +73,7 @@ def sections(flight: Flight) -> Sections:
                 ),
                 (off_route(flight), "Off the route", "Of the aircraft, not of its estimate."),
                 (
-                    asked(flight),
+                    command_figure(flight),
                     "Asked, flown and estimated",
                     f"The autopilot holds "
                     f"{'the aircraft itself' if flight.recording.meta['feedback'] == 'truth' else 'the estimate'} "
@@ -206,7 +206,7 @@ def blown(flight: Flight) -> go.Figure | None:
     return _rows(flight, [(f"{name[5:-5]} [m/s]", [(name, "aircraft")], 1.0) for name in names])
 
 
-def asked(flight: Flight) -> go.Figure:
+def command_figure(flight: Flight) -> go.Figure:
     """Roll, pitch, height and airspeed that the autopilot asks for, beside the aircraft's own
     and those that the filter believes in."""
     truth, believed, log, deg = (
@@ -246,7 +246,7 @@ def asked(flight: Flight) -> go.Figure:
         line(figure, t, flown, "flown", COLOURS[2], row)
         if any_known(estimate):
             line(figure, flight.solution.t, estimate, "estimate", COLOURS[0], row)
-    return _timed(figure, flight)
+    return _format_time_axis(figure, flight)
 
 
 def off_route(flight: Flight) -> go.Figure:
@@ -405,10 +405,10 @@ def _rows(
                 legend=row == 1 and kind != "aircraft",
                 **style,
             )
-    return _timed(figure, flight)
+    return _format_time_axis(figure, flight)
 
 
-def _timed(figure: go.Figure, flight: Flight) -> go.Figure:
+def _format_time_axis(figure: go.Figure, flight: Flight) -> go.Figure:
     """The figure with its time axis, and the outages shaded whether or not the solution has been
     told of them."""
     meta: SolutionMeta = {"withheld": flight.recording.meta["outages"], **flight.solution.meta}

@@ -41,7 +41,7 @@ from ..core.loop.loop import RUN
 from ..core.loop.tables import FIXES, IMU, OUTPUT
 from ..core.mathematics.belief import BELIEF, NOISE
 from ..core.mathematics.earth import radii
-from ..core.mathematics.rotation import matrix_to_quaternion, turned, wrap
+from ..core.mathematics.rotation import matrix_to_quaternion, rotate_vector, wrap
 from ..typing import Array, Ints
 from . import inputs
 from .aircraft.dynamics import (
@@ -446,12 +446,12 @@ def _measure(work: Array, errors: FlightErrors, moment: int, dt: float) -> None:
             + distortion[a + 2] * true[5]
             + true[3 + i]
         )
-        measured[i] = _read(numbers, 0, i, dtheta, dt)
-        measured[3 + i] = _read(numbers, 1, 3 + i, dv, dt)
+        measured[i] = _quantise(numbers, 0, i, dtheta, dt)
+        measured[3 + i] = _quantise(numbers, 1, 3 + i, dv, dt)
 
 
 @helper
-def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -> float:
+def _quantise(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -> float:
     """An increment in whole steps of the counter and within full scale."""
     size, full = numbers[STEP_SIZE][sensor], numbers[FULL_SCALE][sensor] * dt
     if size > 0:
@@ -504,10 +504,10 @@ def _fill(
         )
         arm = fixes.sources[s].parameters
         l0, l1, l2 = arm[0], arm[1], arm[2]
-        m0, m1, m2 = turned(C, w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0)
+        m0, m1, m2 = rotate_vector(C, w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0)
         if fixes.sources[s].kind == Kind.POSITION:
             R_M, R_N = radii(state[0])
-            l0, l1, l2 = turned(C, l0, l1, l2)
+            l0, l1, l2 = rotate_vector(C, l0, l1, l2)
             north = l0 + error[0] - back * (v[0] + m0 - 0.5 * back * a0)
             east = l1 + error[1] - back * (v[1] + m1 - 0.5 * back * a1)
             down = l2 + error[2] - back * (v[2] + m2 - 0.5 * back * a2)
@@ -518,7 +518,7 @@ def _fill(
             fixes.sources[s].kind == Kind.PRESSURE
             or fixes.sources[s].kind == Kind.PRESSURE_ALTITUDE
         ):
-            _, _, down = turned(C, l0, l1, l2)
+            _, _, down = rotate_vector(C, l0, l1, l2)
             height = state[2] - down + back * (v[2] + m2 - 0.5 * back * a2)
             y[0] = _pressure(height - error[1]) + error[0]
             if fixes.sources[s].kind == Kind.PRESSURE_ALTITUDE:
@@ -546,7 +546,7 @@ def _write(
     """The truth and the log after a sample."""
     state, log, loads = vehicle.state, journal.log[row], vehicle.loads[0]
     v = state[VELOCITY]
-    g0, g1, g2 = turned(C, vehicle.wind[3], vehicle.wind[4], vehicle.wind[5])
+    g0, g1, g2 = rotate_vector(C, vehicle.wind[3], vehicle.wind[4], vehicle.wind[5])
     gust = (g0, g1, g2)
     for i in range(3):
         journal.lla[row + 1, i], journal.v[row + 1, i] = state[LLA][i], v[i]

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 
 from ..checks import DataError
-from ..core.compile.jit import address, bound
-from ..core.compile.records import Table, copied, rows
+from ..core.compile.jit import address, bind_kernel
+from ..core.compile.records import Table, copy_row, rows
 from ..core.loop.contract import Filter, Fixes, Imu, InitialState, Noise
 from ..core.loop.loop import SAME_TIME, run as run_samples
 from ..data.recording import Recording, RecordingMeta
@@ -19,11 +19,11 @@ from ..data.solution import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
 from ..engine.options import run_options
-from ..engine.prepare import ROWS_AT_ONCE, Run, positioned
+from ..engine.prepare import ROWS_AT_ONCE, Run, has_position
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
 from ..sensor_models.gnss import Gnss, without_fixes
-from ..sensor_models.imu import ImuSpec, grade, saturated
+from ..sensor_models.imu import ImuSpec, grade, saturation_notes
 from ..sensor_models.receiver import receiver
 from ..sensor_models.streams import RandomStream
 from ..sim.scenario_model import start_deviations
@@ -37,10 +37,18 @@ from .aircraft.trim import Trim, trim
 from .aircraft.wind import NORMALS, Turbulence, begin, gust, turbulence as gusts
 from .asked import LOOP, SENSORS, WORLD, Loop, Sensors, World, check_options
 from .autopilot import Gains, Segment, Steering
-from .autopilot_gains import gains, steering
+from .autopilot_gains import gains, make_steering
 from .inputs import TOLD_SIZE
 from .plan import FlightPlan, flight_plan, route
-from .refusals import check, check_sensors, checked_filter, checked_windows, handed, steps_of, times
+from .refusals import (
+    check,
+    check_sensors,
+    checked_filter,
+    checked_windows,
+    handed_options,
+    steps_of,
+    times,
+)
 from .sensor_errors import (
     FixErrors,
     ImuErrors,
@@ -183,12 +191,12 @@ def fly(
         find_aircraft(world.aircraft),
     )
     wind = tuple(map(float, world.wind))
-    known = _known(_Case(plan, craft, world.earth, wind, world.told, 1 / sensors.rate))
+    known = _known_flight(_Case(plan, craft, world.earth, wind, world.told, 1 / sensors.rate))
     steps = steps_of(sensors.rate, loop.filter_rate)
     seconds = plan.duration or known.seconds if duration is None else duration
     t, dt, flown, each = times(seconds, sensors.rate / steps, steps)
     stream = RandomStream.of(seed)
-    options |= handed(filter, stream.named("filter"), world, sensors.rate / steps)
+    options |= handed_options(filter, stream.named("filter"), world, sensors.rate / steps)
     windows = checked_windows(sensors.outage, loop.prediction, float(t[-1]))
     cut = gnss._replace(outages=(*gnss.outages, *windows))
     errors = imu_errors(spec, flown, each, stream.named("imu"))
@@ -215,7 +223,7 @@ def fly(
         told_wind=list(world.told),
         filter_options=dict(options),
     )
-    start = _started(loop, spec, truth, stream.named("start"))
+    start = _draw_start(loop, spec, truth, stream.named("start"))
     asked = run_options(
         options=options,
         imu=spec,
@@ -268,7 +276,7 @@ class _Underway(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def _known(case: _Case) -> _Known:
+def _known_flight(case: _Case) -> _Known:
     plan, craft, earth, wind, told, dt = case
     parameters = craft.parameters(earth, plan.place)
     gravity = float(parameters.gravity)
@@ -300,7 +308,7 @@ def _known(case: _Case) -> _Known:
         parameters,
         begun,
         found,
-        steering(found, begun, parameters, segments, told),
+        make_steering(found, begun, parameters, segments, told),
         seconds,
     )
 
@@ -362,7 +370,9 @@ def _journal(
     return journal
 
 
-def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: RandomStream) -> InitialState:
+def _draw_start(
+    asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: RandomStream
+) -> InitialState:
     """The filter's InitialState: as given, or drawn around the truth."""
     if asked.start is not None:
         if isinstance(asked.start, InitialState) and asked.start.t != 0:
@@ -422,7 +432,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     at, count = journal.at[0], len(run.samples.t)
     known = underway.known.steering
     steered = known._replace(memory=known.memory.copy())
-    go = bound(
+    go = bind_kernel(
         kernels.fly,
         kernels.Calls(*map(address, (step, evaluate, gust, run_samples))),
         run.kernels,
@@ -458,9 +468,9 @@ def _flight(underway: _Underway) -> Flight:
         journal.q[: count + 1],
     )
     aidings = tuple(
-        _measured(a, s, run.fixes, samples.t[-1]) for s, a in enumerate(run.recording.aidings)
+        _with_measured(a, s, run.fixes, samples.t[-1]) for s, a in enumerate(run.recording.aidings)
     )
-    notes = saturated(underway.spec, samples)
+    notes = saturation_notes(underway.spec, samples)
     if at.by_model and at.inputs < 0:
         notes.append(
             f"{int(journal.cut[:count].sum())} IMU samples are those of the aircraft's model, not "
@@ -482,7 +492,7 @@ def _flight(underway: _Underway) -> Flight:
     if (
         blank.meta["earth"] == "flat"
         and run.filter.name in filter_names()
-        and positioned(run.filter)
+        and has_position(run.filter)
     ):
         filters.append(
             f"{run.filter.name} navigates on the rotating Earth, and this flight's is flat and "
@@ -502,7 +512,7 @@ def _flight(underway: _Underway) -> Flight:
         known.trim,
         state=known.trim.state.copy(),
         commands=known.trim.commands.copy(),
-        loads=copied(known.trim.loads),
+        loads=copy_row(known.trim.loads),
     )
     return Flight(
         recording,
@@ -517,7 +527,7 @@ def _flight(underway: _Underway) -> Flight:
     )
 
 
-def _measured(aiding: Aiding, source: int, fixes: Fixes, end: float) -> Aiding:
+def _with_measured(aiding: Aiding, source: int, fixes: Fixes, end: float) -> Aiding:
     """The Aiding with what was measured until `end` (s)."""
     y = fixes.y[fixes.source == source]
     return replace(aiding, y=y[:, : aiding.y.shape[1]].copy())._where(aiding.t <= end + SAME_TIME)

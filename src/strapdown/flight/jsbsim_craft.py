@@ -74,7 +74,7 @@ def fly_jsbsim(
         for row in range(len(controls)):
             # a run moves on, then computes accelerations there: it takes the controls there
             for i in range(1, substeps + 1 if row else 0):
-                _set(
+                _set_properties(
                     executive,
                     CONTROLS,
                     controls[row - 1] + i / substeps * (controls[row] - controls[row - 1]),
@@ -87,7 +87,7 @@ def fly_jsbsim(
     return np.hstack([told[:, :6], quaternions(told[:, 6:9]), told[:, 9:], controls])
 
 
-def _set(executive: Any, keys: Sequence[str], values: Iterable[float]) -> None:
+def _set_properties(executive: Any, keys: Sequence[str], values: Iterable[float]) -> None:
     for key, value in zip(keys, values):
         executive[key] = float(value)
 
@@ -106,7 +106,7 @@ def _place(
     )
     for key, value in integrators.items():
         executive[f"simulation/integrator/{key}"] = value
-    _set(executive, CONTROLS, controls)
+    _set_properties(executive, CONTROLS, controls)
     begin(
         executive,
         state[:3],

@@ -137,7 +137,7 @@ def _equations(a: Aircraft) -> tuple[dict[str, Terms], dict[str, Terms]]:
         V: ("product", FOOT, "velocities/vt-fps"),
         qS: ("product", 0.5 * a["area"], "craft/rho", V, V),
         "craft/CL-linear": ("sum", a["C_L_0"], times("C_L_alpha", alpha)),
-        "craft/stalled": _stalled(a, alpha),
+        "craft/stalled": _stalled_share(a, alpha),
         "craft/CL": (
             "sum",
             ("product", ("difference", 1, "craft/stalled"), "craft/CL-linear"),
@@ -211,7 +211,7 @@ def _density(a: Aircraft) -> Terms:
     )
 
 
-def _stalled(a: Aircraft, alpha: str) -> Terms:
+def _stalled_share(a: Aircraft, alpha: str) -> Terms:
     """Share of the flat plate in the lift: Beard & McLain's sigmoid in its own form, bounded so
     that its exponentials do not overflow."""
     up = (

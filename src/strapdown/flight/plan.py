@@ -13,7 +13,7 @@ from ..checks import DataError, check_array, check_number, did_you_mean, located
 from ..core.compile.records import Table, rows
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..fileio.files import read_toml
-from ..fileio.toml_keys import Key, listed, made, number, read_table, scaled, text
+from ..fileio.toml_keys import Key, in_unit, list_of, number, read_table, table_reader, text
 from ..geometry.geodesy import wrap
 from ..typing import Array, File
 from .autopilot import Segment
@@ -146,22 +146,22 @@ PLANS: dict[str, Callable[[], FlightPlan]] = {"straight": straight, "turning": t
 
 def _numbers(value: Any, where: str) -> Any:
     """A number, or a list of them or of lists."""
-    return listed(_numbers)(value, where) if isinstance(value, list) else number(value, where)
+    return list_of(_numbers)(value, where) if isinstance(value, list) else number(value, where)
 
 
 PLACE_KEYS = {
-    "latitude_deg": Key("latitude", scaled(RAD_PER_DEG), ""),
-    "longitude_deg": Key("longitude", scaled(RAD_PER_DEG), ""),
+    "latitude_deg": Key("latitude", in_unit(RAD_PER_DEG), ""),
+    "longitude_deg": Key("longitude", in_unit(RAD_PER_DEG), ""),
     "height_m": Key("height", number, ""),
 }
 KEYS = {
     "name": Key("name", text),
-    "place": Key("place", made(lambda **place: tuple(place.values()), PLACE_KEYS)),
+    "place": Key("place", table_reader(lambda **place: tuple(place.values()), PLACE_KEYS)),
     "waypoints_m": Key("waypoints", _numbers, "write [[north, east, up], ...], m from the place"),
     "airspeed_m_s": Key("airspeed", _numbers),
     "start_airspeed_m_s": Key("start_airspeed", number),
     "clearance_m": Key("clearance", number),
-    "bank_deg": Key("bank", scaled(RAD_PER_DEG)),
+    "bank_deg": Key("bank", in_unit(RAD_PER_DEG)),
     "duration_s": Key("duration", number),
 }
 """Keys of a plan's file, each with the field that it sets and how it is read."""

@@ -8,7 +8,7 @@ import numpy as np
 from ..checks import DataError, brief, check_array, check_choice, check_number
 from ..core.loop.contract import Filter, Noise
 from ..data.solution import Aiding
-from ..engine.prepare import check_needs, positioned
+from ..engine.prepare import check_needs, has_position
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.gnss import Gnss
@@ -24,7 +24,9 @@ MAX_FLIGHT_SAMPLES = 2_000_000
 """Of the IMU, in one flight."""
 
 
-def handed(filter: Filter, stream: RandomStream, world: World, rate: float) -> dict[str, Any]:
+def handed_options(
+    filter: Filter, stream: RandomStream, world: World, rate: float
+) -> dict[str, Any]:
     """Those of a flight's own that the filter's start has options for, unless they are bound to
     it already (functools.partial); the seed is a number of the stream."""
     own = {
@@ -95,7 +97,7 @@ def checked_filter(filter: Filter | str, loop: Loop, barometer: Barometer | None
     """The Filter of that name; raises DataError where nothing can be flown on it."""
     chosen = find_filter(filter)
     by_estimate = loop.feedback == "estimate" or loop.prediction != "imu"
-    if not positioned(chosen) and by_estimate:
+    if not has_position(chosen) and by_estimate:
         raise DataError(
             f"{chosen.name} estimates no position, and the autopilot flies by one; take "
             f"feedback='truth', prediction='imu'"

@@ -54,7 +54,7 @@ def displacement(lla: ArrayLike, origin: ArrayLike) -> Array:
     )
 
 
-def displaced(lla: ArrayLike, ned: ArrayLike) -> Array:
+def displace_lla(lla: ArrayLike, ned: ArrayLike) -> Array:
     """Geodetic positions (n, 3) moved by a few metres north, east, down (n, 3); first order,
     error about d^2/R."""
     lat, lon, alt = np.moveaxis(np.asarray(lla, float), -1, 0)

@@ -20,15 +20,15 @@ def running_products(turns: Rotation) -> Rotation:
     """Products of the first 1, 2, ... n of the Rotations `turns` (n,), in order."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_quat(_running(turns.as_quat(), _times)) if len(turns) else turns
+    return Rotation.from_quat(_running_products(turns.as_quat(), _times)) if len(turns) else turns
 
 
 def running_matrices(vectors: Array) -> Array:
     """The same of rotation vectors (n, 3), rad, as matrices (n, 3, 3)."""
-    return _running(exponentials(vectors), operator.matmul)
+    return _running_products(exponentials(vectors), operator.matmul)
 
 
-def _running(found: Array, product: Callable[[Array, Array], Array]) -> Array:
+def _running_products(found: Array, product: Callable[[Array, Array], Array]) -> Array:
     """In blocks: the products within each, all blocks at once, then of those with the blocks
     before it."""
     n, shape = len(found), found.shape[1:]
@@ -38,7 +38,7 @@ def _running(found: Array, product: Callable[[Array, Array], Array]) -> Array:
     for k in range(1, size):
         blocks[:, k] = product(blocks[:, k - 1], blocks[:, k])
     if len(blocks) > 1:
-        blocks[1:] = product(_running(blocks[:-1, -1], product)[:, None], blocks[1:])
+        blocks[1:] = product(_running_products(blocks[:-1, -1], product)[:, None], blocks[1:])
     return blocks.reshape(-1, *shape)[:n]
 
 

@@ -18,7 +18,7 @@ from ..data.verdict import Reason
 from ..typing import Array, Ints
 from ..units.constants import STANDARD_GRAVITY
 from .finding import MIN_FIXES, Checked, label
-from .motion import Felt, InspectedRecording, Moved, course_rate, moved
+from .motion import Felt, InspectedRecording, Moved, course_rate, source_velocity
 
 REACH, COARSE, FINE = 60.0, 0.1, 0.02
 """Lags that are looked at, and their steps in the first and the second search, s."""
@@ -109,7 +109,7 @@ def check(subject: InspectedRecording) -> Checked:
 def coarse_lag(subject: InspectedRecording, source: Aiding) -> Lag | None:
     """The Lag of one source of velocities or positions, within REACH; None where there are too few
     fixes."""
-    fixes = moved(source)
+    fixes = source_velocity(source)
     if fixes is None:
         return None
     series = _series(fixes, source.kind, subject.felt)
@@ -202,7 +202,7 @@ def _lag(series: Series, name: str) -> Lag | None:
     # what fits as well with the opposite sign is no clock
     far = np.nan_to_num(np.abs(r[np.abs(lags - lags[top]) > FAR]))
     other = min(float(far.max(initial=0.0)), 0.999)
-    lag, sd = _refined(series, float(lags[top]))
+    lag, sd = _refine_lag(series, float(lags[top]))
     best = min(max(float(r[top]), 0.0), 0.9999)
     evidence = series.independent / 2 * np.log((1 - other**2) / (1 - best**2))
     sd = float(np.hypot(sd, SYSTEMATIC[series.by]))
@@ -224,7 +224,7 @@ def correlations(theirs: Array, ours: Array, weight: Array | None = None) -> Arr
         return np.where(enough & (xx > 1e-12) & (yy > 1e-12), xy / np.sqrt(xx * yy), np.nan)
 
 
-def _refined(series: Series, lag: float) -> tuple[float, float]:
+def _refine_lag(series: Series, lag: float) -> tuple[float, float]:
     """(lag, sd) in s near a lag: the top of the correlation, and by leaving out one tenth of the
     record after the other (jackknife); sd is infinite where the top is an end of the search."""
     lags = lag + np.arange(-1.0, 1.0 + FINE / 2, FINE)

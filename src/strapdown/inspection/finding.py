@@ -43,7 +43,7 @@ def label(aiding: Aiding) -> str:
     return aiding.name or aiding.kind
 
 
-def clustered(A: Array, y: Array, block: Ints) -> tuple[Array, Array, Array]:
+def clustered_least_squares(A: Array, y: Array, block: Ints) -> tuple[Array, Array, Array]:
     """(x, sd, residuals) of the least squares A x = y.
 
     A (n, k), y (n,); `block` (n,) numbers stretches of time, within which errors may last: the

@@ -10,7 +10,7 @@ from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from .clock_offsets import left_over
 from .finding import MIN_FIXES
-from .motion import Felt, InspectedRecording, Moved, felt, moved
+from .motion import Felt, InspectedRecording, Moved, imu_motion, source_velocity
 
 STRETCH = 3.0
 """Seconds over which axes are held: short, because biases turn them."""
@@ -33,7 +33,7 @@ def likelier(subject: InspectedRecording, gyro: Array | float) -> float:
     other = _motions(subject.recording.imu, gyro)
     found = [0.0]
     for source in subject.sources("velocity", "position"):
-        fixes = moved(source)
+        fixes = source_velocity(source)
         if fixes is None:
             continue
         for half in sorted(
@@ -51,8 +51,8 @@ def _motions(imu: Imu, gyro: Array | float) -> tuple[Felt, Felt]:
     turns = imu.dtheta * gyro
     mean = turns.sum(axis=0) / imu.dt.sum()
     return (
-        felt(Imu(imu.t, imu.dt, turns, imu.dv)),
-        felt(Imu(imu.t, imu.dt, turns - mean * imu.dt[:, None], imu.dv)),
+        imu_motion(Imu(imu.t, imu.dt, turns, imu.dv)),
+        imu_motion(Imu(imu.t, imu.dt, turns - mean * imu.dt[:, None], imu.dv)),
     )
 
 

@@ -45,7 +45,7 @@ def check(subject: InspectedRecording) -> Checked:
             continue
         off = h[inside] - np.interp(t[inside], t_other, h_other)
         claimed = float(np.hypot(np.median(sd), np.median(sd_other)))
-        found.add(_compared(label(one), label(other), off, claimed))
+        found.add(_compare_pair(label(one), label(other), off, claimed))
     return found
 
 
@@ -70,7 +70,7 @@ def _heights(aiding: Aiding) -> tuple[Array, Array, Array]:
     return t[use], h[use], sd[use]
 
 
-def _compared(one: str, other: str, off: Array, claimed: float) -> Checked:
+def _compare_pair(one: str, other: str, off: Array, claimed: float) -> Checked:
     """Return the findings on differences (m,) in m of two heights; `claimed` is their std."""
     what = f"height of {one} less that of {other}"
     middle = float(np.median(off))

@@ -39,14 +39,14 @@ class InspectedRecording:
     @cached_property
     def felt(self) -> Felt:
         """The motion by its IMU."""
-        return felt(self.recording.imu)
+        return imu_motion(self.recording.imu)
 
     @cached_property
     def mirrored(self) -> Felt:
         """The motion by its IMU with the opposite sign of the y axis."""
         y = np.array([1.0, -1.0, 1.0])
         imu = self.recording.imu
-        return felt(imu._replace(dtheta=imu.dtheta * y, dv=imu.dv * y))
+        return imu_motion(imu._replace(dtheta=imu.dtheta * y, dv=imu.dv * y))
 
     def sources(self, *kinds: str) -> list[Aiding]:
         """Its sources of these kinds, in the order of the kinds."""
@@ -83,7 +83,7 @@ class Moved(NamedTuple):
         return v
 
 
-def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
+def source_velocity(aiding: Aiding, least: float = 2.0) -> Moved | None:
     """The velocities of a source of velocity; of positions from differences over at least `least`
     s. None where there are too few."""
     t, first = np.unique(aiding.t, return_index=True)
@@ -124,7 +124,7 @@ class Felt(NamedTuple):
         if not arm.any() or len(self.t) < 2:
             return self.v
         rate = np.gradient(self.body_turn, STEP, axis=0)
-        return self.v + rotated(self.attitude, np.cross(rate, arm))
+        return self.v + rotate_vectors(self.attitude, np.cross(rate, arm))
 
     def mean(self, integral: Array, at: Array, half: float) -> Array:
         """(k, 3) mean over +- `half` s around the times `at` (k,); NaN outside."""
@@ -139,7 +139,7 @@ class Felt(NamedTuple):
         return found
 
 
-def felt(imu: Imu) -> Felt:
+def imu_motion(imu: Imu) -> Felt:
     """The Felt of an IMU record; the gyros without their mean at rest, what is missing in gaps as
     in the sample after it."""
     before = np.r_[imu.t[0] - imu.dt[0], imu.t]
@@ -148,26 +148,26 @@ def felt(imu: Imu) -> Felt:
     rate = imu.dtheta / imu.dt[:, None] - (0.0 if bias is None else bias)
     whole = np.diff(before)[:, None]
     dtheta, dv = (
-        np.diff(_summed(values * whole, before, grid), axis=0)
+        np.diff(_sum_on_grid(values * whole, before, grid), axis=0)
         for values in (rate, imu.dv / imu.dt[:, None])
     )
     zero, attitude = np.zeros((1, 3)), np.eye(3)[None]
     if len(dtheta):
         attitude = np.concatenate([attitude, running_matrices(dtheta)])
     v, turn = (
-        np.cumsum(np.vstack([zero, rotated(attitude[: len(column)], column)]), axis=0)
+        np.cumsum(np.vstack([zero, rotate_vectors(attitude[: len(column)], column)]), axis=0)
         for column in (dv + np.cross(dtheta, dv) / 2, dtheta)
     )
     body_v, body_turn = (np.cumsum(np.vstack([zero, column]), axis=0) for column in (dv, dtheta))
     return Felt(grid, v, turn, body_v, body_turn, attitude)
 
 
-def rotated(C: Array, vectors: Array) -> Array:
+def rotate_vectors(C: Array, vectors: Array) -> Array:
     """(n, 3) vectors (n, 3) or (3,), each by its matrix of C (n, 3, 3)."""
     return np.asarray((C * vectors[..., None, :]).sum(axis=-1))
 
 
-def _summed(increments: Array, t: Array, grid: Array) -> Array:
+def _sum_on_grid(increments: Array, t: Array, grid: Array) -> Array:
     """(k, 3) the sum of increments (n, 3) over the intervals between `t` (n + 1,), at the grid."""
     total = np.vstack([np.zeros(3), np.cumsum(increments, axis=0)])
     return np.stack([np.interp(grid, t, column) for column in total.T], axis=1)

@@ -20,7 +20,7 @@ from ..geometry.geodesy import wrap
 from ..preprocessing.axes import BODY_AXES, axes_matrix, named_permutation
 from ..typing import Array
 from .finding import MIN_FIXES, Checked, label
-from .motion import Felt, InspectedRecording, Moved, moved
+from .motion import Felt, InspectedRecording, Moved, source_velocity
 
 HALF, LEVELLED = 0.5, 10.0
 """Half the window of an acceleration, and of the mean that is level, s."""
@@ -87,7 +87,7 @@ def confirm(axes: str) -> str:
 
 def _by_source(subject: InspectedRecording, source: Aiding) -> Checked:
     """The mounting in the plane, by one source of fixes."""
-    fixes = moved(source)
+    fixes = source_velocity(source)
     fit = in_plane(fixes, subject.felt) if fixes is not None else None
     if fixes is None:
         return Checked.unknown(MOUNTING, f"fewer than {MIN_FIXES} fixes of {label(source)}")
@@ -117,13 +117,13 @@ def in_plane(fixes: Moved, motion: Felt) -> PlaneFit | None:
     noise = 2 * fixes.acceleration_noise(half)
     fits = [
         fit
-        for forces, accelerations in _levelled(fixes, motion, half)
+        for forces, accelerations in _level_forces(fixes, motion, half)
         if (fit := _fit(forces, accelerations, fixes.interval, noise)) is not None
     ]
     return max(fits, key=lambda fit: fit.correlation, default=None)
 
 
-def _levelled(fixes: Moved, motion: Felt, half: float) -> list[tuple[Array, Array]]:
+def _level_forces(fixes: Moved, motion: Felt, half: float) -> list[tuple[Array, Array]]:
     """[(forces, accelerations)] over +- `half` s, complex (n,), by the mean vertical of the body and by axes that
     the gyros hold still; NaN where they are not known."""
     t = fixes.t

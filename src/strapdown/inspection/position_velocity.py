@@ -4,7 +4,7 @@ Positions are compared with the integral of the velocity, no IMU is needed. Firs
 windows of seconds: which axes and unit of the velocity explain the displacements. Where they are
 right, then finely: p - (block's own offset) = c R(angle) W + lag v, W being the integral within
 blocks of time. The offsets take up errors of the positions that last longer than a block, and the
-standard deviations rest on how the blocks disagree (`clustered`).
+standard deviations rest on how the blocks disagree (`clustered_least_squares`).
 """
 
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ from ..data.solution import Aiding
 from ..data.verdict import Reason
 from ..geometry.geodesy import displacement
 from ..typing import Array, Ints, Mask
-from .finding import MIN_FIXES, Checked, clustered, label
+from .finding import MIN_FIXES, Checked, clustered_least_squares, label
 from .motion import InspectedRecording
 
 WINDOW, BLOCK = 5.0, 20.0
@@ -68,7 +68,9 @@ class Axes(NamedTuple):
     remedy: str
 
 
-def _signed(first: int, second: int, north: float = 1.0, east: float = 1.0) -> Callable[..., Array]:
+def _with_signs(
+    first: int, second: int, north: float = 1.0, east: float = 1.0
+) -> Callable[..., Array]:
     return lambda v: v[:, [first, second]] * [north, east]
 
 
@@ -79,7 +81,7 @@ def _course_in_degrees(v: Array) -> Array:
 
 
 AXES = (
-    Axes("frame", _signed(0, 1), "", ""),
+    Axes("frame", _with_signs(0, 1), "", ""),
     Axes(
         "unit",
         _course_in_degrees,
@@ -88,43 +90,43 @@ AXES = (
     ),
     Axes(
         "frame",
-        _signed(1, 0),
+        _with_signs(1, 0),
         "north and east are exchanged: ENU read as NED",
         'set its `axes` to "ENU", or exchange the columns',
     ),
     Axes(
         "frame",
-        _signed(0, 1, 1, -1),
+        _with_signs(0, 1, 1, -1),
         "east has the wrong sign",
         "change the sign of east in its `axes`, or of the longitude by `scale`",
     ),
     Axes(
         "frame",
-        _signed(0, 1, -1, 1),
+        _with_signs(0, 1, -1, 1),
         "north has the wrong sign",
         "change the sign of north in its `axes`",
     ),
     Axes(
         "frame",
-        _signed(0, 1, -1, -1),
+        _with_signs(0, 1, -1, -1),
         "it points backwards",
         "change the signs of north and east in its `axes`",
     ),
     Axes(
         "frame",
-        _signed(1, 0, 1, -1),
+        _with_signs(1, 0, 1, -1),
         "it is turned by 90 deg: east, then -north",
         "correct its `axes`",
     ),
     Axes(
         "frame",
-        _signed(1, 0, -1, 1),
+        _with_signs(1, 0, -1, 1),
         "it is turned by 90 deg: -east, then north",
         "correct its `axes`",
     ),
     Axes(
         "frame",
-        _signed(1, 0, -1, -1),
+        _with_signs(1, 0, -1, -1),
         "north and east are exchanged and have the wrong sign",
         "correct its `axes`",
     ),
@@ -195,11 +197,11 @@ def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
         found.reasons.extend(_drift(pair, _blocks(pair), 0.0))
         return found
     if wrong:
-        return Checked([], _exchanged(position, velocity, wrong) or wrong, [])
+        return Checked([], _check_exchanged(position, velocity, wrong) or wrong, [])
     return _fine(pair, what)
 
 
-def _exchanged(position: Aiding, velocity: Aiding, wrong: list[Reason]) -> list[Reason]:
+def _check_exchanged(position: Aiding, velocity: Aiding, wrong: list[Reason]) -> list[Reason]:
     """The Reason where the positions agree with the velocity once latitude and longitude are
     exchanged, else none. Near the equator the same is seen where north and east of the velocity
     are."""
@@ -404,10 +406,10 @@ def _blocks(pair: Pair) -> Ints:
     """(n,) number of the stretch of BLOCK seconds without a pause that each position is in."""
     length = max(BLOCK, 12 * float(np.median(np.diff(pair.t))))
     pauses = pair.pauses(pair.t)
-    return _numbered(np.floor((pair.t - pair.t[0]) / length) + 1e6 * pauses)
+    return _run_numbers(np.floor((pair.t - pair.t[0]) / length) + 1e6 * pauses)
 
 
-def _numbered(values: Array | Ints) -> Ints:
+def _run_numbers(values: Array | Ints) -> Ints:
     """(n,) 0, 1, 2 ...: numbers of the runs of equal values."""
     return np.r_[0, np.cumsum(np.diff(values) != 0)][: len(values)]
 
@@ -436,11 +438,11 @@ def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
     e = pair.p[:, :2] - W
     use: Mask = np.asarray(np.isfinite(e).all(axis=1))
     for _ in range(2):
-        number = _numbered(block[use])
+        number = _run_numbers(block[use])
         columns = _within(np.c_[e[use], W[use], v[use]], number)
         ex, ey, wx, wy, vx, vy = columns.T
         A = np.c_[np.r_[wx, wy], np.r_[-wy, wx], np.r_[vx, vy]]
-        x, sd, residuals = clustered(A, np.r_[ex, ey], np.r_[number, number])
+        x, sd, residuals = clustered_least_squares(A, np.r_[ex, ey], np.r_[number, number])
         keep = _sound(residuals.reshape(2, -1).T)
         if keep.all():
             break
@@ -483,11 +485,11 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     v = np.where(known, pair.v[:, 2], 0.0)[:, None]
     W = pair.integral(v, pair.t + lag)[:, 0]
     use = np.isfinite(W)
-    number = _numbered(block[use])
+    number = _run_numbers(block[use])
     p, W = _within(np.c_[pair.p[use, 2], W[use]], number).T
     keep = _sound((p - W)[:, None]) | _sound((p + W)[:, None])
-    number = _numbered(number[keep])
-    x, sd, _ = clustered(W[keep, None], p[keep], number)
+    number = _run_numbers(number[keep])
+    x, sd, _ = clustered_least_squares(W[keep, None], p[keep], number)
     if not v.any():
         return _no_vertical(pair, p)
     if not SURE * sd[0] < 0.8:
@@ -501,7 +503,7 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
         return Checked.nothing()
     # Noise of the velocity makes x small as well; where that is all, the velocity explains more of
     # the heights than they of it.
-    back, back_sd, _ = clustered(p[keep, None], W[keep], number)
+    back, back_sd, _ = clustered_least_squares(p[keep, None], W[keep], number)
     if x[0] < 1 and not back[0] - 1 > max(SURE * back_sd[0], 0.25):
         return Checked.unknown(f"vertical of {what}", "the height changes too little")
     seen = f"its vertical part is {1 / x[0]:.3g} times the change of height of {pair.position}"
@@ -536,7 +538,7 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
     v = np.where(np.isfinite(pair.v), pair.v, 0.0)
     e = pair.p - pair.integral(v, pair.t + lag)
     use = np.isfinite(e).all(axis=1)
-    number, count = _numbered(block[use]), np.bincount(block[use])
+    number, count = _run_numbers(block[use]), np.bincount(block[use])
     count = count[count > 0]
     middle = np.bincount(number, pair.t[use]) / count
     same = np.diff(np.bincount(number, pair.pauses(pair.t)[use]) / count) == 0

@@ -34,19 +34,19 @@ usual ones."""
 def check(subject: InspectedRecording) -> Checked:
     """All recorded sources, and the IMU."""
     found = Checked.nothing()
-    found.reasons.extend(repeated(subject.recording))
+    found.reasons.extend(check_repeats(subject.recording))
     for aiding in subject.recording.aidings:
         if aiding.kind in ("position", "velocity"):
-            found.reasons.extend(_stuck(aiding))
+            found.reasons.extend(_check_stuck(aiding))
     found.reasons.extend(_imu(subject.recording.imu))
     return found
 
 
-def repeated(recording: Recording) -> Iterator[Reason]:
+def check_repeats(recording: Recording) -> Iterator[Reason]:
     """Reasons against recorded sources that repeat their fixes, which makes any filter too sure."""
     for aiding in recording.aidings:
         if find(aiding.kind).recorded:
-            yield from _repeated(aiding)
+            yield from _check_source_repeats(aiding)
 
 
 def _same(y: Array) -> Mask:
@@ -56,7 +56,7 @@ def _same(y: Array) -> Mask:
     return np.r_[False, same.all(axis=1)]
 
 
-def _repeated(aiding: Aiding) -> Iterator[Reason]:
+def _check_source_repeats(aiding: Aiding) -> Iterator[Reason]:
     """Fixes that repeat the one before while those around them change."""
     same = _same(aiding.y)
     if len(same) < MIN_FIXES:
@@ -68,7 +68,7 @@ def _repeated(aiding: Aiding) -> Iterator[Reason]:
     alive = total[last] - total[first] >= 2
     count = int(alive.sum())
     share = float(same[alive].mean()) if count >= MIN_FIXES else 0.0
-    share = max(share, _held(same))
+    share = max(share, _held_share(same))
     most = SHARE if aiding.kind in ("position", "velocity") else COARSE_SHARE
     if share > most:
         yield Reason(
@@ -81,7 +81,7 @@ def _repeated(aiding: Aiding) -> Iterator[Reason]:
         )
 
 
-def _held(same: Mask) -> float:
+def _held_share(same: Mask) -> float:
     """The share of repeated fixes where all are held equally long, else 0."""
     lasts = np.diff(np.flatnonzero(~same))
     if len(lasts) < MIN_FIXES:
@@ -91,7 +91,7 @@ def _held(same: Mask) -> float:
     return 1.0 - 1.0 / usual if even.mean() > MAX_EVEN else 0.0
 
 
-def _stuck(aiding: Aiding) -> Iterator[Reason]:
+def _check_stuck(aiding: Aiding) -> Iterator[Reason]:
     """The longest time for which a value is held before a jump that is none of its usual ones."""
     new = np.flatnonzero(~_same(aiding.y))
     if len(new) < 3:

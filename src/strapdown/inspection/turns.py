@@ -14,7 +14,7 @@ from ..typing import Array
 from .clock_offsets import correlations
 from .finding import MIN_FIXES, Checked, label
 from .gyro_fit import EVIDENCE, likelier
-from .motion import InspectedRecording, course_rate, moved
+from .motion import InspectedRecording, course_rate, source_velocity
 
 HALF, REACH, STEP = 1.0, 3.0, 0.1
 """Half the window of a turn, and lags between the clocks that are looked at, s."""
@@ -52,7 +52,7 @@ def _by_course(subject: InspectedRecording) -> Checked:
     """The gyro against the course. What the accelerations contradict is not said: of a multicopter
     that nobody named the course is no heading."""
     sources = subject.sources("velocity", "position")
-    fixes = moved(sources[0]) if sources else None
+    fixes = source_velocity(sources[0]) if sources else None
     if fixes is None:
         return Checked.nothing()
     what = f"turns of the gyro against the course of {label(sources[0])}"

@@ -32,11 +32,20 @@ from .findings import (
     Diagnosis,
     edits,
     line,
-    named,
     reasons,
+    unknown_name,
 )
-from .iteration import MAX_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns, whole
-from .model import SHOWN_BY, InstallationModel, applied, constants
+from .iteration import (
+    MAX_RUNS,
+    Estimated,
+    Settling,
+    Trial,
+    Unknown,
+    estimate_unknowns,
+    unknowns,
+    whole,
+)
+from .model import SHOWN_BY, InstallationModel, apply_constants, constants
 
 MIN_CLOCK_ALONE = 0.5
 """s: a smaller offset of a clock is not reported where no source measures velocity."""
@@ -118,7 +127,7 @@ class _Runs:
 
     def begun(self, theta: Array) -> Run:
         """A Run with the set-up changed by theta, before its first sample."""
-        recording = applied(self.recording, self.constants, theta)
+        recording = apply_constants(self.recording, self.constants, theta)
         return begin_sensitive(recording, self.filter, self.asked)
 
     def diagnosis(self) -> Diagnosis:
@@ -160,12 +169,12 @@ class _Runs:
         together = unknowns(self.constants)
         clocks = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
         others = clocks[1:]  # beside what is common to all: by how much they differ from the first
-        found = estimated(trial, [*others, *together], self.way.centre)
+        found = estimate_unknowns(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
     def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """Return the diagnosis of the sought parameters by the last trial."""
-        final = estimated(last, sought, self.way.centre)
+        final = estimate_unknowns(last, sought, self.way.centre)
         wrong, alone = self.surely(last, sought, final)
         value, theta, best = final.value.copy(), first.theta, first.made
         if alone is not None:
@@ -196,7 +205,7 @@ class _Runs:
         self.progress(1.0)
         return Diagnosis(
             tuple(estimates + self.never(sought)),
-            applied(self.recording, self.constants, theta),
+            apply_constants(self.recording, self.constants, theta),
             solution(best),
             self.way.runs,
             gain,
@@ -216,7 +225,7 @@ class _Runs:
         """The unknowns `some` with all others as given."""
         theta = whole(some, value)
         there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
-        return estimated(there, some, self.way.centre)
+        return estimate_unknowns(there, some, self.way.centre)
 
     def surely(
         self, last: Trial, sought: Sequence[Unknown], final: Estimated
@@ -248,7 +257,7 @@ class _Runs:
         return Diagnosed(
             of,
             axis,
-            named(unknown, names, antennas),
+            unknown_name(unknown, names, antennas),
             names,
             status,
             0.0 if of is MOUNTING else as_given(self.recording, of, axis, unknown.sources),
@@ -275,7 +284,7 @@ class _Runs:
             Diagnosed(
                 of,
                 axis,
-                named(Unknown(of, (), axis, np.zeros(0)), (), 1),
+                unknown_name(Unknown(of, (), axis, np.zeros(0)), (), 1),
                 (),
                 NOT_OBSERVABLE,
                 *(np.nan, np.nan, np.nan),

@@ -12,7 +12,7 @@ from ..data.operations import operation
 from ..data.recording import Recording
 from ..data.solution import Aiding, Solution
 from ..data.verdict import Reason
-from ..io.description.edits import Edit, told
+from ..io.description.edits import Edit, edit_text
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
 from ..typing import Array
@@ -129,10 +129,10 @@ class Diagnosis:
                 f"so something else is wrong, and what stands above may be too"
             )
         if not self.found:
-            return [*lines, f"nothing to change in recording.toml ({counted(self.runs)})"]
+            return [*lines, f"nothing to change in recording.toml ({run_count_text(self.runs)})"]
         return [
             *lines,
-            f"to change in recording.toml ({counted(self.runs)}):",
+            f"to change in recording.toml ({run_count_text(self.runs)}):",
             *(f"  {change}" for change in self.changes),
         ]
 
@@ -141,18 +141,18 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         found = ", ".join(each.name for each in self.found) or "nothing to change"
-        return f"Diagnosis({found}; {counted(self.runs)})"
+        return f"Diagnosis({found}; {run_count_text(self.runs)})"
 
     def _repr_html_(self) -> str:
         return str(operation("card")(self))
 
 
-def counted(runs: int) -> str:
+def run_count_text(runs: int) -> str:
     """How often the filter ran, in words."""
     return f"{runs} run{'s' * (runs > 1)} of the filter"
 
 
-def named(unknown: Unknown, names: Sequence[str], antennas: int) -> str:
+def unknown_name(unknown: Unknown, names: Sequence[str], antennas: int) -> str:
     """The name of an unknown, with its sources where there may be others like it."""
     words = f"{unknown.of.cause} {unknown.of.components[unknown.axis]}".rstrip()
     several = unknown.of is CLOCK or (unknown.of is LEVER_ARM and antennas > 1)
@@ -193,9 +193,9 @@ def edits(
 def line(aidings: Sequence[Aiding], edit: Edit) -> str:
     """A line for people: the section of recording.toml, and what to change there."""
     if edit.source is None:
-        return f"[imu] {told(edit)}"
+        return f"[imu] {edit_text(edit)}"
     source = aidings[edit.source]
-    return f"[[aiding]] {edit.source + 1} ({source.name or source.kind}) {told(edit)}"
+    return f"[[aiding]] {edit.source + 1} ({source.name or source.kind}) {edit_text(edit)}"
 
 
 def reasons(estimates: Sequence[Diagnosed], lines: dict[str, list[str]]) -> tuple[Reason, ...]:

@@ -87,7 +87,7 @@ class Estimated(NamedTuple):
         return np.abs(self.value) / self.sd
 
 
-def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimated:
+def estimate_unknowns(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimated:
     """The unknowns by least squares with a prior around `centre` (m,), all other constants being
     those of the trial."""
     basis = np.stack([each.direction for each in sought], axis=1)
@@ -124,7 +124,7 @@ def _by_part(value: Array, information: Array, left: Array) -> Array:
     return np.stack([value + more, np.sqrt(np.maximum(1 / total, scatter / total**2))], axis=1)
 
 
-def explained(trial: Trial, sought: Sequence[Unknown], step: Array) -> float:
+def nis_decrease(trial: Trial, sought: Sequence[Unknown], step: Array) -> float:
     """By how much the sum of the NIS falls when the unknowns change by `step`, as far as it is
     quadratic."""
     basis = np.stack([each.direction for each in sought], axis=1)
@@ -147,7 +147,7 @@ class Settling:
         """The trial from which the unknowns `sought` no longer move, or the last for which there
         are runs, `keep` of them left over."""
         while self.runs < MAX_RUNS - keep:
-            found = estimated(trial, sought, self.centre)
+            found = estimate_unknowns(trial, sought, self.centre)
             if (np.abs(found.step) <= SETTLED * found.sd).all():
                 break
             if not trial.theta.any() and (found.z <= NOTABLE).all():

@@ -65,7 +65,7 @@ def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
     return tuple(found)
 
 
-def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Recording:
+def apply_constants(recording: Recording, found: Sequence[Constant], theta: Array) -> Recording:
     """The recording set up with these constants changed by theta (m,)."""
     aidings, turn = list(recording.aidings), np.zeros(3)
     for constant, value in zip(found, theta):
@@ -143,7 +143,7 @@ class InstallationModel:
             if kind in GNSS:
                 h[rows] = self._of_antenna(at, rows, s)
             elif kind in CONSTRAINED:
-                body = turned(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
+                body = rotate_stack(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
                 h[rows, 0] = self._of_body(body, CONSTRAINED[kind], s)
             elif kind == HEADING:
                 h[rows, 0] = self._of_heading(C, s)
@@ -154,9 +154,9 @@ class InstallationModel:
         C, omega, arm = at.C[rows], at.omega[rows], self.arms[s]
         swing = cross(omega, arm)
         by_time = (
-            at.v[rows] + turned(C, swing)
+            at.v[rows] + rotate_stack(C, swing)
             if self.kinds[s] == "position"
-            else turned(C, at.f[rows] + cross(omega, swing)) + self.g
+            else rotate_stack(C, at.f[rows] + cross(omega, swing)) + self.g
         )
         by_arm = C if self.kinds[s] == "position" else C @ cross_matrices(omega)
         by = {CLOCK: by_time[:, :, None], LEVER_ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
@@ -188,7 +188,7 @@ class InstallationModel:
         )
 
 
-def turned(C: Array, vectors: Array) -> Array:
+def rotate_stack(C: Array, vectors: Array) -> Array:
     """(k, 3) C (k, 3, 3) times vectors (k, 3)."""
     return np.einsum("kij,kj->ki", C, vectors)
 

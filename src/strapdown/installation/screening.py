@@ -17,12 +17,12 @@ from ..data.verdict import Reason
 from ..engine.options import run_options
 from ..engine.sensitivity import begin_sensitive, fit, sums
 from ..preprocessing.axes import rotation_matrix
-from ..preprocessing.unbroken import summed
+from ..preprocessing.unbroken import sum_samples
 from ..typing import Array
 from .diagnose import MIN_CLOCK_ALONE
 from .findings import MIN_GAIN, MIN_Z
-from .iteration import Trial, Unknown, estimated, explained, groups
-from .model import CONSTRAINED, GNSS, InstallationModel, applied, constants, rotation
+from .iteration import Trial, Unknown, estimate_unknowns, groups, nis_decrease
+from .model import CONSTRAINED, GNSS, InstallationModel, apply_constants, constants, rotation
 from .states import estimated_installation
 
 STEP, PACE = 0.5, 1.0
@@ -80,11 +80,11 @@ def window(solution: Solution) -> tuple[Recording, InitialState]:
     end = float(some.t[best]) + WINDOW
     if best == 0:
         return recording.between(stop=start.t + WINDOW), start
-    there = started(solution, int(np.searchsorted(made.t, some.t[best])))
+    there = start_at_row(solution, int(np.searchsorted(made.t, some.t[best])))
     return recording.between(there.t, end), there
 
 
-def started(solution: Solution, row: int) -> InitialState:
+def start_at_row(solution: Solution, row: int) -> InitialState:
     """An InitialState at a row of a solution of all states, from what it says there."""
     start, made = InitialState(**solution.meta["start"]), solution.trajectory
     assert made.v_n is not None and made.sd is not None
@@ -122,24 +122,24 @@ def as_found(
             ba=tuple((R @ start.ba).tolist()),
             bg=tuple((R @ start.bg).tolist()),
         )
-    return applied(recording, known, theta), start
+    return apply_constants(recording, known, theta), start
 
 
-def thinned(recording: Recording) -> Recording:
+def thin_recording(recording: Recording) -> Recording:
     """The recording with a fix of each source every `PACE` s or more, of sources that say something
     of the installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever
     arm needs the angular rate of that moment. Nothing is summed across a gap."""
     imu = recording.imu
-    aidings = tuple(map(_paced, of_installation(recording.aidings)))
+    aidings = tuple(map(_thin_fixes, of_installation(recording.aidings)))
     part = np.floor((imu.t - recording.span[0]) / STEP - 1e-6)
     begins = np.r_[True, part[1:] != part[:-1]]
     at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
     begins[at[at < len(begins)]] = True
     begins[at[at + 1 < len(begins)] + 1] = True
-    return Recording(summed(imu, begins), aidings)
+    return Recording(sum_samples(imu, begins), aidings)
 
 
-def _paced(aiding: Aiding) -> Aiding:
+def _thin_fixes(aiding: Aiding) -> Aiding:
     number = np.floor(aiding.t / PACE + 1e-6)
     return aiding._where(np.r_[True, number[1:] != number[:-1]])
 
@@ -148,7 +148,7 @@ def suspects(solution: Solution) -> list[Suspect]:
     """Return the parameters that would explain the innovations of a solution, the likeliest first;
     [] where its sources have none. Raises DataError."""
     part, start = as_found(solution, *window(solution))
-    recording, noise = thinned(part), Noise(**solution.meta["noise"])
+    recording, noise = thin_recording(part), Noise(**solution.meta["noise"])
     known = constants(recording.aidings)
     run = begin_sensitive(
         recording, filters.find("closed-loop"), run_options(start=start, noise=noise, estimate=())
@@ -164,15 +164,15 @@ def suspects(solution: Solution) -> list[Suspect]:
 
 
 def _suspect(trial: Trial, group: Sequence[Unknown], excess: float) -> Suspect:
-    one = estimated(trial, group, np.zeros_like(trial.theta))
-    gain = explained(trial, group, one.step)
+    one = estimate_unknowns(trial, group, np.zeros_like(trial.theta))
+    gain = nis_decrease(trial, group, one.step)
     return Suspect(tuple(group), one.value, one.sd, gain, excess)
 
 
 def look(solution: Solution) -> tuple[list[Reason], list[str]]:
     """Reasons to doubt the installation of a solution, and what of it its motion does not show.
     Raises DataError."""
-    found = [each for each in suspects(solution) if not _estimated(solution, each)]
+    found = [each for each in suspects(solution) if not _is_estimated(solution, each)]
     alone = not _has(solution, "velocity")
     likely = [each for each in found if _matters(each, alone)]
     reasons = [_reason(solution, each) for each in likely[:1]]
@@ -184,7 +184,7 @@ def look(solution: Solution) -> tuple[list[Reason], list[str]]:
     return reasons, [text for text in unknown if text not in clocks[1:]]
 
 
-def _estimated(solution: Solution, suspect: Suspect) -> bool:
+def _is_estimated(solution: Solution, suspect: Suspect) -> bool:
     """Return True where the suspect's parameters were states of the filter, which reports on them
     itself."""
     assert solution.recording is not None
@@ -208,7 +208,7 @@ def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
     if not worse:
         return
     axes = [suspect.unknowns[i].axis for i in worse]
-    named = [f"{of.cause} of {_concerned(solution, suspect)}"]
+    named = [f"{of.cause} of {_source_names(solution, suspect)}"]
     named += [of.components[axis] for axis in axes if of.components[axis]]
     shows = dict.fromkeys(of.motions[axis] for axis in axes)
     yield (
@@ -217,7 +217,7 @@ def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
     )
 
 
-def _concerned(solution: Solution, suspect: Suspect) -> str:
+def _source_names(solution: Solution, suspect: Suspect) -> str:
     """Names of the sources that it concerns."""
     assert solution.recording is not None
     names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
@@ -266,7 +266,7 @@ def _matters(suspect: Suspect, alone: bool) -> bool:
 
 def _reason(solution: Solution, suspect: Suspect) -> Reason:
     of = suspect.of
-    sources = "" if of is MOUNTING else _concerned(solution, suspect)
+    sources = "" if of is MOUNTING else _source_names(solution, suspect)
     values = ", ".join(
         f"{value * of.factor:+.2g} {of.unit} {of.components[unknown.axis]}".rstrip()
         for value, unknown, z in zip(suspect.value, suspect.unknowns, suspect.z)

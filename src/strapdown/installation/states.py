@@ -131,7 +131,7 @@ def estimated_installation(solution: Solution) -> EstimatedInstallation:
     remarks = [
         *_alike(parameters, np.array(known["correlation"])),
         *_nothing(solution, parameters),
-        *_trusted(solution, parameters, known["parameters"]),
+        *_trusted_facts(solution, parameters, known["parameters"]),
     ]
     stamps = _of_reference(solution, parameters)
     remarks += [stamps] if stamps else []
@@ -261,7 +261,7 @@ def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> 
     yield f"nothing of the installation that was asked for is observable: {why}"
 
 
-def _trusted(
+def _trusted_facts(
     solution: Solution,
     parameters: tuple[EstimatedParameter, ...],
     known: list[dict[str, Any]],

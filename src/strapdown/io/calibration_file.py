@@ -83,7 +83,7 @@ def _correction(path: File, name: str, section: Any) -> Correction:
             f"{path}: [{name}] has {', '.join(keys[:-1])} and {keys[-1]} and no other key"
         )
     bias, matrix = (
-        _bounded(section.get(key, default), f"{path}: [{name}] {key}", np.shape(default))
+        _check_bounded(section.get(key, default), f"{path}: [{name}] {key}", np.shape(default))
         for key, default in (("bias", np.zeros(3)), ("matrix", np.eye(3)))
     )
     if abs(np.linalg.det(matrix)) <= 1e-6:
@@ -102,7 +102,7 @@ def _correction(path: File, name: str, section: Any) -> Correction:
     return Correction(bias, matrix, _temperature(path, name, section))
 
 
-def _bounded(value: Any, where: str, shape: tuple[int | None, ...]) -> Array:
+def _check_bounded(value: Any, where: str, shape: tuple[int | None, ...]) -> Array:
     return check_array(value, where, shape, least=-MAX_NUMBER, most=MAX_NUMBER)
 
 
@@ -112,12 +112,12 @@ def _temperature(path: File, name: str, section: dict[str, Any]) -> tuple[tuple[
     where = f"{path}, {name}.temperature"
     rows = temperature_rows(section["temperature"], SECTIONS[name], where)
     if rows:
-        _bounded(rows, f"{where}: rows", (None, 4))
+        _check_bounded(rows, f"{where}: rows", (None, 4))
     with located(where):
         return Triad(temperature=tuple(rows)).temperature
 
 
-def composed(
+def compose_corrections(
     section: str, bias: Array, matrix: Array, columns: Mapping[str, Any]
 ) -> dict[str, Correction]:
     """{section: Correction} in the axes of the columns of what is matrix @ (x - bias) in body axes,

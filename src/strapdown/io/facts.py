@@ -16,11 +16,11 @@ from ..preprocessing.fixes import little_overlap
 from ..preprocessing.imu_samples import GAP_MEDIANS, MAX_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
-from ..preprocessing.vehicle_rest import moving
+from ..preprocessing.vehicle_rest import is_moving
 from ..sensor_models.imu import grade
 from ..typing import Array, Ints, Mask
 from ..units.time_scales import span, utc
-from ..units.wording import counted
+from ..units.wording import count_text
 from .magnetic_record import facts_and_reasons as of_field
 from .reader import Findings
 
@@ -54,7 +54,7 @@ def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[Reason]:
     found = doubts(imu, gyro_bias_sd)
     if any(each.cause == "gyro" for each in found):
         rest = at_rest(imu)
-        denied = rest & moving(recording.aidings, imu.t)
+        denied = rest & is_moving(recording.aidings, imu.t)
         if denied.any() and imu.dt[rest & ~denied].sum() < MIN_REST:
             found = [each for each in found if each.cause != "gyro"]
     return found
@@ -100,7 +100,7 @@ def imu_facts(imu: Imu) -> list[str]:
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
     rms = np.degrees(np.sqrt((rate**2).sum(axis=1).mean()))
     repeated = (
-        f"repeated values: {counted(held, 'sample')} ({100 * held / len(steps):.1f} %) read the "
+        f"repeated values: {count_text(held, 'sample')} ({100 * held / len(steps):.1f} %) read the "
         f"same as the one before"
     )
     return [

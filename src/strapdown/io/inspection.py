@@ -82,9 +82,9 @@ def draft(
     Raises DataError, also where a file is a recording already.
     """
     check_drafted(paths)
-    from .description.logs import join, opened
+    from .description.logs import join, open_logs
 
-    joined = join(opened(paths), take)
+    joined = join(open_logs(paths), take)
     if not joined.taken and not joined.left:
         raise DataError(joined.asked[0])
     return joined.graded(grade).text(folder)

@@ -13,10 +13,15 @@ from ..data.solution import Aiding
 from ..data.verdict import Reason
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import Origin
-from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck, turned as turned_by
+from ..preprocessing.stuck import (
+    STUCK_TIME,
+    STUCK_TURN,
+    integrated_gyro as turned_by,
+    stuck_samples,
+)
 from ..typing import Array, ArrayLike, Mask
 from ..units.constants import STANDARD_GRAVITY
-from ..units.wording import counted
+from ..units.wording import count_text
 
 MIN_LEVELS, PILE, TIMES = 20, 0.01, 5
 """A column is saturated where it has more than MIN_LEVELS values and its extreme one holds more
@@ -48,21 +53,21 @@ def sound(
     DataError where all are stuck or saturated, or one axis is.
     """
     notes = _constant_axis(t, raw, imu, name, origin, matrix)
-    held = stuck(t, raw, imu)
+    held = stuck_samples(t, raw, imu)
     if held.any():
         notes.append(
-            f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for "
+            f"{name}: {count_text(int(held.sum()), 'sample')} dropped, stuck at one value for "
             f"{STUCK_TIME:g} s and more while the gyro turns, "
             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
         )
     elif len(t) > 10 and (raw == raw[0]).all():
         notes.append(f"{name}: it never changes; nothing here shows that the sensor works")
-    full = _saturated(raw[~held])
+    full = _is_saturated(raw[~held])
     mask = ~held
     if full.any():
         mask[np.flatnonzero(~held)[full]] = False
         notes.append(
-            f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's "
+            f"{name}: {count_text(int(full.sum()), 'sample')} dropped, at the limit of the sensor's "
             f"range (saturated), "
             f"the first at {t[~held][np.argmax(full)]:.3f} s: keep magnets and currents away, or "
             f"use a wider range"
@@ -92,7 +97,7 @@ def _constant_axis(
     return [f"{name}: {text}, nothing was dropped: check its column"] if turned > STUCK_TURN else []
 
 
-def _saturated(raw: Array) -> Mask:
+def _is_saturated(raw: Array) -> Mask:
     """(m,) bool: a column stands at its largest or smallest value, and far more samples do than
     at the next one."""
     full = np.zeros(len(raw), bool)
@@ -208,7 +213,7 @@ def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[st
     )
     facts = [
         f"{name}: dip {np.degrees(dip):.1f} deg in the mean of "
-        f"{counted(len(rows), 'quiet sample')}, "
+        f"{count_text(len(rows), 'quiet sample')}, "
         f"{compared} {np.degrees(now):.1f} deg"
     ]
     if now < SCATTER:

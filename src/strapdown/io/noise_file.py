@@ -57,7 +57,7 @@ def with_noise(recording: Recording, file: File) -> Recording:
             )
     noises = [found.get(name) for name in names]
     aidings = [
-        a if noise is None else _changed(a, noise, f"{file}: [{name}]")
+        a if noise is None else _with_noise(a, noise, f"{file}: [{name}]")
         for a, name, noise in zip(recording.aidings, names, noises)
     ]
     # it is no longer as its own file has it
@@ -70,7 +70,7 @@ def write_noise(path: File, noises: Mapping[str, SourceNoise], comments: Iterabl
     lines = [f"# {comment}" for comment in comments]
     for name, noise in noises.items():
         said = f"  # {noise.said}" if noise.said else ""
-        lines += ["", f"[{_quoted(name)}]", f"{FACTOR} = {_factors_text(noise.factor)}{said}"]
+        lines += ["", f"[{_quote_key(name)}]", f"{FACTOR} = {_factors_text(noise.factor)}{said}"]
         if noise.correlated is not None:
             lines.append(f"{CORRELATED} = {correlated_text(noise.correlated)}")
     with replacing(path) as part:
@@ -95,7 +95,7 @@ def _factors_text(factor: tuple[float, ...]) -> str:
     return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
 
 
-def _quoted(name: str) -> str:
+def _quote_key(name: str) -> str:
     """A name as a key of TOML; a Recording's are printable, being checked."""
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
@@ -109,7 +109,7 @@ def _factor(value: Any, where: str) -> tuple[float, ...]:
     return tuple(float(check_number(each, where, above=0, most=MAX_FACTOR)) for each in values)
 
 
-def _correlated(value: Any, where: str) -> Correlated:
+def _read_correlated(value: Any, where: str) -> Correlated:
     return Correlated(**{"states": True} | read_table(value, OF_CORRELATED, where))
 
 
@@ -127,11 +127,11 @@ OF_CORRELATED = {
     "time": Key("time", _time, "write time = 30.0, in s"),
     "states": Key("states", flag),
 }
-KEYS = {FACTOR: Key("factor", _factor), CORRELATED: Key("correlated", _correlated)}
+KEYS = {FACTOR: Key("factor", _factor), CORRELATED: Key("correlated", _read_correlated)}
 """Keys of a section."""
 
 
-def _changed(a: Aiding, noise: SourceNoise, where: str) -> Aiding:
+def _with_noise(a: Aiding, noise: SourceNoise, where: str) -> Aiding:
     """A source with that noise. Raises DataError."""
     sizes = [shown_unit(quantity)[1] for quantity in find(a.kind).quantities]
     factor = _of_each(noise.factor, len(sizes), f"{where} {FACTOR}", a.kind)

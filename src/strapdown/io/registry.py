@@ -107,9 +107,9 @@ def find(path: Path) -> Reader | None:
     for reader in readers().values():
         if reader.begins and head.startswith(reader.begins):
             return reader
-    found = _claimed(path, path.name, head)
+    found = _claiming_reader(path, path.name, head)
     if found is None and len(inside) == 1:
-        found = _claimed(path, f"{inside[0]}.zip", head)
+        found = _claiming_reader(path, f"{inside[0]}.zip", head)
     if found is None and path.is_fifo() and head and _is_text(head):
         return readers()["table"]  # a pipe has no name that tells
     if found is None and path.is_dir():
@@ -119,7 +119,7 @@ def find(path: Path) -> Reader | None:
     return found
 
 
-def _claimed(path: Path, name: str, head: bytes) -> Reader | None:
+def _claiming_reader(path: Path, name: str, head: bytes) -> Reader | None:
     """The Reader that claims a file of this name."""
     lower, claims = name.lower(), []
     misnamed = lower.endswith(OF_TEXT) and not _is_text(head)

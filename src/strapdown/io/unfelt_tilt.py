@@ -36,7 +36,7 @@ def fixes_confirm(recording: Recording) -> bool:
     return in_degrees(recording) < -EVIDENCE
 
 
-def decided(recording: Recording, accused: str) -> Recording:
+def decide_accusation(recording: Recording, accused: str) -> Recording:
     """The recording with what its fixes or its vehicle say of an `accusation`: a note where the
     fixes contradict it, and where nothing decides the line itself, for whoever names the vehicle
     later. Raises DataError where it holds."""

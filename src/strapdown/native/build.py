@@ -75,7 +75,9 @@ def tag(levels: Sequence[str]) -> str:
 def kernels_of_package(only: Sequence[str] = ()) -> list[Kernel]:
     """All kernels of the package, or those of these stems, the slow ones first. Raises DataError."""
     found = {
-        kernel.stem: kernel for module in ir.modules(strapdown) for kernel in ir.declared(module)
+        kernel.stem: kernel
+        for module in ir.modules(strapdown)
+        for kernel in ir.declared_kernels(module)
     }
     for stem in only:
         if stem not in found:
@@ -100,14 +102,16 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     with tempfile.TemporaryDirectory() as temporary:
         objects = _objects(kernels, levels, _cache() or Path(temporary), say)
         made = {
-            level: machine_code.written(*relocation.place([path.read_bytes() for path in paths]))
+            level: machine_code.file_content(
+                *relocation.place([path.read_bytes() for path in paths])
+            )
             for level, paths in objects.items()
         }
     if edited := [
         file for file, digest in _digests(sources.values()).items() if digest != files[file]
     ]:
         raise DataError(f"{edited[0]} was edited while the library was built; build it again")
-    _put(folder, made, _manifest(kernels, sources, files, made))
+    _put_library(folder, made, _manifest(kernels, sources, files, made))
     return tag(levels)
 
 
@@ -133,7 +137,7 @@ def _objects(
         pool = ProcessPoolExecutor(cores, mp_context=get_context("spawn"))
         try:
             batch = todo[first : first + TASKS * cores]
-            running = {pool.submit(_emitted, stem, paths[stem]): stem for stem in batch}
+            running = {pool.submit(_emit_objects, stem, paths[stem]): stem for stem in batch}
             for each in as_completed(running):
                 each.result()
                 done += 1
@@ -147,7 +151,7 @@ def _objects(
     return {level: [by_level[level] for by_level in paths.values()] for level in levels}
 
 
-def _emitted(stem: str, paths: dict[str, Path]) -> None:
+def _emit_objects(stem: str, paths: dict[str, Path]) -> None:
     """Write the objects of a kernel; in a process under `ir.NEUTRAL`."""
     kernel = ir.of_stem(stem)
     try:
@@ -256,7 +260,7 @@ def _manifest(
     }
 
 
-def _put(folder: Path, made: dict[str, bytes], manifest: dict[str, Any]) -> None:
+def _put_library(folder: Path, made: dict[str, bytes], manifest: dict[str, Any]) -> None:
     """Write the library. Without kernels.json, which goes first and comes last, there is none."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / library.MANIFEST).unlink(missing_ok=True)

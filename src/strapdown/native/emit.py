@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 
-from .object_files import undefined
+from .object_files import undefined_symbols
 
 
 class TargetMachine(NamedTuple):
@@ -183,14 +183,14 @@ def emit(
     _optimise(module, machine, target)
     if HERE_ONLY.search(str(module)):
         raise RuntimeError(
-            f"{_listed(exported)}: an address of the building process is in the code"
+            f"{_symbols_text(exported)}: an address of the building process is in the code"
         )
-    with _said() as lines:
+    with _llvm_lines() as lines:
         content = machine.emit_object(module)
-    needed = undefined(content)
+    needed = undefined_symbols(content)
     if foreign := [name for name in needed if not _of_c(name)]:
         raise RuntimeError(
-            f"{_listed(exported)}: {', '.join(foreign)} would be needed, and is not of C's libm"
+            f"{_symbols_text(exported)}: {', '.join(foreign)} would be needed, and is not of C's libm"
         )
     stack = _stack(module, exported, inside, lines, target)
     return Object(content, tuple(exported), needed, stack)
@@ -200,7 +200,7 @@ def _of_c(name: str) -> bool:
     return name in LIBM or name in MEMORY or OF_THE_COMPILER.fullmatch(name) is not None
 
 
-def _listed(symbols: Sequence[str]) -> str:
+def _symbols_text(symbols: Sequence[str]) -> str:
     return symbols[0] if len(symbols) == 1 else f"{symbols[0]} and {len(symbols) - 1} more"
 
 
@@ -222,7 +222,7 @@ def _machine(target: TargetMachine) -> tuple[Any, str]:
 def _strict(text: str, symbols: Sequence[str]) -> None:
     if found := LOOSE.search(text):
         raise RuntimeError(
-            f"{_listed(symbols)}: arithmetic is not strict ({found[0].strip()}); "
+            f"{_symbols_text(symbols)}: arithmetic is not strict ({found[0].strip()}); "
             f"unset STRAPDOWN_CONTRACTION"
         )
 
@@ -271,7 +271,7 @@ def _optimise(module: Any, machine: Any, target: TargetMachine) -> None:
 
 
 @contextmanager
-def _said() -> Iterator[list[str]]:
+def _llvm_lines() -> Iterator[list[str]]:
     """Lines that LLVM writes to standard error meanwhile: it has no other way to say them."""
     lines: list[str] = []
     sys.stderr.flush()
@@ -308,7 +308,7 @@ def _stack(
     by_address: dict[str, set[str]] = {}
     for one in module.functions:
         if not one.is_declaration:
-            called = list(_called(one))
+            called = list(_called_functions(one))
             calls[one.name] = {name for name, _ in called if name}
             by_address[one.name] = {kind for name, kind in called if not name}
     kinds: dict[str, set[str]] = {}
@@ -327,7 +327,7 @@ def _stack(
     return {name: most(name) for name in exported}
 
 
-def _called(function: Any) -> Iterator[tuple[str, str]]:
+def _called_functions(function: Any) -> Iterator[tuple[str, str]]:
     """(name, kind) of what a function calls; no name where it calls an address."""
     for block in function.blocks:
         for instruction in block.instructions:
@@ -341,5 +341,5 @@ def _called(function: Any) -> Iterator[tuple[str, str]]:
 
 
 def _kind(function_type: Any) -> str:
-    """Return the type of a function as text, as `_called` writes it."""
+    """Return the type of a function as text, as `_called_functions` writes it."""
     return str(function_type).replace(" ", "")

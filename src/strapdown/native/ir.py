@@ -47,7 +47,7 @@ def modules(package: ModuleType) -> Iterator[str]:
             yield ".".join((package.__name__, *file.relative_to(root).with_suffix("").parts))
 
 
-def declared(module: str) -> Iterator[Kernel]:
+def declared_kernels(module: str) -> Iterator[Kernel]:
     """Kernels that a module declares, those for eight runs at once among them."""
     values = vars(importlib.import_module(module)).values()
     found = [value for value in values if isinstance(value, Kernel)]
@@ -61,7 +61,7 @@ def declared(module: str) -> Iterator[Kernel]:
 
 def of_stem(stem: str) -> Kernel:
     """The kernel of this module and name."""
-    return next(one for one in declared(stem.rpartition(".")[0]) if one.stem == stem)
+    return next(one for one in declared_kernels(stem.rpartition(".")[0]) if one.stem == stem)
 
 
 def write(

@@ -54,7 +54,7 @@ class Relocation(NamedTuple):
     addend: int
 
 
-def undefined(content: bytes) -> tuple[str, ...]:
+def undefined_symbols(content: bytes) -> tuple[str, ...]:
     """Names of the functions and variables that an object uses and does not define, sorted. Raises
     ValueError where it is neither ELF nor WebAssembly."""
     if content[:4] == b"\0asm":
@@ -64,7 +64,7 @@ def undefined(content: bytes) -> tuple[str, ...]:
     return tuple(sorted(names))
 
 
-def loaded(content: bytes) -> int:
+def loaded_size(content: bytes) -> int:
     """Bytes of code and constants of an ELF object; of WebAssembly those of the file. Raises
     ValueError."""
     if content[:4] == b"\0asm":

@@ -33,7 +33,7 @@ def place(objects: Sequence[bytes]) -> Block:
     """The block of these objects, all for one processor. Raises RuntimeError where one has variables,
     or a relocation that depends on the address of the block."""
     processor = PROCESSORS[_processor(objects[0])]
-    needed = sorted({name for each in objects for name in object_files.undefined(each)})
+    needed = sorted({name for each in objects for name in object_files.undefined_symbols(each)})
     code = bytearray(
         b"".join(processor.jump(_slot(i) - i * JUMP).ljust(JUMP, b"\0") for i in range(len(needed)))
     )

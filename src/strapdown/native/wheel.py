@@ -17,7 +17,7 @@ from ..core.compile import library
 CHECKOUT = library.PACKAGE.parents[1]
 
 
-def made(dist: Path, levels: str = "all") -> Path:
+def build_wheel(dist: Path, levels: str = "all") -> Path:
     """Build the library into build/library of the checkout, and a wheel with it; without it where that
     cannot be built. Raises RuntimeError where there is no wheel either."""
     folder = CHECKOUT / "build" / "library"
@@ -39,7 +39,7 @@ def made(dist: Path, levels: str = "all") -> Path:
     raise RuntimeError("pip made no wheel")
 
 
-def told(wheel: Path) -> str:
+def describe_wheel(wheel: Path) -> str:
     """File, size and tag of a wheel, and the levels that it has kernels for."""
     tag = "-".join(wheel.stem.split("-")[-3:])
     with zipfile.ZipFile(wheel) as file:
@@ -53,4 +53,4 @@ def told(wheel: Path) -> str:
 
 
 if __name__ == "__main__":
-    print(told(made(Path(sys.argv[1]), *sys.argv[2:])))
+    print(describe_wheel(build_wheel(Path(sys.argv[1]), *sys.argv[2:])))

@@ -14,11 +14,11 @@ from ..evaluation.metrics import Errors
 from ..geometry.geodesy import displacement
 from ..typing import Array
 from ..units.time_scales import utc
-from ..units.wording import counted, elapsed, metres, number
+from ..units.wording import count_text, duration_text, metres, number
 from .drawing import outages
 from .parts import paragraphs
 from .summary import claimed_sd
-from .verdict_block import worded
+from .verdict_block import verdict_text
 
 
 def cards(
@@ -30,8 +30,8 @@ def cards(
     """HTML: one card on what was recorded, and one on each of {name: Solution}; `scores` are its
     metrics.Errors where there is a reference, RMS over `window` in s; `contradicted` are the names of
     those whose claims it contradicts."""
-    shown = [_card("Recorded", *_recorded(next(iter(solutions.values()))))] + [
-        _card(name, *_made(solution, scores.get(name), window, name in contradicted))
+    shown = [_card("Recorded", *_recording_card(next(iter(solutions.values()))))] + [
+        _card(name, *_verdict_card(solution, scores.get(name), window, name in contradicted))
         for name, solution in solutions.items()
     ]
     return f"<div class=cards>{''.join(shown)}</div>"
@@ -42,11 +42,11 @@ def _card(heading: str, large: str, lines: list[str]) -> str:
     return f"<div><h3>{escape(heading)}</h3>{said}</div>"
 
 
-def _recorded(solution: Solution) -> tuple[str, list[str]]:
+def _recording_card(solution: Solution) -> tuple[str, list[str]]:
     """How long and how far; when, with which sensors."""
     if not len(solution.t):
         return "nothing", ["The solution has no rows."]
-    large = elapsed(float(solution.t[-1] - solution.t[0]))
+    large = duration_text(float(solution.t[-1] - solution.t[0]))
     if solution.has_position:
         large += f", {metres(_length(solution.trajectory.lla))}"
     day = ""
@@ -62,7 +62,7 @@ def _recorded(solution: Solution) -> tuple[str, list[str]]:
     return large, [day or str(solution.meta.get("date") or ""), rate, "; ".join(sources)]
 
 
-def _made(
+def _verdict_card(
     solution: Solution,
     e: Errors | None,
     window: tuple[float, float] | None,
@@ -94,7 +94,7 @@ def _made(
     if all_fixes:
         parts.append(f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted")
     parts.append(_lacks(solution))
-    return worded(solution.verdict, contradicted), parts
+    return verdict_text(solution.verdict, contradicted), parts
 
 
 def _lacks(solution: Solution) -> str:
@@ -102,10 +102,10 @@ def _lacks(solution: Solution) -> str:
     said = []
     if spans := outages(solution):
         longest = max(stop - start for start, stop in spans)
-        said.append(f"{counted(len(spans), 'outage')}, the longest {elapsed(longest)}")
+        said.append(f"{count_text(len(spans), 'outage')}, the longest {duration_text(longest)}")
     for status, word in ((BRIDGED, "over gaps"), (INVALID, "not valid")):
         if (solution.status == status).any():
-            said.append(f"{elapsed(solution.seconds(status))} {word}")
+            said.append(f"{duration_text(solution.seconds(status))} {word}")
     return ", ".join(said) or ("no gap, no outage" if (solution.status == VALID).all() else "")
 
 

@@ -110,7 +110,7 @@ def frame(
     )
 
 
-def cut(degrees: ArrayLike) -> Array:
+def cut_wraps(degrees: ArrayLike) -> Array:
     """The angles with NaN where they jump by more than 180 deg, so that no line is drawn across."""
     out = np.array(degrees, float)
     out[np.flatnonzero(np.abs(np.diff(out)) > 180) + 1] = np.nan
@@ -516,11 +516,13 @@ def time_axis(
     of a solution, or of all of {name: Solution}, numbered as the page lists them: in the
     solution's colour where they are not the same of all. Of a recording, the time alone."""
     if isinstance(solutions, Recording):
-        return _timed(figure, *solutions.span, zero, solutions.meta)
+        return _format_time_axis(figure, *solutions.span, zero, solutions.meta)
     shown = each(solutions) if isinstance(solutions, (Solution, Mapping)) else solutions
     begin = min(float(one.solution.t[0]) for one in shown)
     end = max(float(one.solution.t[-1]) for one in shown)
-    return _marked(_timed(figure, begin, end, zero, shown[0].solution.meta), shown, zero)
+    return _add_marks(
+        _format_time_axis(figure, begin, end, zero, shown[0].solution.meta), shown, zero
+    )
 
 
 def time_label(zero: float) -> str:
@@ -528,7 +530,7 @@ def time_label(zero: float) -> str:
     return "time [s]" if not zero else f"time since {zero:.0f} s [s]"
 
 
-def _timed(
+def _format_time_axis(
     figure: go.Figure, begin: float, end: float, zero: float, meta: Mapping[str, Any]
 ) -> go.Figure:
     """Label and range of the time axis, with UTC where the clock is absolute."""
@@ -548,7 +550,7 @@ def _timed(
     return figure.update_xaxes(range=[begin - zero, end - zero], unifiedhovertitle=title)
 
 
-def _marked(figure: go.Figure, shown: Sequence[ShownSolution], zero: float) -> go.Figure:
+def _add_marks(figure: go.Figure, shown: Sequence[ShownSolution], zero: float) -> go.Figure:
     """Shades and events of these solutions."""
     panel = {"xref": "x", "yref": "paper"}
 

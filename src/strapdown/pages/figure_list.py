@@ -77,7 +77,7 @@ REGISTRY = plugins.Registry(
 )
 
 
-def _banded(states: slice, claimed: str, before: str = "", after: str = "") -> Text:
+def _band_caption(states: slice, claimed: str, before: str = "", after: str = "") -> Text:
     """A caption with the words on the band where the filter claims standard deviations of those
     states."""
     return lambda shown: before + (claimed if _any_claimed(shown, states) else "") + after
@@ -92,7 +92,7 @@ def _whitens(solution: Solution) -> bool:
     return metrics.any_known(solution.innovations.root)
 
 
-def _claimed(shown: Sequence[Solution]) -> str:
+def _claimed_title(shown: Sequence[Solution]) -> str:
     """Title of the figure of claimed uncertainty: which there is."""
     parts = (
         ("position", slice(0, 2)),
@@ -120,7 +120,7 @@ def _of_errors(draw: Draw) -> Draw:
     return drawn
 
 
-def _scored(part: str, draw: Draw) -> Draw:
+def _draw_scored(part: str, draw: Draw) -> Draw:
     """`draw` of those solutions whose errors of that `part` are known."""
 
     def drawn(
@@ -183,7 +183,7 @@ FIGURES: list[Figure] = [
         "horizontal-error",
         "Horizontal error",
         lambda all, reference, scores: figures.horizontal(all, scores) if scores else None,
-        _banded(slice(0, 2), "It should stay below the dotted 3σ that the filter claims."),
+        _band_caption(slice(0, 2), "It should stay below the dotted 3σ that the filter claims."),
         "Track",
         ("scores",),
         together=True,
@@ -199,8 +199,8 @@ FIGURES: list[Figure] = [
     Figure(
         "position-error",
         "Position error",
-        _scored("position", figures.position),
-        _banded(POS, "With the ±3σ band that the filter claims."),
+        _draw_scored("position", figures.position),
+        _band_caption(POS, "With the ±3σ band that the filter claims."),
         "Errors",
         AS_ERRORS,
         together=True,
@@ -208,8 +208,8 @@ FIGURES: list[Figure] = [
     Figure(
         "velocity-error",
         "Velocity error",
-        _scored("velocity", figures.velocity),
-        _banded(VEL, "With its ±3σ band."),
+        _draw_scored("velocity", figures.velocity),
+        _band_caption(VEL, "With its ±3σ band."),
         "Errors",
         AS_ERRORS,
         together=True,
@@ -217,8 +217,8 @@ FIGURES: list[Figure] = [
     Figure(
         "attitude-error",
         "Attitude error",
-        _scored("rph", figures.attitude),
-        _banded(
+        _draw_scored("rph", figures.attitude),
+        _band_caption(
             ATT,
             "; ±3σ bands from the rotation vector, correlations neglected",
             "Heading wrapped to ±180 deg",
@@ -242,7 +242,7 @@ FIGURES: list[Figure] = [
         "position",
         "Position",
         lambda all, reference: figures.position(all) if reference is None else None,
-        _banded(POS, ", with ±3σ", "North and east from the start, and height", "."),
+        _band_caption(POS, ", with ±3σ", "North and east from the start, and height", "."),
         "Motion",
         together=True,
     ),
@@ -250,7 +250,7 @@ FIGURES: list[Figure] = [
         "heave",
         "Heave",
         figures.heave,
-        _banded(
+        _band_caption(
             slice(2, 3),
             ", with ±3σ",
             "Height, upwards, about its mean",
@@ -263,7 +263,7 @@ FIGURES: list[Figure] = [
         "velocity",
         "Velocity",
         lambda all, reference: figures.velocity(all, compare=reference),
-        _banded(VEL, "With ±3σ."),
+        _band_caption(VEL, "With ±3σ."),
         "Motion",
         together=True,
     ),
@@ -271,13 +271,13 @@ FIGURES: list[Figure] = [
         "attitude",
         "Attitude",
         lambda all, reference: figures.attitude(all, compare=reference),
-        _banded(ATT, "; with ±3σ", "Heading is clockwise from north", "."),
+        _band_caption(ATT, "; with ±3σ", "Heading is clockwise from north", "."),
         "Motion",
         together=True,
     ),
     Figure(
         "sigma",
-        _claimed,
+        _claimed_title,
         lambda all, reference: figures.sigma(all),
         "Logarithmic axes: it falls with aiding and grows without.",
         "Claimed uncertainty",
@@ -297,7 +297,7 @@ FIGURES: list[Figure] = [
         "accel-bias",
         "Accelerometer bias",
         lambda all, reference: figures.accel_bias(all),
-        _banded(BA, ", with ±3σ", "In body axes, forward, right, down", "."),
+        _band_caption(BA, ", with ±3σ", "In body axes, forward, right, down", "."),
         "Biases",
         together=True,
     ),
@@ -305,7 +305,7 @@ FIGURES: list[Figure] = [
         "gyro-bias",
         "Gyro bias",
         lambda all, reference: figures.gyro_bias(all),
-        _banded(BG, ", with ±3σ", "In body axes, forward, right, down", "."),
+        _band_caption(BG, ", with ±3σ", "In body axes, forward, right, down", "."),
         "Biases",
         together=True,
     ),

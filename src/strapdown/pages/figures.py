@@ -37,7 +37,7 @@ from .drawing import (
     band,
     column,
     corners,
-    cut,
+    cut_wraps,
     each,
     east_north_up,
     even,
@@ -416,7 +416,7 @@ def heave(solutions: Solutions, compare: Trajectory | None = None) -> go.Figure 
         ("heave about its mean",), "m", slice(2, 3), lambda s: about(s.trajectory), height=260
     )
     beside = None if compare is None else (compare.t, about(compare))
-    return _drawn(shown, quantity, [_estimates(one, quantity) for one in shown], None, beside)
+    return _draw_panels(shown, quantity, [_estimates(one, quantity) for one in shown], None, beside)
 
 
 def velocity(
@@ -473,7 +473,7 @@ def attitude_angles(
             curves.append(_Curve(e.t, angles, np.full_like(angles, np.nan)))
     names = metrics.AttitudeAngles._fields
     quantity = _Quantity(names, "deg", ATT, _none, framed=_above_zero, height=140)
-    return _drawn(shown, quantity._replace(label="angle of the error"), curves, window)
+    return _draw_panels(shown, quantity._replace(label="angle of the error"), curves, window)
 
 
 def euler_sd(rph: Array, sd: Array) -> Array:
@@ -579,13 +579,13 @@ def _errors_or_estimates(
     known = [(one, e, errors) for one, e, errors in found if errors is not None]
     if not known:
         curves = [_estimates(one, quantity) for one in shown]
-        return _drawn(shown, quantity, curves, window, beside, fixes)
+        return _draw_panels(shown, quantity, curves, window, beside, fixes)
     curves = [
         _Curve(e.t, errors, _half(one.solution, quantity)[e.rows]) for one, e, errors in known
     ]
     names = EULER if part == "rph" else NED_AXES
     quantity = quantity._replace(names=names, framed=_around_zero, label="error (true - estimate)")
-    return _drawn([one for one, *_ in known], quantity, curves, window)
+    return _draw_panels([one for one, *_ in known], quantity, curves, window)
 
 
 def _part(e: Errors, part: str) -> Array | None:
@@ -593,7 +593,7 @@ def _part(e: Errors, part: str) -> Array | None:
     return np.degrees(errors) if errors is not None and part == "rph" else errors
 
 
-def _drawn(
+def _draw_panels(
     shown: Sequence[ShownSolution],
     quantity: _Quantity,
     curves: Sequence[_Curve],
@@ -698,7 +698,11 @@ class _Panel(NamedTuple):
     def drawn(self, rank: int) -> tuple[Array, Array]:
         """(values, half the height of their band) of a solution; where the angle wraps, they end."""
         values, half = self.columns[rank], self.curves[rank].half[:, self.i]
-        return (cut(values), np.where(half < 180, half, np.nan)) if self.turns else (values, half)
+        return (
+            (cut_wraps(values), np.where(half < 180, half, np.nan))
+            if self.turns
+            else (values, half)
+        )
 
     def draw(self, figure: go.Figure, row: int, zero: float) -> None:
         """Draw the bands of all solutions, and their values above them."""
@@ -718,7 +722,7 @@ class _Panel(NamedTuple):
         """Draw the reference at times t (m,) s, as far as the first solution goes."""
         if self.seen is not None and metrics.any_known(self.seen):
             inside = (t >= self.curves[0].t[0]) & (t <= self.curves[0].t[-1])
-            true = cut(self.seen[inside]) if self.turns else self.seen[inside]
+            true = cut_wraps(self.seen[inside]) if self.turns else self.seen[inside]
             _reference(figure, t[inside] - zero, true, self.quantity.unit, row)
 
 
@@ -871,7 +875,7 @@ def _bias(
         if np.isfinite(curve.half).any() or peak(curve.values):
             shown.append(one)
             curves.append(curve)
-    return _drawn(shown, quantity, curves)
+    return _draw_panels(shown, quantity, curves)
 
 
 def extra(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:

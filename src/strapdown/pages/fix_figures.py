@@ -16,7 +16,7 @@ from ..evaluation import consistency
 from ..evaluation.metrics import EULER, NED_AXES
 from ..typing import Array, Mask
 from ..units.quantities import shown_unit
-from ..units.wording import counted
+from ..units.wording import count_text
 from .drawing import (
     COLOURS,
     FAR,
@@ -93,7 +93,7 @@ def innovations(
     """Innovation (fix - estimate) of every source over time with the ±2 standard deviations that
     the filter expected, rejected fixes crossed in the colour of their probable cause; None without
     fixes. solutions: those that it stands beside, in axes of one height."""
-    fixes, used = solution.innovations, _used(solution)
+    fixes, used = solution.innovations, _measured_sources(solution)
     if not used:
         return None
     units = {source: unit(solution, fixes.names[source]) for source in used}
@@ -112,7 +112,14 @@ def innovations(
             marks(figure, t, np.where(good, values[:, i], np.nan), name, mark, row, named)
         for cause, why in _causes(solution, fixes.names[source], fixes.t[own], good).items():
             for i in range(len(names)):
-                marks(figure, t, np.where(why, values[:, i], np.nan), *_rejected(cause), row, named)
+                marks(
+                    figure,
+                    t,
+                    np.where(why, values[:, i], np.nan),
+                    *_rejected_style(cause),
+                    row,
+                    named,
+                )
         limits = [
             factor * _limit(other, fixes.names[source])
             for other in [solution, *(solutions or {}).values()]
@@ -160,7 +167,9 @@ def nis(solution: Solution, solutions: Mapping[str, Solution] | None = None) -> 
     height."""
     fixes, zero = solution.innovations, origin(solution.t)
     used = [
-        source for source in _used(solution) if np.isfinite(fixes.nis[fixes.source == source]).any()
+        source
+        for source in _measured_sources(solution)
+        if np.isfinite(fixes.nis[fixes.source == source]).any()
     ]
     if not used:
         return None
@@ -172,7 +181,7 @@ def nis(solution: Solution, solutions: Mapping[str, Solution] | None = None) -> 
         accepted = {"color": COLOURS[0], "size": 4}
         marks(figure, t, np.where(good, values, np.nan), "accepted", accepted, row)
         for cause, why in _causes(solution, name, fixes.t[own], good).items():
-            marks(figure, t, np.where(why, values, np.nan), *_rejected(cause), row)
+            marks(figure, t, np.where(why, values, np.nan), *_rejected_style(cause), row)
         gate = _gate(solution, source)
         if gate:
             level(figure, solution.t - zero, gate, "gate", row)
@@ -229,7 +238,7 @@ def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
 
 def _correlation(solution: Solution, source: int) -> tuple[Array, Array, float] | None:
     """(lags, autocorrelation, its bound) of a source, mean over the components."""
-    rows = _normalised(solution, source)
+    rows = _normalised_innovations(solution, source)
     if len(rows) < FEWEST:
         return None
     correlation, bound = consistency.autocorrelation(rows, min(LAGS, len(rows) // 2))
@@ -247,7 +256,7 @@ def _by_source(
     """{source: [(solution, *its curve)]}, of those that have a curve of that source."""
     found: dict[str, list[tuple[Any, ...]]] = {}
     for one in each(solutions):
-        for source in _used(one.solution):
+        for source in _measured_sources(one.solution):
             if (made := curve(one.solution, source)) is not None:
                 name = one.solution.innovations.names[source]
                 found.setdefault(name, []).append((one, *made))
@@ -262,12 +271,12 @@ def _line_of(
     line(figure, x, y, name, one.colour, row, new, rank, dash=one.dash)
 
 
-def _normalised(solution: Solution, source: int) -> Array:
+def _normalised_innovations(solution: Solution, source: int) -> Array:
     """(m, k) whitened innovations of the accepted fixes of a source; of a solution from a file,
     which has none, each over its rms."""
     fixes = solution.innovations
     if fixes.whitened is None:
-        return consistency.normalised(solution, source)
+        return consistency.normalised_innovations(solution, source)
     rows = fixes.whitened[(fixes.source == source) & fixes.accepted]
     rows = rows[:, np.isfinite(rows).any(axis=0)]
     return rows[np.isfinite(rows).all(axis=1)] if rows.shape[1] else rows[:0]
@@ -330,7 +339,7 @@ def _causes(solution: Solution, name: str, t: Array, good: Mask) -> dict[str, Ma
     return {each: ~good & (cause == each) for each in CAUSES}
 
 
-def _rejected(cause: str) -> tuple[str, dict[str, Any]]:
+def _rejected_style(cause: str) -> tuple[str, dict[str, Any]]:
     """(name, style) of fixes that were rejected for a cause."""
     colour, symbol = CAUSES[cause]
     line = {"width": 1.5, "color": colour}
@@ -345,7 +354,7 @@ def weights(solution: Solution) -> go.Figure | None:
     shown: list[tuple[int, str, Array, tuple[str, ...]]] = []
     if fixes.weight is None or fixes.followed is None:
         return None
-    for source in _used(solution):
+    for source in _measured_sources(solution):
         own = fixes.source == source
         weight, ratio = fixes.weight[own], fixes.followed[own]
         if ((weight > 0) & (weight < 1)).any():
@@ -366,7 +375,7 @@ def weights(solution: Solution) -> go.Figure | None:
     return time_axis(figure, solution, zero)
 
 
-def _used(solution: Solution) -> list[int]:
+def _measured_sources(solution: Solution) -> list[int]:
     """Indices of the sources that had fixes to measure."""
     fixes = solution.innovations
     measured = np.isfinite(fixes.innovation).any(axis=1)
@@ -396,6 +405,6 @@ def _range(
         which = "fix" if (beyond & good).any() else "rejected fix"
         note(
             figure,
-            f"{name}: {counted(int(beyond.sum()), which, 'es')} beyond the frame, up to {peak(values):.3g} {named}. "
+            f"{name}: {count_text(int(beyond.sum()), which, 'es')} beyond the frame, up to {peak(values):.3g} {named}. "
             f"Double-click the panel to see all.",
         )

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from ..data.solution import Solution
 from ..installation.findings import NOT_OBSERVABLE
 from ..installation.states import EstimatedParameter, estimated_installation
-from ..units.wording import enumerated, number
+from ..units.wording import join_words, number
 from .drawing import (
     SHADED_BANDS,
     BandStyle,
@@ -62,7 +62,7 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
             beyond.append(f"{parts[0][1].component} ±{number(prior)} {unit}".strip())
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)
     if beyond:
-        note(figure, f"Priors beyond the frame: {enumerated(beyond)}.")
+        note(figure, f"Priors beyond the frame: {join_words(beyond)}.")
     return time_axis(figure, shown, zero)
 
 

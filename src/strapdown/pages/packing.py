@@ -18,29 +18,29 @@ FINENESS = 256
 shows, and 1/FINENESS² of the usual value, which no reader notices."""
 
 
-def packed(content: Mapping[str, Any]) -> str:
+def pack_json(content: Mapping[str, Any]) -> str:
     """Return JSON content, with arrays of numbers anywhere inside, as text: the JSON, a line feed,
     the numbers; deflated, in base64."""
     columns: list[bytes] = []
-    described = _lifted(content, columns)
+    described = _lift_columns(content, columns)
     head = json.dumps(described, cls=PlotlyJSONEncoder, separators=(",", ":")).encode()
-    return deflated(head + b"\n" + b"".join(columns))
+    return deflate_text(head + b"\n" + b"".join(columns))
 
 
-def deflated(content: bytes) -> str:
+def deflate_text(content: bytes) -> str:
     """Deflated, in base64."""
     return base64.b64encode(zlib.compress(content, 6)).decode()
 
 
-def _lifted(value: Any, columns: list[bytes]) -> Any:
+def _lift_columns(value: Any, columns: list[bytes]) -> Any:
     """The content with what stands for the numbers that went to `columns`."""
     if isinstance(value, dict):
         if value.keys() == {"dtype", "bdata"} and value["dtype"] in ("f4", "f8"):  # plotly's arrays
             raw = np.frombuffer(base64.b64decode(value["bdata"]), value["dtype"])
             return _column(raw.astype(float), columns) or value
-        return {key: _lifted(each, columns) for key, each in value.items()}
+        return {key: _lift_columns(each, columns) for key, each in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_lifted(each, columns) for each in value]
+        return [_lift_columns(each, columns) for each in value]
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.ndim == 1:
         return _column(value.astype(float), columns) or value
     return value

@@ -28,7 +28,7 @@ from .figure_list import INSTALLATION, REGISTRY, SENSORS, Figure, figures_of_pag
 from .installation_figures import installation_table
 from .map_figure import CAPTION, track_map
 from .occasions import occasions
-from .parts import around, listing, remarks
+from .parts import around, bullet_list, remarks
 from .playback import playback_bar
 from .sensor_figures import sensor_table
 from .shell import MAP_POLICY, POLICY, Document, Page
@@ -77,7 +77,7 @@ def report(
     map: also the track on a street map, for which the page then asks the network; no other page
     does. Raises DataError without a solution.
     """
-    solutions = _named(solutions)
+    solutions = _name_solutions(solutions)
     if not solutions:
         raise DataError("a report needs a solution; none is given")
     scores, unscored = _scores(solutions, reference)
@@ -141,7 +141,7 @@ def _key(solutions: Mapping[str, Solution]) -> str:
     return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span class=hint>{ZOOM_HINT}</span></p>"
 
 
-def _named(
+def _name_solutions(
     solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
 ) -> dict[str, Solution]:
     """{name: Solution} by filter, and whether it was smoothed; names that occur twice are
@@ -184,8 +184,8 @@ def _facts(
     metas = [solution.meta for solution in solutions.values()]
     first = next(iter(solutions.values()))
     return {
-        "recording": _said(metas, "recording"),
-        "date": _said(metas, "date"),
+        "recording": _join_meta(metas, "recording"),
+        "date": _join_meta(metas, "date"),
         "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s" if len(first.t) else "",
         "clock": "" if first.utc is None or not len(first.t) else span(first.utc),
         "filter": ", ".join(solutions),
@@ -195,7 +195,7 @@ def _facts(
     }
 
 
-def _said(metas: Sequence[Mapping[str, Any]], key: str) -> str:
+def _join_meta(metas: Sequence[Mapping[str, Any]], key: str) -> str:
     return ", ".join(
         dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, ""))
     )
@@ -269,7 +269,7 @@ def _summary(
     }
     for heading, every in told.items():
         texts = list(dict.fromkeys(map(str, chain.from_iterable(every))))
-        parts += [f"<h3>{heading}</h3>", listing(texts)] if texts else []
+        parts += [f"<h3>{heading}</h3>", bullet_list(texts)] if texts else []
     return "".join([*parts, occasions(solutions)])
 
 

@@ -70,7 +70,7 @@ def classes(kind: str) -> str:
     return f" class={quote}{kind}{quote}" if kind else ""
 
 
-def split(cells: Iterable[object], every: int) -> list[TableCell]:
+def split_cells(cells: Iterable[object], every: int) -> list[TableCell]:
     """Cells with a rule left of the first of every so many."""
     made = [cell if isinstance(cell, TableCell) else TableCell(cell) for cell in cells]
     return [
@@ -79,13 +79,13 @@ def split(cells: Iterable[object], every: int) -> list[TableCell]:
     ]
 
 
-def listing(items: Sequence[object], kind: str = "list", limit: int = LISTED) -> str:
+def bullet_list(items: Sequence[object], kind: str = "list", limit: int = LISTED) -> str:
     """An HTML list of texts, at most so many of them, and how many more there are; "" of none."""
     more = [f"and {len(items) - limit} more"] if len(items) > limit else []
     return f"<ul{classes(kind)}>{_items([*items[:limit], *more])}</ul>" if items else ""
 
 
-def numbered(items: Sequence[object]) -> str:
+def numbered_list(items: Sequence[object]) -> str:
     """A numbered HTML list of texts; "" of none."""
     return f"<ol>{_items(items)}</ol>" if items else ""
 

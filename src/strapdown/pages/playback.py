@@ -15,7 +15,7 @@ from ..typing import Array
 from ..units.time_scales import utc
 from .drawing import even, ground
 from .figures import euler_sd
-from .packing import packed
+from .packing import pack_json
 from .summary import claimed_sd
 
 SHOWN = (
@@ -67,7 +67,7 @@ def playback_bar(solutions: Mapping[str, Solution]) -> str:
         "<button type=button name=all>Whole time</button></div>"
         f"<dl>{cells}</dl></div>"
         "<script type='application/x-deflate' id=playback-data>"
-        f"{packed({'clock': clock, 'solutions': rows})}</script>"
+        f"{pack_json({'clock': clock, 'solutions': rows})}</script>"
     )
 
 

@@ -25,10 +25,10 @@ def plotly_script(kinds: frozenset[str]) -> str:
     from plotly.offline import get_plotlyjs
 
     whole = get_plotlyjs()
-    return (_cut(whole, kinds) if TRIMMED in whole[:100] else None) or whole
+    return (_cut_modules(whole, kinds) if TRIMMED in whole[:100] else None) or whole
 
 
-def _cut(whole: str, kinds: frozenset[str]) -> str | None:
+def _cut_modules(whole: str, kinds: frozenset[str]) -> str | None:
     """The modules that are called from one another, beginning at those of the kinds; None where the
     script is not built as expected.
 

@@ -62,7 +62,7 @@ class TriadFigure(NamedTuple):
 
 def triads(recording: Recording) -> list[TriadFigure]:
     """The gyro in deg/s and the accelerometer in m/s^2, over each sample."""
-    imu, spec = recording.imu, _described(recording)
+    imu, spec = recording.imu, _known_grade(recording)
     found = []
     for name, quantity, unit, scale, increments, described in (
         ("gyro", "angular rate", "deg/s", np.degrees(1), imu.dtheta, spec and spec.gyro),
@@ -74,7 +74,7 @@ def triads(recording: Recording) -> list[TriadFigure]:
     return found
 
 
-def _described(recording: Recording) -> ImuSpec | None:
+def _known_grade(recording: Recording) -> ImuSpec | None:
     """The IMU as its grade has it, None where none is named or it is not known here."""
     named = recording.meta.get("grade")
     try:
@@ -105,11 +105,11 @@ def at_limit(triad: TriadFigure) -> float:
 def _sources(recording: Recording) -> Iterator[tuple[str, Array]]:
     """(name, times) of the sources that were recorded and have an interval."""
     for aiding in recording.aidings:
-        if len(aiding.t) > 1 and _recorded(aiding.kind):
+        if len(aiding.t) > 1 and _is_recorded(aiding.kind):
             yield aiding.name or aiding.kind, aiding.t
 
 
-def _recorded(kind: str) -> bool:
+def _is_recorded(kind: str) -> bool:
     """Return True where fixes of this kind come from a sensor; an unknown kind, of a plugin that is
     gone, counts as one."""
     try:
@@ -170,7 +170,7 @@ def intervals(
         return None
     shown = [("IMU", "ms", 1e3, recording.imu.t)]
     shown += [(name, "s", 1.0, t) for name, t in _sources(recording)][:MAX_SOURCES]
-    figure = panels([_broken(name, unit) for name, unit, *_ in shown], 110, log=True)
+    figure = panels([_break_label(name, unit) for name, unit, *_ in shown], 110, log=True)
     zero = origin(recording.imu.t)
     for row, (name, unit, scale, t) in enumerate(shown, start=1):
         steps = scale * np.diff(t)
@@ -198,7 +198,7 @@ def readings(
     return time_axis(figure, solutions or recording, zero)
 
 
-def _broken(name: str, unit: str) -> str:
+def _break_label(name: str, unit: str) -> str:
     """The label of a low panel, whose words stand below one another where they are many."""
     *before, last = name.rsplit(" ", 1)
     return "<br>".join(map(escape, [*before, f"{last} [{unit}]"]))
@@ -232,7 +232,7 @@ def spectra(recording: Recording | None) -> go.Figure | None:
     for row, triad in enumerate(both, start=1):
         parts = segments(triad.values[rows], segment)
         f, density = power_spectrum(parts - parts.mean(axis=2, keepdims=True), rate)
-        f, density = _binned(f[1:], density[1:])
+        f, density = _bin_spectrum(f[1:], density[1:])
         unit, white = f"({triad.unit})²/Hz", 2 * triad.noise**2  # one-sided
         for i, axis in enumerate("xyz"):
             line(figure, f, density[:, i], axis, COLOURS[i], row, unit=unit)
@@ -267,7 +267,7 @@ def _longest_stretch(imu: Imu) -> tuple[slice, float]:
     return slice(first, last), (last - first - 1) / span if span else 1 / usual
 
 
-def _binned(f: Array, density: Array) -> tuple[Array, Array]:
+def _bin_spectrum(f: Array, density: Array) -> tuple[Array, Array]:
     """Means of (k,) frequencies and (k, 3) densities over SPECTRUM_POINTS bins of like width on a
     logarithmic axis."""
     edges = np.geomspace(f[0], f[-1], SPECTRUM_POINTS + 1)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from ..fileio.files import replacing
 from ..typing import File
-from .packing import deflated, packed
+from .packing import deflate_text, pack_json
 from .parts import remarks
 from .script import plotly_script
 
@@ -81,7 +81,7 @@ class Document:
         if figure is None:
             return ""
         self.figures += 1
-        return placed(self.figures, figure, heading, caption, tag)
+        return figure_html(self.figures, figure, heading, caption, tag)
 
     def add(self, heading: str, *parts: str) -> None:
         """A section of these parts, HTML, where there are any."""
@@ -94,14 +94,14 @@ class Document:
             "software": f"strapdown {__version__}",
             "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         }
-        return Page(shell(self, listed({**self.facts, **made}), bar, policy), notes)
+        return Page(shell(self, facts_html({**self.facts, **made}), bar, policy), notes)
 
 
 def shell(document: Document, facts: str = "", bar: str = "", policy: str = POLICY) -> str:
     """HTML of a page: `facts` (HTML) below its title, `bar` that of `playback_bar`, `policy` what
     the page may load.
 
-    Figures made by `placed` are drawn by plotly, of whose script the page has what they use.
+    Figures made by `figure_html` are drawn by plotly, of whose script the page has what they use.
     """
     title, sections, style = document.title, document.sections, document.style
     links = "".join(
@@ -117,11 +117,11 @@ def shell(document: Document, facts: str = "", bar: str = "", policy: str = POLI
     if kinds:
         scripts = f"<script type='{DEFLATED}' id=plotly>{_plotly(kinds)}</script>{NO_SCRIPT}"
         parts += ["figures.js", "linked.js", *(["playback.js"] if bar else [])]
-    scripts += f"<script>{''.join(map(_shipped, parts))}</script>"
+    scripts += f"<script>{''.join(map(_shipped_text, parts))}</script>"
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{policy}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if document.wide else ""}">
+<link rel="icon" href="data:,"><style>{_shipped_text("page.css")}{style}</style></head><body class="{"wide" if document.wide else ""}">
 <a class=skip href="#main">To the results</a><header><div><h1>{escape(title)}</h1>{facts}</div></header>
 <nav aria-label=Sections><div>{links}</div></nav><main id=main>{document.introduction}{body}</main>
 <footer>{escape(document.footer)}</footer>
@@ -131,20 +131,22 @@ def shell(document: Document, facts: str = "", bar: str = "", policy: str = POLI
 
 @functools.lru_cache(8)
 def _plotly(kinds: frozenset[str]) -> str:
-    return deflated(plotly_script(kinds).encode())
+    return deflate_text(plotly_script(kinds).encode())
 
 
-def _shipped(name: str) -> str:
+def _shipped_text(name: str) -> str:
     """The text of a file beside this one."""
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def listed(facts: Mapping[str, object]) -> str:
+def facts_html(facts: Mapping[str, object]) -> str:
     """HTML of {name: text} for the head of a page; what is empty is left out."""
     return f"<dl>{''.join(f'<div><dt>{escape(name)}</dt><dd>{escape(str(text))}</dd></div>' for name, text in facts.items() if text)}</dl>"
 
 
-def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag: str = "") -> str:
+def figure_html(
+    number: int, figure: go.Figure, heading: str, caption: str = "", tag: str = ""
+) -> str:
     """HTML of a plotly figure, the page's `number`-th, with its data. `tag` is HTML."""
     said = (figure.layout.meta or {}).get("notes", ())
     below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
@@ -152,13 +154,13 @@ def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag:
     kinds = dict.fromkeys(["scatter", *(trace.get("type", "scatter") for trace in content["data"])])
     return (
         f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot data-kinds='{' '.join(kinds)}' "
-        f"id=p{number} role=img tabindex=0 aria-label='{escape(_told(heading, content))}' "
+        f"id=p{number} role=img tabindex=0 aria-label='{escape(_figure_description(heading, content))}' "
         f"style='height:{figure.layout.height or USUAL_HEIGHT}px'></div>{below}"
-        f"{remarks(said)}<script type='{DEFLATED}' id=data-p{number}>{packed(content)}</script></figure>"
+        f"{remarks(said)}<script type='{DEFLATED}' id=data-p{number}>{pack_json(content)}</script></figure>"
     )
 
 
-def _told(heading: str, content: Mapping[str, Any]) -> str:
+def _figure_description(heading: str, content: Mapping[str, Any]) -> str:
     """Return a figure in words, for those who do not see it: its axes with their ranges, its
     lines."""
     layout, told = content["layout"], [heading]
@@ -166,7 +168,9 @@ def _told(heading: str, content: Mapping[str, Any]) -> str:
         axes = [axis for key, axis in layout.items() if re.fullmatch(f"{letter}axis[0-9]*", key)]
         titles = [(axis.get("title") or {}).get("text") for axis in axes]
         shown = [
-            f"{title}{_ranged(axis)}" for title, axis in zip(titles, axes) if isinstance(title, str)
+            f"{title}{_range_text(axis)}"
+            for title, axis in zip(titles, axes)
+            if isinstance(title, str)
         ]
         told += [f"{word}: {'; '.join(shown)}"] if shown else []
     names = dict.fromkeys(trace["name"] for trace in content["data"] if trace.get("name"))
@@ -174,7 +178,7 @@ def _told(heading: str, content: Mapping[str, Any]) -> str:
     return re.sub("<[^>]*>", " ", unescape(". ".join(told)))
 
 
-def _ranged(axis: Mapping[str, Any]) -> str:
+def _range_text(axis: Mapping[str, Any]) -> str:
     """` from 1 to 2`, where the axis says its range."""
     low_high = axis.get("range")
     if not low_high or axis.get("type") not in (None, "linear", "log"):

@@ -14,7 +14,7 @@ from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..filters import find
 from ..typing import Array
 from ..units.wording import number
-from .parts import caption, split, table
+from .parts import caption, split_cells, table
 
 
 def claimed_sd(made: Solution | Errors) -> Array:
@@ -57,7 +57,7 @@ def error_table(
             v[:, running] = np.nan
         scores = [_scores(v[e.inside(window)]) for v, e in zip(values, found.values())]
         rows += [
-            [f"{label} [{unit}]", *split((text for score in scores for text in score[i]), 3)]
+            [f"{label} [{unit}]", *split_cells((text for score in scores for text in score[i]), 3)]
             for i, label in enumerate(labels)
             if any(np.isfinite(v[:, i]).any() for v in values)
         ]
@@ -66,7 +66,7 @@ def error_table(
         for name in found
         for what in ("RMS", "largest", "last")
     ]
-    return table(["true − estimate", *split(head, 3)], rows)
+    return table(["true − estimate", *split_cells(head, 3)], rows)
 
 
 def _columns(values: Array | Sequence[Array] | None) -> Array | None:

@@ -16,8 +16,8 @@ from ..data.verdict import (
     Verdict,
     together,
 )
-from ..units.wording import capitalised
-from .parts import Html, numbered, paragraphs, remarks
+from ..units.wording import capitalise
+from .parts import Html, numbered_list, paragraphs, remarks
 
 LOOKS = {
     TRUSTED: ("right", "✓", "Nothing that could be tested speaks against it."),
@@ -71,10 +71,10 @@ def verdict_block(
     )
 
 
-def worded(verdict: Verdict, contradicted: bool) -> str:
+def verdict_text(verdict: Verdict, contradicted: bool) -> str:
     """The word of a verdict, with what a reference says of it."""
     said = ", but contradicted by the reference" if contradicted and verdict.trusted else ""
-    return capitalised(verdict.word) + said
+    return capitalise(verdict.word) + said
 
 
 def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str]]) -> str:
@@ -85,18 +85,18 @@ def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str
         meaning = OF_A_PART
     whose = f"<span class=whose>{escape(names)}</span>" if names else ""
     untested = [f"Not tested: {'; '.join(verdict.untested)}."] if verdict.untested else []
-    return judged(
+    return judgement_html(
         look,
         mark,
-        f"<strong>{escape(worded(verdict, bool(contradicted)))}</strong>{whose}",
+        f"<strong>{escape(verdict_text(verdict, bool(contradicted)))}</strong>{whose}",
         paragraphs([meaning]),
         remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
-        numbered([_reason(reason) for reason in verdict.reasons]),
+        numbered_list([_reason(reason) for reason in verdict.reasons]),
         paragraphs(map(_text, untested), "untested"),
     )
 
 
-def judged(look: str, mark: str, word: str, *parts: str) -> str:
+def judgement_html(look: str, mark: str, word: str, *parts: str) -> str:
     """HTML of a judgement: its class in page.css, its mark, its word and parts below, HTML."""
     head = f"<p class=word><i aria-hidden=true>{mark}</i>{word}</p>"
     return f"<div class='verdict {look}' role=note>{head}{''.join(parts)}</div>"
@@ -105,8 +105,7 @@ def judged(look: str, mark: str, word: str, *parts: str) -> str:
 def _reason(reason: Reason) -> Html:
     lines = (("Seen", reason.seen), ("To do", reason.remedy))
     said = "".join(
-        f"<p><span>{name}</span><span>{_text(capitalised(text))}.</span></p>"
-        for name, text in lines
+        f"<p><span>{name}</span><span>{_text(capitalise(text))}.</span></p>" for name, text in lines
     )
     return Html(f"<h3>Probable cause: {escape(reason.what)}</h3>{said}")
 

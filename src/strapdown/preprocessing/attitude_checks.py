@@ -15,10 +15,10 @@ from ..data.solution import Aiding
 from ..data.verdict import Reason
 from ..geometry.rotation_products import running_products
 from ..typing import Array, Ints, Mask
-from ..units.wording import counted
+from ..units.wording import count_text
 from .axes import named_permutation, signed_permutations
 from .stationary import at_rest, without_bias
-from .stuck import STUCK_TIME, stuck
+from .stuck import STUCK_TIME, stuck_samples
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation, Slerp
@@ -44,7 +44,7 @@ def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple
         (np.flatnonzero(level & ~heading), 2),
     ):
         # two do not see turns about the vertical
-        held[rows] = stuck(
+        held[rows] = stuck_samples(
             t[rows], np.c_[y[rows, :columns], _pieces(t[rows])], imu, slice(0, columns)
         )
     sound = level & ~held
@@ -54,7 +54,7 @@ def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple
         )
     notes = (
         [
-            f"{name}: {counted(int(held.sum()), 'row')} dropped, stuck at one value while the gyro "
+            f"{name}: {count_text(int(held.sum()), 'row')} dropped, stuck at one value while the gyro "
             f"turns, "
             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
         ]

@@ -69,7 +69,7 @@ def named_permutation(matrix: Array) -> str:
     return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))
 
 
-def turned(vectors: Array, matrix: Array) -> Array:
+def permute_axes(vectors: Array, matrix: Array) -> Array:
     """The vectors (n, 3) in the axes of a signed permutation (3, 3), which keeps a NaN where it is
     (a matrix product would spread it)."""
     found = np.empty(vectors.shape)

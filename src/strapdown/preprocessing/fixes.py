@@ -16,10 +16,10 @@ from ..data.verdict import Reason
 from ..typing import Array, ArrayLike
 from ..units.quantities import REGISTRY as QUANTITIES, dimension, si
 from ..units.time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
-from ..units.wording import counted
+from ..units.wording import count_text
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
-from .imu_samples import imu_from_arrays, ordered
+from .imu_samples import imu_from_arrays, sort_rows
 from .origin import Origin, RowsOfFile
 
 PRESSURES = (5e3, 200e3)
@@ -41,7 +41,7 @@ PRESSURE_SLIPS = {
 """What a mistaken unit makes of the pressure near the ground, and what to say then."""
 
 
-def cleaned(
+def clean_recording(
     t: ArrayLike,
     gyro: ArrayLike,
     accel: ArrayLike,
@@ -104,7 +104,7 @@ def clean(
     )
     if len(keep) and not keep.any():
         raise DataError(f"{origin.name}: no usable fix of kind {sensor.name}; {rows.notes[-1]}")
-    rows = ordered(rows)
+    rows = sort_rows(rows)
     t, y, _ = rows.columns
     repeated = (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)
     rows = rows.without(np.r_[False, repeated][: len(t)], "repeated row")
@@ -133,7 +133,7 @@ def _without_heading(t: Array, y: Array, name: str) -> list[str]:
     times = np.unique(np.r_[t[0], t[known], t[-1]])
     k = int(np.argmax(np.diff(times)))
     return [
-        f"{name}: {counted(int((~known).sum()), 'row')} of {len(t)} without heading, "
+        f"{name}: {count_text(int((~known).sum()), 'row')} of {len(t)} without heading, "
         f"the longest time without one {times[k + 1] - times[k]:.3g} s from {times[k]:.3f} s"
     ]
 
@@ -291,7 +291,7 @@ def clean_reference(
         raise DataError(
             f"{origin.name}: the reference has {keep.sum()} usable rows; at least 2 are needed"
         )
-    rows = ordered(rows)
+    rows = sort_rows(rows)
     rows = rows.kept(np.r_[True, np.diff(rows.columns[0]) > 0])
     index = rows.columns[1]
     possible(lla[index], ("latitude", "longitude", "length"), rows.origin)

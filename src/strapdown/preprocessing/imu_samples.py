@@ -10,7 +10,7 @@ from ..core.loop.contract import Imu
 from ..data.vehicle import GivenVehicle
 from ..typing import Array, ArrayLike, Ints
 from ..units.constants import MAX_PAUSE
-from ..units.wording import counted
+from ..units.wording import count_text
 from .origin import Origin, RowsOfFile
 from .plausible import refuse_mistakes
 
@@ -61,11 +61,11 @@ def increments(
     if kind not in ("rate", "increment"):
         raise DataError(f'{origin.name}: kind {kind!r} is unknown; it is "rate" or "increment"')
     rows = RowsOfFile(origin, _columns(t, gyro, accel, origin), [])
-    for rule in (_finite, ordered, _distinct):
+    for rule in (_finite, sort_rows, _distinct):
         rows = rule(rows)
         if len(rows.columns[0]) < 2:
             raise DataError(
-                f"{origin.name}: {counted(len(rows.columns[0]), 'usable IMU sample')}; at least 2 are "
+                f"{origin.name}: {count_text(len(rows.columns[0]), 'usable IMU sample')}; at least 2 are "
                 f"needed" + "".join("; " + note for note in rows.notes)
             )
     t, gyro, accel = rows.columns
@@ -96,7 +96,7 @@ def _finite(rows: RowsOfFile) -> RowsOfFile:
     return rows.without(~keep, "sample", "with NaN or infinite values dropped")
 
 
-def ordered(rows: RowsOfFile) -> RowsOfFile:
+def sort_rows(rows: RowsOfFile) -> RowsOfFile:
     """The rows in order of time: late ones sorted, stray ones left out, both counted in the notes.
 
     Raises DataError for a clock that is set back.
@@ -176,7 +176,7 @@ def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
                 "cut the file there or correct its time column"
             )
         notes.append(
-            f"{origin.name}: {counted(gap.sum(), 'gap')} in time, "
+            f"{origin.name}: {count_text(gap.sum(), 'gap')} in time, "
             f"the longest {steps[longest] - median:.3f} s before {origin.line(longest + 1)}"
         )
         steps[gap] = median

@@ -6,7 +6,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..typing import Array
-from ..units.wording import counted
+from ..units.wording import count_text
 from .imu_samples import GAP_MEDIANS
 
 MIN_COVERED = 0.99
@@ -14,7 +14,7 @@ MIN_COVERED = 0.99
 rounding of the times."""
 
 
-def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
+def join_imu(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
     """(Imu with the samples of the gyro, notes): dtheta of `gyro` and dv of `accel`, each as
     `increments` makes it.
 
@@ -45,7 +45,7 @@ def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
     ]
     if not keep.all():
         notes.append(
-            f"{counted(int((~keep).sum()), 'sample')} of the gyro dropped, for which the "
+            f"{count_text(int((~keep).sum()), 'sample')} of the gyro dropped, for which the "
             f"accelerometer has none"
         )
     dv = over[keep, :3] / covered[keep, None]

@@ -19,7 +19,7 @@ import numpy as np
 from ..checks import DataError, check_array
 from ..core.loop.contract import Imu
 from ..data.solution import Aiding, Trajectory
-from ..geometry.geodesy import displaced
+from ..geometry.geodesy import displace_lla
 from ..typing import Array, ArrayLike
 
 if TYPE_CHECKING:
@@ -138,12 +138,12 @@ def gnss_at(
         arm = turn.apply(lever_arm)
         return replace(
             fixes,
-            y=displaced(fixes.y, -arm),
-            sd=swung(fixes.sd, arm, sd),
+            y=displace_lla(fixes.y, -arm),
+            sd=lever_arm_std(fixes.sd, arm, sd),
             parameters=(0.0, 0.0, 0.0),
         )
     swing = turn.apply(np.cross(_rates(imu, fixes.t), lever_arm))
-    grown = np.hypot(swung(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
+    grown = np.hypot(lever_arm_std(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
     return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
 
 
@@ -197,7 +197,7 @@ def _rates(imu: Imu | None, at: Array) -> Array:
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
-def swung(sd: Array, arm: Array, attitude_sd: Array) -> Array:
+def lever_arm_std(sd: Array, arm: Array, attitude_sd: Array) -> Array:
     """Standard deviations (n, 3) or (3,) grown by what a rotation error of `attitude_sd`, about
     north, east, down, does to `arm` in n, of the same shape."""
     north, east, down = arm.T

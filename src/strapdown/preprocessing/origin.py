@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..checks import DataError
 from ..typing import Ints, Mask
-from ..units.wording import counted
+from ..units.wording import count_text
 
 
 class Origin(NamedTuple):
@@ -55,7 +55,7 @@ class RowsOfFile(NamedTuple):
     def note(self, rows: Ints, what: str, done: str) -> None:
         """Count rows in the notes: `what` they are, what was `done` with them."""
         self.notes.append(
-            f"{self.origin.name}: {counted(len(rows), what)} {done}, the first in "
+            f"{self.origin.name}: {count_text(len(rows), what)} {done}, the first in "
             f"{self.origin.line(rows[0])}"
         )
 

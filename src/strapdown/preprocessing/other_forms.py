@@ -5,7 +5,7 @@ import numpy as np
 
 from ..geometry import geodesy
 from ..typing import Array
-from ..units.wording import counted
+from ..units.wording import count_text
 from .origin import Origin
 
 STANDSTILL = 0.5
@@ -33,7 +33,7 @@ def over_ground(values: Array, sd: Array, origin: Origin) -> tuple[Array, Array,
     if negative.any():
         row = origin.line(int(np.argmax(negative)))
         notes.append(
-            f"{origin.name}: {counted(int(negative.sum()), 'row')} with a speed below zero left out, "
+            f"{origin.name}: {count_text(int(negative.sum()), 'row')} with a speed below zero left out, "
             f"the first in {row}"
         )
     along = sd[:, 0]
@@ -42,7 +42,7 @@ def over_ground(values: Array, sd: Array, origin: Origin) -> tuple[Array, Array,
     resting = lost & (speed <= np.maximum(STANDSTILL, along))
     if lost.any():
         notes.append(
-            f"{origin.name}: {counted(int(lost.sum()), 'row')} without a course, of which "
+            f"{origin.name}: {count_text(int(lost.sum()), 'row')} without a course, of which "
             f"{int(resting.sum())} at a standstill count as velocity zero; the others say nothing "
             f"horizontally"
         )

@@ -29,8 +29,8 @@ def at_rest(imu: Imu, window: float = 1.0) -> Mask:
     width = max(2, round(window / float(np.median(imu.dt)))) if n else 1
     if n < width:
         return np.zeros(n, bool)
-    force, _ = spread(imu.dv, imu.dt, width)
-    rate, mean = spread(imu.dtheta, imu.dt, width)
+    force, _ = window_variance(imu.dv, imu.dt, width)
+    rate, mean = window_variance(imu.dtheta, imu.dt, width)
     quiet = (force < REST_ACCEL**2) & (rate < REST_RATE**2) & (mean < REST_MEAN**2)
     return in_all_windows(quiet, width)
 
@@ -62,7 +62,7 @@ def stretches(mask: Mask) -> Ints:
     return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
 
 
-def spread(columns: Array, dt: Array, width: int) -> tuple[Array, Array]:
+def window_variance(columns: Array, dt: Array, width: int) -> tuple[Array, Array]:
     """Variance and squared mean of columns / dt over every window of `width` samples, summed
     over the axes."""
     variance, square = np.zeros((2, len(dt) - width + 1))

@@ -11,7 +11,7 @@ STUCK_TIME, STUCK_TURN = 2.0, np.radians(10)
 more than STUCK_TURN (rad)."""
 
 
-def stuck(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
+def stuck_samples(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
     """(m,) bool: held for STUCK_TIME and longer while the body turned by STUCK_TURN about one of
     `axes`; the first sample of each such run counts as sound."""
     held = np.zeros(len(t), bool)
@@ -29,7 +29,7 @@ def stuck(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
         )
     if not len(long):
         return held
-    angle = turned(imu)
+    angle = integrated_gyro(imu)
     for run in long:
         begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
         if np.ptp(angle[begin : end + 1, axes], axis=0).max() > STUCK_TURN:
@@ -37,6 +37,6 @@ def stuck(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
     return held
 
 
-def turned(imu: Imu) -> Array:
+def integrated_gyro(imu: Imu) -> Array:
     """(n + 1, 3) rad: the gyro summed up about each axis, without its mean at rest."""
     return np.vstack([np.zeros(3), np.cumsum(without_bias(imu), axis=0)])

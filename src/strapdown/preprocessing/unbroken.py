@@ -26,7 +26,7 @@ def nearest_felt(imu: Imu, t: float) -> tuple[slice, float]:
     return slice(*found[nearest].tolist()), float(inside[nearest])
 
 
-def felt(imu: Imu, t: Array) -> Mask:
+def is_covered(imu: Imu, t: Array) -> Mask:
     """Return True where the times t (n,) lie in a stretch (n,)."""
     after = np.searchsorted(imu.t, t)
     begin, end = np.r_[imu.t - imu.dt, np.inf][after], np.r_[-np.inf, imu.t][after]
@@ -38,7 +38,7 @@ def is_unbroken(imu: Imu, a: float, b: float) -> bool:
     return nearest_felt(imu, a)[0] == nearest_felt(imu, b)[0]
 
 
-def summed(imu: Imu, begins: Mask) -> Imu:
+def sum_samples(imu: Imu, begins: Mask) -> Imu:
     """Samples summed to longer ones, each of which begins where `begins` (n,) is true, and behind a
     gap: nothing is summed across one."""
     gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]

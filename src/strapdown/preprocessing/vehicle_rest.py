@@ -9,7 +9,7 @@ from ..core.loop.contract import Imu
 from ..data.solution import Aiding
 from ..typing import Array, Mask
 from ..units.constants import REST_SPEED
-from .stationary import in_all_windows, spread
+from .stationary import in_all_windows, window_variance
 
 STEP, WINDOW = 0.1, 1.0
 """s: samples are averaged over the first, which takes engine and noise out; the means are judged over
@@ -36,14 +36,14 @@ def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
     middle = np.median(imu.dtheta / imu.dt[:, None], axis=0)
     bias = np.where(np.abs(middle) < MAX_BIAS, middle, 0.0)
     dt, dtheta, dv = (np.add.reduceat(column, first) for column in imu[1:])
-    force, _ = spread(dv, dt, width)
-    rate, mean = spread(dtheta - bias * dt[:, None], dt, width)
+    force, _ = window_variance(dv, dt, width)
+    rate, mean = window_variance(dtheta - bias * dt[:, None], dt, width)
     quiet = (force / FORCE**2 + rate / RATE**2 < 1) & (mean < MEAN**2)
     still = np.repeat(in_all_windows(quiet, width), many)[: len(imu.t)]
-    return still & ~moving(aidings, imu.t)
+    return still & ~is_moving(aidings, imu.t)
 
 
-def moving(aidings: Iterable[Aiding], t: Array) -> Mask:
+def is_moving(aidings: Iterable[Aiding], t: Array) -> Mask:
     """Return True where a wheel speed or velocity shortly before or after the times t (n,), s, is
     significantly above rest (n,)."""
     found = np.zeros(len(t), bool)

@@ -29,7 +29,7 @@ LATE = 0.05  # s by which it may be late
 def without_slip(wheel: Aiding, imu: Imu) -> tuple[Aiding, list[str]]:
     """(the wheel speed, of kind speed and below zero backwards, without the fixes that contradict the
     samples of the IMU; a note on them). Where more than `MAX_SHARE` do, all are kept: that is no slip."""
-    slips, name = slipping(wheel, imu), wheel.name or wheel.kind
+    slips, name = is_slipping(wheel, imu), wheel.name or wheel.kind
     if not slips.any():
         return wheel, []
     if slips.mean() > MAX_SHARE:
@@ -46,7 +46,7 @@ def without_slip(wheel: Aiding, imu: Imu) -> tuple[Aiding, list[str]]:
     ]
 
 
-def slipping(wheel: Aiding, imu: Imu) -> Mask:
+def is_slipping(wheel: Aiding, imu: Imu) -> Mask:
     """(m,) bool: the fixes of a wheel speed that contradict the IMU."""
     found = np.zeros(len(wheel.t), bool)
     inside = np.flatnonzero((wheel.t > imu.t[0] - imu.dt[0]) & (wheel.t <= imu.t[-1]))
@@ -55,7 +55,7 @@ def slipping(wheel: Aiding, imu: Imu) -> Mask:
         return found
     t = wheel.t[inside]
     dt, dtheta, dv = _between(imu, t)
-    gravity = _begun(imu, float(t[0]))
+    gravity = _initial_gravity(imu, float(t[0]))
     arm = lever_arm_of(wheel)
     rate = dtheta / dt[:, None]
     # of the IMU: the point of the wheels is `arm` from it
@@ -81,7 +81,7 @@ def _between(imu: Imu, t: Array) -> tuple[Array, Array, Array]:
     return np.maximum(between[:, 0], 1e-6), between[:, 1:4], between[:, 4:]
 
 
-def _begun(imu: Imu, t: float) -> Array:
+def _initial_gravity(imu: Imu, t: float) -> Array:
     """(3,) m/s^2: gravity in the body about t, by the mean force."""
     rows = (imu.t > t - BEGIN) & (imu.t <= t + BEGIN)
     force = imu.dv[rows].sum(axis=0) / imu.dt[rows].sum()

@@ -19,7 +19,7 @@ from ..checks import DataError, check_array, check_number
 from ..data.solution import Aiding, Trajectory
 from ..typing import Array
 from .magnetometer import rotation_at
-from .sampling import sample_times, spread
+from .sampling import as_triple, sample_times
 from .streams import RandomStream, SeedLike
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Ahrs:
         if self.rate is not None:
             check_number(self.rate, "attitude: rate", "Hz", above=0)
         sd = check_array(
-            spread(self.sd),
+            as_triple(self.sd),
             "attitude: sd",
             (3,),
             what="numbers: of roll, pitch and heading, rad",

@@ -14,20 +14,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..aiding import compiled, find
+from ..aiding import compile_observation, find
 from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import (
     STATES,
     FilterState,
     Imu,
     Measurement,
-    bound,
+    bind_kernel,
 )
 from ..core.mathematics.source import PARAMETERS, new_source
 from ..data.solution import Aiding, Trajectory
 from ..typing import Array, Mask
 from .magnetometer import rotation_at
-from .sampling import interpolated, sample_times
+from .sampling import interpolate_trajectory, sample_times
 from .streams import RandomStream, SeedLike
 
 STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
@@ -86,7 +86,7 @@ class Simulated:
         """Return the SimulatedPlan that all runs over one trajectory share. `ideal`: the samples of
         an IMU without errors on it; `gate`: that of the source. Raises DataError."""
         t = sample_times(truth, self.rate)
-        y, gain = _solved(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
+        y, gain = _solve_values(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
         reads: Mask = np.asarray(np.isfinite(y).any(axis=1))
         t, y, gain = t[reads], y[reads], gain[reads]
         sd = np.tile(self.sd, (len(t), 1))
@@ -123,7 +123,7 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Filte
     are those between the middles of two samples."""
     from scipy.interpolate import make_interp_spline
 
-    at = interpolated(truth, t)
+    at = interpolate_trajectory(truth, t)
     assert at.v_n is not None
     samples = np.c_[ideal.dtheta, ideal.dv] / ideal.dt[:, None]
     felt = make_interp_spline(ideal.t - ideal.dt / 2, samples, k=1)(t)  # on beyond the last middle
@@ -135,7 +135,7 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Filte
     ]
 
 
-def _solved(sensor: Simulated, beliefs: Sequence[FilterState]) -> tuple[Array, Array]:
+def _solve_values(sensor: Simulated, beliefs: Sequence[FilterState]) -> tuple[Array, Array]:
     """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
     method; NaN where the kind measures nothing. Raises DataError, also where it never does."""
     quantities = sensor.measurement.quantities
@@ -173,7 +173,7 @@ def _innovations(sensor: Simulated, beliefs: Sequence[FilterState]) -> Callable[
     source.parameters[: len(sensor.parameters)] = sensor.parameters
     H = np.zeros((3, STATES + len(kind.states)))
     seen, measured = FilterState(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
-    observe = bound(compiled(kind.name), seen, measured, source, innovation, H)
+    observe = bind_kernel(compile_observation(kind.name), seen, measured, source, innovation, H)
 
     def innovations(y: Array) -> Array:
         rows = np.empty_like(y)

@@ -26,7 +26,7 @@ from .atmosphere import (
     standard_pressure,
 )
 from .noise import gauss_markov
-from .sampling import arm_in_navigation, interpolated, sample_times
+from .sampling import arm_in_navigation, interpolate_trajectory, sample_times
 from .streams import RandomStream, SeedLike
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
@@ -76,7 +76,7 @@ class Barometer:
         source. Raises DataError."""
         t = sample_times(truth, self.rate)
         height = (
-            interpolated(truth, t).lla[:, 2]
+            interpolate_trajectory(truth, t).lla[:, 2]
             - arm_in_navigation(truth, t, self.lever_arm, "barometer")[:, 2]
         )
         above = height - self.zero

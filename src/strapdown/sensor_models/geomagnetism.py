@@ -55,7 +55,7 @@ def geomagnetic_field(
     """
     year = decimal_year(date)
     _check_place(lat, lon, height)
-    name = _model_at(year, date) if model is None else _named(model, year, date)
+    name = _model_at(year, date) if model is None else _check_model(model, year, date)
     evaluate = _igrf if name == IGRF else _wmm
     north, east, down = (
         1e-9 * float(value)
@@ -152,7 +152,7 @@ def _model_at(year: float, date: datetime.date | str | float) -> str:
     )
 
 
-def _named(model: str, year: float, date: datetime.date | str | float) -> str:
+def _check_model(model: str, year: float, date: datetime.date | str | float) -> str:
     if model not in models():
         raise DataError(f"there is no geomagnetic model {model!r}; there are {', '.join(models())}")
     first, last = models()[model]

@@ -21,12 +21,12 @@ from ..units.constants import MAX_TIME_CONSTANT
 from .noise import gauss_markov
 from .sampling import (
     arm_in_navigation,
+    as_triple,
     check_interval,
     check_lever_arm,
     check_rate,
     fix_times,
-    interpolated,
-    spread,
+    interpolate_trajectory,
 )
 from .streams import RandomStream, SeedLike
 
@@ -197,16 +197,22 @@ class PositionPlan(NamedTuple):
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
         antenna, lla = (
             arm_in_navigation(trajectory, t, lever_arm, name),
-            interpolated(trajectory, t).lla,
+            interpolate_trajectory(trajectory, t).lla,
         )
         R_M, R_N = radii(lla[:, 0])
         metres = np.stack(
             [R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1
         )
-        lasting = _lasting(correlated, t, name)
+        lasting = _correlated_errors(correlated, t, name)
         aiding = _without_values("position", t, sd, lever_arm, name, kept)
         return cls(
-            _stating(aiding, lasting, kept.stated), lla, antenna, metres, sd, kept.rows, lasting
+            _with_correlated(aiding, lasting, kept.stated),
+            lla,
+            antenna,
+            metres,
+            sd,
+            kept.rows,
+            lasting,
         )
 
     def fixes(self, seed: SeedLike | None) -> Aiding:
@@ -244,7 +250,7 @@ class VelocityPlan(NamedTuple):
         if trajectory.v_n is None:
             raise DataError(f"{name}: the trajectory has no velocity")
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
-        velocity = interpolated(trajectory, t).v_n
+        velocity = interpolate_trajectory(trajectory, t).v_n
         assert velocity is not None  # as that of the trajectory
         if np.any(lever_arm):
             half = 0.5 * float(np.median(np.diff(trajectory.t)))
@@ -253,9 +259,9 @@ class VelocityPlan(NamedTuple):
                 trajectory, early, lever_arm, name
             )
             velocity = velocity + moved / (late - early)[:, None]
-        lasting = _lasting(correlated, t, name)
+        lasting = _correlated_errors(correlated, t, name)
         aiding = _without_values("velocity", t, sd, lever_arm, name, kept)
-        return cls(_stating(aiding, lasting, kept.stated), velocity, sd, kept.rows, lasting)
+        return cls(_with_correlated(aiding, lasting, kept.stated), velocity, sd, kept.rows, lasting)
 
     def fixes(self, seed: SeedLike | None) -> Aiding:
         """Aiding of the antenna's velocity, errors added; without `seed` the exact one."""
@@ -339,7 +345,7 @@ def _errors(plan: PositionPlan | VelocityPlan, stream: RandomStream) -> Array:
     return errors
 
 
-def _lasting(correlated: Correlated | None, t: Array, name: str) -> Lasting | None:
+def _correlated_errors(correlated: Correlated | None, t: Array, name: str) -> Lasting | None:
     """The correlated errors of fixes at times t (n,) s. Raises DataError."""
     _check_correlated(correlated, name)
     if correlated is None:
@@ -347,11 +353,11 @@ def _lasting(correlated: Correlated | None, t: Array, name: str) -> Lasting | No
     between = np.diff(t)
     if np.any(between < 0):
         raise DataError(f"{name}: correlated errors need fixes in order of time; sort their times")
-    sd = tuple(np.asarray(spread(correlated.sd), float).tolist())
+    sd = tuple(np.asarray(as_triple(correlated.sd), float).tolist())
     return Lasting(correlated._replace(sd=sd), between / correlated.time)
 
 
-def _stating(aiding: Aiding, lasting: Lasting | None, stated: bool) -> Aiding:
+def _with_correlated(aiding: Aiding, lasting: Lasting | None, stated: bool) -> Aiding:
     """An aiding of white noise with the correlated errors beside it: told as such or, not `stated`,
     as so much more white noise."""
     if lasting is None or stated:
@@ -372,7 +378,7 @@ def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
 
 def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
     return check_array(
-        spread(sd),
+        as_triple(sd),
         f"{name}: standard deviations",
         (3,),
         what="numbers: north, east, down, or one for all",
@@ -392,7 +398,7 @@ def _check_correlated(correlated: Correlated | None, name: str, measured: bool =
     check_number(correlated.time, f"{what}, time", "s", above=0, most=MAX_TIME_CONSTANT)
     check_flag(correlated.states, f"{what}, states")
     sd = check_array(
-        spread(correlated.sd),
+        as_triple(correlated.sd),
         f"{what}, standard deviations",
         (3,),
         what="numbers: north, east, down, or one for all",

@@ -17,12 +17,12 @@ from ..data.calibration_parameters import (
     GYRO_MISALIGNMENT,
     GYRO_SCALE,
 )
-from ..fileio.files import find_shipped, read_toml, replacing, shipped
-from ..fileio.toml_keys import Key, Read, made, read_table, section, text
+from ..fileio.files import find_shipped, read_toml, replacing, shipped_files
+from ..fileio.toml_keys import Key, Read, read_table, section, table_reader, text
 from ..typing import Array, File
 from ..units.conversion import SHEET, factor, in_units, quantity, toml_quantity
 from .errors import Triad, WarmUp, terms
-from .imu_errors import RATES, Own, Shared, drawn, shared, simulate_errors
+from .imu_errors import RATES, Own, Shared, draw_errors, shared_errors, simulate_errors
 from .streams import RandomStream, SeedLike
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
@@ -120,11 +120,11 @@ class ImuSpec:
     def shared(self, imu: Imu) -> Shared:
         """Return the part of the errors that all runs over an error-free `imu` share, for
         `simulate_errors`."""
-        return shared(self.gyro, self.accel, self.warm_up, imu)
+        return shared_errors(self.gyro, self.accel, self.warm_up, imu)
 
     def drawn(self, stream: RandomStream) -> Own:
         """Draw the random constants of a run before its first sample."""
-        return drawn(self.gyro, self.accel, stream)
+        return draw_errors(self.gyro, self.accel, stream)
 
     def datasheet(self) -> dict[str, float]:
         """{"gyro noise, deg/sqrt(h)": value, ...}: every term of both triads in the units of
@@ -178,7 +178,7 @@ class ImuSpec:
         return f"ImuSpec({self.name}: {'; '.join(parts)})"
 
 
-def saturated(spec: ImuSpec, imu: Imu) -> list[str]:
+def saturation_notes(spec: ImuSpec, imu: Imu) -> list[str]:
     """Sentences for the notes of a recording: how many samples of `imu`, corrupted by `spec`,
     stand at full scale; none where none does."""
     notes = []
@@ -198,7 +198,7 @@ def saturated(spec: ImuSpec, imu: Imu) -> list[str]:
 def grades(others: bool = True) -> list[str]:
     """Names of the grades that ship with this and, with `others`, with other installed packages,
     sorted."""
-    return list(shipped("grades", __package__, others))
+    return list(shipped_files("grades", __package__, others))
 
 
 def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
@@ -313,7 +313,7 @@ IMU_KEYS = {
     "warm_up": Key(
         "warm_up",
         section(
-            made(
+            table_reader(
                 WarmUp,
                 {key: Key(key, _quantity(si, least=-math.inf), "") for key, si in WARM_UP.items()},
             )

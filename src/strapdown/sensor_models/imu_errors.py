@@ -23,7 +23,7 @@ from ..core.mathematics.elementary import floor
 from ..core.mathematics.threefry import normal_pair
 from ..typing import Array, Ints
 from .errors import Triad, WarmUp
-from .noise import FLICKER_TIMES, FLICKER_VARIANCE, even, kept
+from .noise import FLICKER_TIMES, FLICKER_VARIANCE, even, gauss_markov_step
 from .streams import RandomStream
 
 GYRO, ACCEL = 0, 1
@@ -128,7 +128,7 @@ def simulate_errors(
             _set_rates(shared.step[row], shared.sizes, rates)
         for triad in range(2):
             _bias(triad, row - rows[0], row, shared, own, rates, bias)
-            _measured(triad, row - rows[0], row, shared, own, bias, u)
+            _measure_increments(triad, row - rows[0], row, shared, own, bias, u)
 
 
 simulate_errors_in_lanes = simulate_errors.for_runs(SIMULATE_LANES)  # type: ignore[attr-defined]
@@ -204,7 +204,7 @@ def _gone_on(value: float, new: float, j: int, rates: Array) -> float:
 
 
 @helper
-def _measured(
+def _measure_increments(
     triad: int, i: int, row: int, shared: Shared, own: Own, bias: Array, u: Array
 ) -> None:
     """The increments of a triad as measured."""
@@ -255,10 +255,12 @@ def _set_rates(step: float, sizes: Array, rates: Array) -> None:
     """For a step in s."""
     for triad in range(2):
         if sizes[triad * SIZES + MARKOV] > 0:
-            rates[2 * triad], rates[2 * triad + 1] = kept(step / sizes[triad * SIZES + TIME])
+            rates[2 * triad], rates[2 * triad + 1] = gauss_markov_step(
+                step / sizes[triad * SIZES + TIME]
+            )
     if sizes[FLICKER] > 0 or sizes[SIZES + FLICKER] > 0:
         for p in range(PROCESSES):
-            rates[4 + 2 * p], rates[5 + 2 * p] = kept(step / FLICKER_T[p])
+            rates[4 + 2 * p], rates[5 + 2 * p] = gauss_markov_step(step / FLICKER_T[p])
 
 
 def sizes_of(gyro: Triad, accel: Triad) -> Array:
@@ -280,7 +282,7 @@ def _sizes(triad: Triad) -> list[float]:
     ]
 
 
-def shared(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -> Shared:
+def shared_errors(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -> Shared:
     """Return the part of the errors that all runs over an error-free `imu` share."""
     told = np.zeros((0, 6))
     if warm_up is not None and len(imu.t):
@@ -298,7 +300,7 @@ def shared(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -> Share
     return Shared(dtheta, dv, dt, step, told, sizes_of(gyro, accel))
 
 
-def drawn(gyro: Triad, accel: Triad, stream: RandomStream) -> Own:
+def draw_errors(gyro: Triad, accel: Triad, stream: RandomStream) -> Own:
     """Draw the random constants of a run before its first sample. Each term has a stream of its own
     name, so that two grades with one seed differ by size alone."""
     keys, constants = np.zeros((2, KEYS), np.int64), np.zeros((2, CONSTANTS))

@@ -18,7 +18,7 @@ import numpy as np
 from ..checks import DataError, check_array, check_choice, check_number, is_number
 from ..data.solution import Aiding, Trajectory
 from ..typing import Array, ArrayLike
-from .sampling import sample_times, spread
+from .sampling import as_triple, sample_times
 from .streams import RandomStream, SeedLike
 
 if TYPE_CHECKING:
@@ -62,14 +62,14 @@ class Magnetometer:
         check_number(self.saturation, "magnetometer: saturation", "T", least=0)
         if not isinstance(self.disturbances, (tuple, list)):
             raise DataError(
-                f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of "
+                f"magnetometer: disturbances is {_one_line(self.disturbances)}; it must be a list of "
                 f"them"
             )
         strongest: dict[str, Any] = {"least": -STRONGEST_MAGNET, "most": STRONGEST_MAGNET}
         for name, value in {
-            "sd": _three(spread(self.sd), "sd", above=0, most=STRONGEST_MAGNET),
+            "sd": _three(as_triple(self.sd), "sd", above=0, most=STRONGEST_MAGNET),
             "hard_iron": _three(self.hard_iron, "hard_iron", **strongest),
-            "scale": _three(spread(self.scale), "scale", "", above=-1, most=1),
+            "scale": _three(as_triple(self.scale), "scale", "", above=-1, most=1),
             "soft_iron": _soft_iron(self.soft_iron),
             "field": None if self.field is None else reference_field(self.field),
             "disturbances": tuple(_disturbance(each) for each in self.disturbances),
@@ -224,7 +224,7 @@ def _disturbance(values: Iterable[Any]) -> Disturbance:
         made = Disturbance(*values)
     except TypeError:
         raise DataError(
-            f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and "
+            f"magnetometer: disturbance {_one_line(values)}: give start and stop in s, field in T, and "
             f"frame"
         ) from None
     if not all(map(is_number, made[:2])) or not made.start < made.stop:
@@ -241,6 +241,6 @@ def _disturbance(values: Iterable[Any]) -> Disturbance:
     )
 
 
-def _shown(value: object) -> str:
+def _one_line(value: object) -> str:
     """Its repr in one line."""
     return " ".join(repr(value).split())

@@ -26,7 +26,7 @@ FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 
 
 @helper
-def kept(step: float) -> tuple[float, float]:
+def gauss_markov_step(step: float) -> tuple[float, float]:
     """(share of a Gauss-Markov process of unit variance that is left after a step, standard
     deviation of what is new); `step` in time constants, inf where it begins."""
     keep = exponential(-step)
@@ -57,7 +57,7 @@ def _gauss_markov(step: Array, x: Array) -> None:
     keep = drive = 0.0
     for k in range(step.shape[0]):
         if k == 0 or step[k] != step[k - 1]:
-            keep, drive = kept(step[k])
+            keep, drive = gauss_markov_step(step[k])
         for c in range(3):
             x[k + 1, c] = keep * x[k, c] + drive * x[k + 1, c]
 

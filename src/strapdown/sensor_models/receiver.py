@@ -7,20 +7,30 @@ from typing import Any, NamedTuple
 
 from ..checks import DataError, brief, did_you_mean, located
 from ..data.solution import Correlated
-from ..fileio.files import find_shipped, read_toml, shipped
-from ..fileio.toml_keys import Key, Read, flag, listed, made, number, read_table, text, three
+from ..fileio.files import find_shipped, read_toml, shipped_files
+from ..fileio.toml_keys import (
+    Key,
+    Read,
+    flag,
+    list_of,
+    number,
+    read_table,
+    table_reader,
+    text,
+    three,
+)
 from ..typing import File
 from .gnss import Gnss
 
 
-def _correlated(unit: str) -> Read:
+def _correlated_reader(unit: str) -> Read:
     """How correlated errors in that unit are read."""
     keys = {
         f"sd_{unit}": Key("sd", three, ""),
         "time_s": Key("time", number, ""),
         "states": Key("states", flag),
     }
-    return made(Correlated, keys)
+    return table_reader(Correlated, keys)
 
 
 ERROR_KEYS = {
@@ -28,14 +38,14 @@ ERROR_KEYS = {
     "position_sd_m": Key("position_sd", three),
     "velocity_sd_m_s": Key("velocity_sd", three),
     "latency_s": Key("latency", number),
-    "position_correlated": Key("position_correlated", _correlated("m")),
-    "velocity_correlated": Key("velocity_correlated", _correlated("m_s")),
+    "position_correlated": Key("position_correlated", _correlated_reader("m")),
+    "velocity_correlated": Key("velocity_correlated", _correlated_reader("m_s")),
     "stated": Key("stated", flag),
 }
 """Keys of what a receiver itself does."""
 GNSS_KEYS = ERROR_KEYS | {
     "lever_arm_m": Key("lever_arm", three),
-    "outages_s": Key("outages", listed(listed(number))),
+    "outages_s": Key("outages", list_of(list_of(number))),
 }
 """Those and the keys of where and when it is carried."""
 GRADE_KEYS = {"name": Key("name", text), "source": Key("source", text)} | ERROR_KEYS
@@ -71,7 +81,7 @@ class ReceiverGrade(NamedTuple):
 def receivers(others: bool = True) -> list[str]:
     """Names of the receivers that ship with this and, with `others`, with other installed
     packages, sorted."""
-    return list(shipped("receivers", __package__, others))
+    return list(shipped_files("receivers", __package__, others))
 
 
 def receiver_grade(name: File) -> ReceiverGrade:

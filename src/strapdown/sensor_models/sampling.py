@@ -12,7 +12,7 @@ from ..geometry.geodesy import wrap
 from ..typing import Array
 
 
-def interpolated(trajectory: Trajectory, t: Array) -> Trajectory:
+def interpolate_trajectory(trajectory: Trajectory, t: Array) -> Trajectory:
     """Position and velocity at times t (n,) s within the trajectory, as data.Trajectory: its rows
     at their own times, else cubic splines. Raises DataError."""
     if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
@@ -81,7 +81,7 @@ def check_rate(rate: float | None, most: float, what: str) -> None:
         )
 
 
-def spread(value: Any) -> Any:
+def as_triple(value: Any) -> Any:
     """Three of one number; else what it is."""
     return (value,) * 3 if is_number(value) else value
 

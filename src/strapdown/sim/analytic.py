@@ -20,7 +20,7 @@ Numbers: TypeAlias = float | Times
 _REACH = 20.0  # widths from a kink beyond which its rounding is below 1e-17 of it
 
 
-def lifted(
+def lift_complex(
     function: Callable[[Array], Numbers], slope: Callable[[Array], Numbers]
 ) -> Callable[[Numbers], Numbers]:
     """The function of complex times that has this real `function` and `slope`, its derivative."""
@@ -34,8 +34,8 @@ def lifted(
     return of
 
 
-sine, cosine = lifted(np.sin, np.cos), lifted(np.cos, lambda x: -np.sin(x))
-arctangent = lifted(np.arctan, lambda x: 1 / (1 + x * x))
+sine, cosine = lift_complex(np.sin, np.cos), lift_complex(np.cos, lambda x: -np.sin(x))
+arctangent = lift_complex(np.arctan, lambda x: 1 / (1 + x * x))
 
 
 def waves(t: Numbers, terms: Iterable[tuple[float, float, float]]) -> Numbers:

@@ -13,7 +13,7 @@ import numpy as np
 from ..checks import DataError, check_array, check_number, did_you_mean, is_number, located
 from ..data.solution import Trajectory
 from ..typing import Array
-from .splined import splined
+from .splined import spline_motion
 from .trajectory import DEG, Motion
 
 FOOT = 0.3048
@@ -68,7 +68,7 @@ def jsbsim_motion(
     """The Motion of an aircraft that comes with JSBSim, flown by JSBSim and its autopilot,
     splined through the rows of `flown_by_jsbsim`."""
     flown = flown_by_jsbsim(start, heading, speed, duration, aircraft, targets, properties)
-    return splined(flown, name or f"{aircraft} of JSBSim")
+    return spline_motion(flown, name or f"{aircraft} of JSBSim")
 
 
 def flown_by_jsbsim(
@@ -92,7 +92,10 @@ def flown_by_jsbsim(
     per second. The ground is the ellipsoid. Raises DataError: JSBSim missing, unknown aircraft or
     property, no autopilot, no trim, a crash.
     """
-    start, targets = _checked_start(start), _checked(heading, speed, duration, rate, row, targets)
+    start, targets = (
+        _checked_start(start),
+        _check_targets(heading, speed, duration, rate, row, targets),
+    )
     properties = _checked_properties(properties)
     with session(rate) as (executive, _):
         _load(executive, aircraft)
@@ -128,17 +131,17 @@ def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
     What listens to JSBSim is one for the whole process, so that a thread waits until the session of
     another has ended.
     """
-    engine = found()
+    engine = load_jsbsim()
     if not is_number(rate) or not 0 < rate <= MAX_STEP_RATE:
         raise DataError(
             f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most "
             f"{MAX_STEP_RATE:g}"
         )
     with _ONE:
-        yield from _listened(engine, rate)
+        yield from _listen_session(engine, rate)
 
 
-def _listened(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]:
+def _listen_session(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]:
     """The one (executive, what it says) of a session, and the listener of before when it ends."""
 
     class Listener(engine.FGLogger):  # type: ignore[misc]  # no types
@@ -163,7 +166,7 @@ def _listened(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]:
         engine.set_logger(before)
 
 
-def found() -> Any:
+def load_jsbsim() -> Any:
     """The module jsbsim. Raises DataError naming the extra where it is not installed, or too
     old."""
     try:
@@ -189,7 +192,7 @@ def _checked_start(start: object) -> tuple[float, ...]:
     return tuple(numbers.tolist())
 
 
-def _checked(
+def _check_targets(
     heading: object, speed: float, duration: float, rate: float, row: float, targets: object
 ) -> list[JsbsimTarget]:
     """The targets in order of time. Raises DataError for a number that no flight can have, or

@@ -18,7 +18,7 @@ from numpy.polynomial import Chebyshev
 from ..checks import DataError, check_keys, check_number, located
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
-from .analytic import MotionProfile, Numbers, Times, arctangent, cosine, lifted, sine, waves
+from .analytic import MotionProfile, Numbers, Times, arctangent, cosine, lift_complex, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
@@ -97,7 +97,7 @@ def hand_held(
         check_number(travel, "travel", least=0)
         check_number(rest, "rest", "s", least=0)
     begun: Callable[[Numbers], Numbers] = (
-        lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25))
+        lift_complex(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25))
         if rest
         else lambda t: 1.0
     )
@@ -118,7 +118,7 @@ def hand_held(
     return Motion(name, tuple(start), velocity, attitude)
 
 
-def moored(
+def moored_vessel(
     start: Sequence[float],
     heading: float = 0.0,
     heave: float = 1.0,
@@ -255,7 +255,7 @@ def _geodesic_course(
     series = Chebyshev.interpolate(course, 40, domain=[0.0, duration])
     used = 1 + np.flatnonzero(np.abs(series.coef) > 1e-15)[-1]
     series = series.truncate(used)
-    return lifted(series, series.deriv())
+    return lift_complex(series, series.deriv())
 
 
 def flight(
@@ -276,7 +276,7 @@ def flight(
     """
     flat = flat_legs(legs, "climb")
     _check_flight(flat, speed)
-    return flown(start, *profiles(flat, course, speed, smoothing), roughness, name)
+    return aircraft_motion(start, *profiles(flat, course, speed, smoothing), roughness, name)
 
 
 def _check_flight(legs: list[dict[str, Any]], speed: float) -> None:
@@ -300,7 +300,7 @@ def _check_flight(legs: list[dict[str, Any]], speed: float) -> None:
         now = then
 
 
-def flown(
+def aircraft_motion(
     start: Sequence[float],
     path: MotionProfile,
     pace: MotionProfile,
@@ -424,7 +424,7 @@ def flat_legs(legs: Sequence[dict[str, Any]], vertical: str | None) -> list[dict
                     f"and nothing else"
                 )
             inner = flat_legs(leg["legs"], vertical)
-            _bounded(len(found) + len(inner) * leg["repeat"])
+            _check_legs(len(found) + len(inner) * leg["repeat"])
             found += inner * leg["repeat"]
         else:
             found.append(
@@ -433,7 +433,7 @@ def flat_legs(legs: Sequence[dict[str, Any]], vertical: str | None) -> list[dict
                     **{key: value for key, value in leg.items() if key != vertical},
                 }
             )
-    _bounded(len(found))
+    _check_legs(len(found))
     return found
 
 
@@ -442,7 +442,7 @@ def leg_keys(vertical: str | None) -> list[str]:
     return [key for key in LEG_KEYS if key not in {"climb", "gradient"} - {vertical}]
 
 
-def _bounded(count: int) -> None:
+def _check_legs(count: int) -> None:
     if count > MAX_LEGS:
         raise DataError(f"{count} legs, repeats written out; at most {MAX_LEGS} are flown")
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ..checks import DataError, did_you_mean
-from ..fileio.files import find_shipped, shipped
+from ..fileio.files import find_shipped, shipped_files
 from ..typing import File
 from .scenario_file import read
 from .scenario_model import START_SD, Scenario
@@ -13,7 +13,7 @@ __all__ = ["START_SD", "Scenario", "scenario", "scenarios"]
 
 def scenarios() -> list[str]:
     """Names of the scenarios that ship with this and other installed packages, sorted."""
-    return list(shipped("scenarios", __package__))
+    return list(shipped_files("scenarios", __package__))
 
 
 def scenario(name: Scenario | File) -> Scenario:

@@ -17,12 +17,12 @@ from ..fileio.toml_keys import (
     entries,
     exactly_three,
     flag,
-    listed,
-    made,
+    in_unit,
+    list_of,
     number,
     read_table,
-    scaled,
     section,
+    table_reader,
     text,
     three,
     within,
@@ -50,7 +50,7 @@ MOTION_KINDS: dict[str, Callable[..., Motion]] = {
     "car": motions.car,
     "ship": motions.ship,
     "hand-held": motions.hand_held,
-    "moored": motions.moored,
+    "moored": motions.moored_vessel,
     "jsbsim": jsbsim_motion,
 }
 """What a [motion] can be, and the function that makes it; the function's parameters are its
@@ -80,7 +80,7 @@ UNIT_OF_PARAMETER = {
 
 NO_END = "duration_s is missing; this motion has no end of its own"
 MICRO = 1e-6
-degrees = scaled(DEG)
+degrees = in_unit(DEG)
 
 
 def _date(value: Any, where: str) -> str:
@@ -96,9 +96,9 @@ def _raw(value: Any, where: str) -> Any:
 START_KEYS = {
     "position_sd_m": Key("position", three),
     "velocity_sd_m_s": Key("velocity", three),
-    "attitude_sd_deg": Key("attitude", scaled(DEG, three)),
+    "attitude_sd_deg": Key("attitude", in_unit(DEG, three)),
     "accel_bias_sd_m_s2": Key("accel_bias", three),
-    "gyro_bias_sd_deg_h": Key("gyro_bias", scaled(DEG / 3600, three)),
+    "gyro_bias_sd_deg_h": Key("gyro_bias", in_unit(DEG / 3600, three)),
     "biases_known": Key("biases_known", flag),
 }
 """Standard deviations of a start in the order of the error states, and what is no such."""
@@ -115,22 +115,22 @@ def _start(value: Any, where: str) -> dict[str, Any]:
 DISTURBANCE_KEYS = {
     "start_s": Key("start", number, ""),
     "stop_s": Key("stop", number, ""),
-    "field_uT": Key("field", scaled(MICRO, exactly_three), ""),
+    "field_uT": Key("field", in_unit(MICRO, exactly_three), ""),
     "frame": Key("frame", text),
 }
 MEASURED = "position_sd", "velocity_sd"
 """Fields of which a receiver needs one."""
 MAGNETOMETER_KEYS = {
     "rate_hz": Key("rate", number),
-    "sd_uT": Key("sd", scaled(MICRO, three)),
-    "hard_iron_uT": Key("hard_iron", scaled(MICRO, exactly_three)),
-    "soft_iron": Key("soft_iron", listed(exactly_three)),
+    "sd_uT": Key("sd", in_unit(MICRO, three)),
+    "hard_iron_uT": Key("hard_iron", in_unit(MICRO, exactly_three)),
+    "soft_iron": Key("soft_iron", list_of(exactly_three)),
     "scale": Key("scale", three),
-    "saturation_uT": Key("saturation", scaled(MICRO)),
-    "field_uT": Key("field", scaled(MICRO, exactly_three)),
+    "saturation_uT": Key("saturation", in_unit(MICRO)),
+    "field_uT": Key("field", in_unit(MICRO, exactly_three)),
     "disturbances": Key(
         "disturbances",
-        listed(made(Disturbance, DISTURBANCE_KEYS)),
+        list_of(table_reader(Disturbance, DISTURBANCE_KEYS)),
     ),
 }
 BAROMETER_KEYS = {
@@ -143,12 +143,12 @@ BAROMETER_KEYS = {
     "lever_arm_m": Key("lever_arm", exactly_three),
     "quantity": Key("quantity", text),
 }
-ATTITUDE_KEYS = {"rate_hz": Key("rate", number), "sd_deg": Key("sd", scaled(DEG, three))}
+ATTITUDE_KEYS = {"rate_hz": Key("rate", number), "sd_deg": Key("sd", in_unit(DEG, three))}
 SENSOR_KEYS = {
     "kind": Key("kind", text, ""),
     "sd": Key("sd", _raw, ""),
     "rate_hz": Key("rate", number),
-    "parameters": Key("parameters", listed(number)),
+    "parameters": Key("parameters", list_of(number)),
     "name": Key("name", text),
 }
 TARGET_KEYS = {
@@ -174,11 +174,13 @@ TOP_KEYS = {
     "gravity": Key("gravity", text),
     "date": Key("date", _date),
     "motion": Key("motion", section(entries), "write a section [motion] with its kind"),
-    "gnss": Key("gnss", section(made(dict, GNSS_KEYS | {"receiver": Key("receiver", text)}))),
-    "magnetometer": Key("magnetometer", section(made(Magnetometer, MAGNETOMETER_KEYS))),
-    "barometer": Key("barometer", section(made(Barometer, BAROMETER_KEYS))),
-    "attitude": Key("attitude", section(made(Ahrs, ATTITUDE_KEYS))),
-    "sensors": Key("sensors", listed(made(Simulated, SENSOR_KEYS))),
+    "gnss": Key(
+        "gnss", section(table_reader(dict, GNSS_KEYS | {"receiver": Key("receiver", text)}))
+    ),
+    "magnetometer": Key("magnetometer", section(table_reader(Magnetometer, MAGNETOMETER_KEYS))),
+    "barometer": Key("barometer", section(table_reader(Barometer, BAROMETER_KEYS))),
+    "attitude": Key("attitude", section(table_reader(Ahrs, ATTITUDE_KEYS))),
+    "sensors": Key("sensors", list_of(table_reader(Simulated, SENSOR_KEYS))),
     "start": Key("start", section(_start)),
 }
 """Keys of a scenario and of its tables, each with the field that it sets and how it is read."""
@@ -285,7 +287,7 @@ def _legs(kind: str) -> Read:
         keys = {_key(name): Key(name, _parameter(name, kind)) for name in names}
         return read_table(value, keys | {"repeat": Key("repeat", _raw)}, where)
 
-    return listed(leg)
+    return list_of(leg)
 
 
 def _place(value: Any, where: str) -> tuple[float, float, float]:
@@ -310,9 +312,9 @@ def _properties(value: Any, where: str) -> dict[str, float]:
 
 READ_OF_PARAMETER: dict[str, Read] = {
     "start": _place,
-    "waypoints": listed(_place),
+    "waypoints": list_of(_place),
     "aircraft": text,
-    "targets": listed(made(JsbsimTarget, TARGET_KEYS)),
+    "targets": list_of(table_reader(JsbsimTarget, TARGET_KEYS)),
     "properties": _properties,
 }
 """How the parameters of motions are read that are no numbers."""

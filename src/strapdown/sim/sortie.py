@@ -14,7 +14,7 @@ import numpy as np
 from ..checks import DataError
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
-from .analytic import Numbers, Times, arctangent, cosine, lifted, sine, waves
+from .analytic import Numbers, Times, arctangent, cosine, lift_complex, sine, waves
 from .motions import AIRCRAFT_GUSTS, flat_legs, profiles
 from .trajectory import DEG, Motion
 
@@ -82,7 +82,7 @@ def _share(speed: Array) -> Array:
     return 0.5 + 0.5 * np.tanh((speed - LIFT_OFF) / ROTATION)
 
 
-airborne = lifted(
+airborne = lift_complex(
     _share, lambda speed: 0.5 / ROTATION * (1 - np.tanh((speed - LIFT_OFF) / ROTATION) ** 2)
 )
 """Share of the weight that the wings carry at an airspeed (m/s): 0 on the ground, 1 in the air."""

@@ -21,7 +21,7 @@ STEEPEST_ROW, WIDEST_TURN = math.radians(85), math.radians(90)
 turned between two rows."""
 
 
-def splined(trajectory: Trajectory, name: str = "splined motion") -> Motion:
+def spline_motion(trajectory: Trajectory, name: str = "splined motion") -> Motion:
     """The Motion whose velocity and Euler angles are quintic splines through those of a
     data.Trajectory (velocity and attitude in every row).
 
@@ -68,7 +68,7 @@ def splined(trajectory: Trajectory, name: str = "splined motion") -> Motion:
 
 def _refuse_turns(trajectory: Trajectory, name: str) -> None:
     """Raise DataError where splines of Euler angles would not follow the attitude."""
-    assert trajectory.q_nb is not None  # as `splined` has checked
+    assert trajectory.q_nb is not None  # as `spline_motion` has checked
     steep = np.abs(trajectory.rph[:, 1]) > STEEPEST_ROW
     if steep.any():
         raise DataError(

@@ -13,12 +13,12 @@ from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, InitialState
 from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Aiding, Trajectory
-from ..geometry.geodesy import displaced
+from ..geometry.geodesy import displace_lla
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
-from ..sensor_models.imu import ImuSpec, grade, saturated
+from ..sensor_models.imu import ImuSpec, grade, saturation_notes
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.receiver import receiver
 from ..sensor_models.streams import RandomStream, SeedLike
@@ -98,7 +98,7 @@ class Simulator:
         stream = RandomStream.of(seed)
         samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
         sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
-        notes = saturated(spec, samples) + sources.meta["notes"]
+        notes = saturation_notes(spec, samples) + sources.meta["notes"]
         made = replace(sources, imu=samples).knowing(notes=notes)
         if spec.warm_up is None:
             return made
@@ -325,7 +325,7 @@ def _start(
 
     return InitialState(
         float(truth.t[row]),
-        numbers(displaced(truth.lla[row], -error[POS])),
+        numbers(displace_lla(truth.lla[row], -error[POS])),
         numbers(truth.v_n[row] - error[VEL]),
         numbers((roll, pitch, heading % (2 * np.pi))),
         numbers(b_a),

@@ -89,14 +89,14 @@ def sample(
     the default will do. It begins at 0 with the motion or, where it is given, at t[0] with the
     position `lla`.
     """
-    t = _checked(motion, t)
+    t = _check_times(motion, t)
     return _truth(motion, t, _positions(motion, t, lla, longest).lla)
 
 
 def increments(motion: Motion, t: ArrayLike) -> Imu:
     """Return the increments of an ideal IMU at t[1:]: integrals of omega_ib_b (rad) and f_ib_b
     (m/s) since the time before. Raises DataError."""
-    t = _checked(motion, t)
+    t = _check_times(motion, t)
     return _increments(motion, t, _positions(motion, t), normal_gravity)
 
 
@@ -108,7 +108,7 @@ def records(
     `gravity_model` is a function of latitude (rad) and height (m), which returns the north and
     down components in m/s^2, in place of this module's `normal_gravity`.
     """
-    t = _checked(motion, t)
+    t = _check_times(motion, t)
     if t[0] != 0 or len(t) < 2:
         raise DataError(
             f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s"
@@ -389,7 +389,7 @@ def _to_body(vector: Array, roll: Array, pitch: Array, heading: Array) -> Array:
     return v
 
 
-def _checked(motion: Motion, t: ArrayLike) -> Array:
+def _check_times(motion: Motion, t: ArrayLike) -> Array:
     t = np.ascontiguousarray(t, float)
     if (
         t.ndim != 1

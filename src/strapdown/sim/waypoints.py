@@ -11,7 +11,7 @@ from ..geometry.geodesy import displacement
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
 from .analytic import MotionProfile
-from .motions import MAX_MOTION, flown
+from .motions import MAX_MOTION, aircraft_motion
 from .trajectory import DEG, Motion, sample
 
 _ROUNDS = 5  # each brings the aim at a waypoint a hundred times closer
@@ -65,7 +65,7 @@ def waypoints(
                 (seconds * 2 / 3, (place[2] - here[2]) / (seconds * 2 / 3)),
                 (seconds / 6, 0.0),
             ]
-            reached = _reached(
+            reached = _reached_position(
                 here,
                 _profile(begin, turn, smoothing),
                 _profile(0.0, climb, smoothing),
@@ -89,7 +89,7 @@ def waypoints(
     assert first is not None  # there are two places or more
     pace = MotionProfile(float(speed), np.zeros(1), np.empty(0), np.empty(0))
     end = float(sum(duration for duration, _ in turns))
-    return flown(
+    return aircraft_motion(
         places[0],
         _profile(first, turns, smoothing),
         pace,
@@ -132,7 +132,7 @@ def _profile(value: float, lines: list[tuple[float, float]], smoothing: float) -
     return MotionProfile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
 
 
-def _reached(
+def _reached_position(
     here: tuple[float, ...],
     path: MotionProfile,
     climb: MotionProfile,

@@ -37,13 +37,15 @@ def judge(search: Search, profiles: Sequence[LikelihoodProfile]) -> Conclusions:
         {(True, True): TUNED, (False, True): AT_MAX, (True, False): AT_MIN}.get(each, OPEN)
         for each in bounds
     ]
-    theta = _stated(search, profiles, status)
+    theta = _reported_theta(search, profiles, status)
     for j in search.held(theta):
         status[j] = KEPT
     return Conclusions(theta, status, search.likelihood.at(theta).log_likelihood)
 
 
-def _stated(search: Search, profiles: Sequence[LikelihoodProfile], status: Sequence[str]) -> Array:
+def _reported_theta(
+    search: Search, profiles: Sequence[LikelihoodProfile], status: Sequence[str]
+) -> Array:
     """The maximum, with those that have no lower end where `judge` wants them, one after the other,
     as long as log L does not fall by more than the intervals allow."""
     top, likelihood = search.top, search.likelihood
@@ -52,7 +54,7 @@ def _stated(search: Search, profiles: Sequence[LikelihoodProfile], status: Seque
     free = np.ones(len(theta), bool)
     loose = [j for j, each in enumerate(status) if each in (AT_MAX, OPEN)]
     for j in sorted(loose, key=lambda j: -profiles[j].high):
-        wanted = min(_given(search.unknowns[j], theta[j]), profiles[j].high)
+        wanted = min(_log_given(search.unknowns[j], theta[j]), profiles[j].high)
         tried = theta.copy()
         tried[j] = np.clip(wanted, likelihood.low[j], likelihood.high[j])
         free[j] = False
@@ -62,7 +64,7 @@ def _stated(search: Search, profiles: Sequence[LikelihoodProfile], status: Seque
     return theta.copy()
 
 
-def _given(unknown: NoiseUnknown, otherwise: float) -> float:
+def _log_given(unknown: NoiseUnknown, otherwise: float) -> float:
     return float(np.log(unknown.given)) if unknown.given else otherwise
 
 

@@ -112,11 +112,11 @@ def drawn_sources(*solutions: Solution) -> list[int]:
     return [
         s
         for s in sorted(set.intersection(*found))
-        if all(len(_whitened(each, s)[0]) >= FEWEST for each in solutions)
+        if all(len(_whitened_innovations(each, s)[0]) >= FEWEST for each in solutions)
     ]
 
 
-def _whitened(solution: Solution, source: int) -> tuple[Array, Array]:
+def _whitened_innovations(solution: Solution, source: int) -> tuple[Array, Array]:
     """(times (m,), whitened innovations (m, k)) of the fixes of a source that were used."""
     made = solution.innovations
     assert made.whitened is not None  # as of all that was not read from a file
@@ -183,7 +183,7 @@ def _curve(drawn: go.Figure, place: dict[str, int], x: Array, y: Array, label: s
     )
 
 
-def _expected(drawn: go.Figure, place: dict[str, int], *levels: float) -> None:
+def _add_expected_lines(drawn: go.Figure, place: dict[str, int], *levels: float) -> None:
     """Dashed lines at what is expected of a right filter."""
     for level in levels:
         drawn.add_hline(level, line={"color": MEANT, "width": 1.2, "dash": "dash"}, **place)
@@ -204,10 +204,10 @@ def spectra_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """Power spectral densities of the whitened innovations of each source, before and after."""
     drawn = _panels(found, sources, "frequency [Hz]", "PSD / white [-]")
     for s, place in _places(sources):
-        curves = {label: spectrum(*_whitened(run, s)) for label, run in _runs(found)}
+        curves = {label: spectrum(*_whitened_innovations(run, s)) for label, run in _runs(found)}
         for label, curve in curves.items():
             _curve(drawn, place, *curve, label)
-        _expected(drawn, place, 1.0)
+        _add_expected_lines(drawn, place, 1.0)
         frequencies, densities = zip(*curves.values())
         drawn.update_xaxes(**_log_axis(*frequencies), **place)
         drawn.update_yaxes(**_log_axis(np.ones(1), *densities), **place)
@@ -225,12 +225,12 @@ def autocorrelation_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure
     for s, place in _places(sources):
         bound = 0.0
         for label, run in _runs(found):
-            t, rows = _whitened(run, s)
+            t, rows = _whitened_innovations(run, s)
             white = whiteness(rows, min(LAGS, len(rows) // 2))
             mean = np.r_[1.0, white.autocorrelation.mean(axis=1)]
             _curve(drawn, place, _interval(t) * np.arange(len(mean), dtype=float), mean, label)
             bound = white.bound / np.sqrt(rows.shape[1])
-        _expected(drawn, place, -bound, bound)
+        _add_expected_lines(drawn, place, -bound, bound)
     note(
         drawn,
         "Of the fixes that were used, mean over the components. Dashed: 95 % of a white sequence lies "
@@ -248,7 +248,7 @@ def nis_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     for s, place in _places(sources):
         means = [np.ones(1)]
         for label, run in _runs(found):
-            t, mean, low, high = _averaged(run, s, start, stop)
+            t, mean, low, high = _average_nis(run, s, start, stop)
             if label == AFTER:
                 shown = np.isfinite(low)
                 ribbon(
@@ -256,7 +256,7 @@ def nis_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
                 )
             _curve(drawn, place, t - zero, mean, label)
             means.append(mean)
-        _expected(drawn, place, 1.0)
+        _add_expected_lines(drawn, place, 1.0)
         drawn.update_yaxes(**_log_axis(*means), **place)
     note(
         drawn,
@@ -266,7 +266,7 @@ def nis_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     return drawn
 
 
-def _averaged(solution: Solution, source: int, start: float, stop: float) -> tuple[Any, ...]:
+def _average_nis(solution: Solution, source: int, start: float, stop: float) -> tuple[Any, ...]:
     """(times, mean NIS, low and high end of its band), each over its expectation, by stretches."""
     made = solution.innovations
     of = (made.source == source) & np.isfinite(made.nis)

@@ -106,7 +106,7 @@ def profile(likelihood: Likelihood, top: Top, j: int) -> LikelihoodProfile:
         points = _side(likelihood, top, j, side)
         losses = np.array([0.0, *map(loss_at, points)])
         xs = np.array([at, *(point.theta[j] for point in points)])
-        ends.append(_crossing(xs, losses, side))
+        ends.append(_interval_end(xs, losses, side))
         sides.append((xs, losses))
         best = max(points, key=lambda point: point.log_likelihood, default=None)
         if best and loss_at(best) < -2 * ENOUGH:
@@ -120,7 +120,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
     here, at = top.slope, top.point
     k = int(np.flatnonzero(here.free == j)[0])
     F = here.information + FLAT * np.eye(len(here.free))
-    near = _coupled(F, k)
+    near = _coupled_unknowns(F, k)
     others = here.free[near]
     follow = -np.linalg.solve(F[np.ix_(near, near)], F[near, k]) if near.any() else np.empty(0)
     alone = F[k, k] + follow @ F[near, k]
@@ -136,7 +136,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
             theta[others] + follow * (x_new - x), likelihood.low[others], likelihood.high[others]
         )
         theta[j] = x = x_new
-        points.append(_followed(likelihood, theta, others))
+        points.append(_optimise_others(likelihood, theta, others))
         loss = 2 * (at.log_likelihood - points[-1].log_likelihood)
         if loss > CHI_SQUARE_95:
             break
@@ -146,7 +146,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
     return points
 
 
-def _coupled(F: Array, k: int) -> Mask:
+def _coupled_unknowns(F: Array, k: int) -> Mask:
     """(q,) Which unknowns are coupled to the k-th, straight or through others: the sizes of
     horizontal and vertical errors share their correlation time, and one held would hold it."""
     d = np.sqrt(np.diag(F))
@@ -158,7 +158,7 @@ def _coupled(F: Array, k: int) -> Mask:
     return near
 
 
-def _followed(likelihood: Likelihood, theta: Array, others: Ints) -> Point:
+def _optimise_others(likelihood: Likelihood, theta: Array, others: Ints) -> Point:
     """A place with the others near their best there."""
     point = likelihood.at(theta)
     for _ in range(FOLLOWING if len(others) else 0):
@@ -169,7 +169,7 @@ def _followed(likelihood: Likelihood, theta: Array, others: Ints) -> Point:
     return point
 
 
-def _crossing(xs: Array, losses: Array, side: float) -> float:
+def _interval_end(xs: Array, losses: Array, side: float) -> float:
     """Where the root of the losses, taken as straight in between, is that of CHI_SQUARE_95."""
     roots = np.sqrt(np.maximum(losses, 0.0))
     beyond = np.flatnonzero(losses > CHI_SQUARE_95)

@@ -38,15 +38,15 @@ class Seen(NamedTuple):
     whole: bool  # whether the run came to its end
 
 
-def settled(run: Run) -> float:
+def settling_end(run: Run) -> float:
     """Time (s) from which fixes count."""
     return run.start.t + min(SETTLING, SETTLING_SHARE * (float(run.samples.t[-1]) - run.start.t))
 
 
-def seen(run: Run, counted: Ints) -> Seen:
+def settled_measurements(run: Run, counted: Ints) -> Seen:
     """Return the measurements of these sources in a complete run, once it has settled."""
     fix = run.out.fix[: run.cursor.state[0].fix]
-    fix = fix[np.isin(fix["source"], counted) & (fix["t"] > settled(run))]
+    fix = fix[np.isin(fix["source"], counted) & (fix["t"] > settling_end(run))]
     whitened = fix["whitened"]
     measured = np.isfinite(whitened)
     root = np.zeros((len(fix), 3, 3))
@@ -128,7 +128,7 @@ class Likelihood:
     def _seen(self, theta: Array) -> Seen:
         run = self.ready(theta)
         run.complete()
-        return seen(run, self.counted)
+        return settled_measurements(run, self.counted)
 
     def at(self, theta: Array) -> Point:
         """Return the Point at theta."""

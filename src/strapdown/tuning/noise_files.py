@@ -68,12 +68,12 @@ def write(found: "Tuning", folder: Path) -> list[Path]:
         "recording.toml.",
     ]
     with together():
-        described(found).to_toml(imu)
+        describe_imu(found).to_toml(imu)
         write_noise(sources, _noises(found), comments)
     return [imu, sources]
 
 
-def described(found: "Tuning") -> ImuSpec:
+def describe_imu(found: "Tuning") -> ImuSpec:
     """The IMU as found, with its name and where its numbers are from."""
     of_imu = [each for each in found.parameters if each.source == IMU]
     said = "; ".join(
@@ -111,7 +111,7 @@ def _noises(found: "Tuning") -> dict[str, SourceNoise]:
         lasting = new.correlated if new.correlated != old.correlated else None
         shown = None if lasting is None else in_tables(lasting, old.kind)
         if shown is not None or set(factors) != {1.0}:
-            noises[name] = SourceNoise(one, shown, _said(found, name))
+            noises[name] = SourceNoise(one, shown, _std_comment(found, name))
     return noises
 
 
@@ -131,7 +131,7 @@ def _median(ratio: Array) -> float:
     return float(f"{np.median(known):.4g}") if known.size else 1.0
 
 
-def _said(found: "Tuning", source: str) -> str:
+def _std_comment(found: "Tuning", source: str) -> str:
     """Return the comment on the standard deviations of a source: factors with their intervals."""
     own = [p for p in found.parameters if p.source == source and p.what is WHITE]
     told = [f"{p.part} {_times(p)}".strip() for p in own if p.given]
@@ -158,7 +158,7 @@ def change(found: "Tuning", path: Path) -> tuple[Path, Path]:
     check_absent(imu)
     edits = _edits(found, path)
     with together():
-        described(found).to_toml(imu)
+        describe_imu(found).to_toml(imu)
         kept = _change(found.recording).write(path, edits)
     return imu, kept
 
@@ -178,7 +178,7 @@ def _edits(found: "Tuning", path: Path) -> list[NoiseEdit]:
     for number, (old, new) in enumerate(zip(found.recording.aidings, found.tuned.aidings)):
         name, factors = old.name or old.kind, _factors(found, number)
         if set(factors) != {1.0}:
-            edits.append(scaled_deviations(path, number, factors, _said(found, name)))
+            edits.append(scaled_deviations(path, number, factors, _std_comment(found, name)))
         if new.correlated is not None and new.correlated != old.correlated:
             text = correlated_text(in_tables(new.correlated, old.kind))
             times = [p.interval for p in found.parameters if (p.source, p.what) == (name, TIME)]

@@ -13,7 +13,7 @@ from ..engine.options import RunOptions
 from ..engine.prepare import Run
 from ..evaluation.fix_statistics import MEDIANS
 from ..typing import Array, Mask
-from .likelihood import seen
+from .likelihood import settled_measurements
 from .numbers import WHITE
 from .unknowns import NoiseUnknown, run_with
 
@@ -34,9 +34,9 @@ def rough(run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown]) -> Roug
     ones, the first by a run whose gates are open, and which fixes pass their gates then."""
     theta = np.log([each.begin for each in unknowns])
     begin = theta.copy()
-    last = passed(run, asked, unknowns, theta, gated=False)
+    last = run_at(run, asked, unknowns, theta, gated=False)
     for _ in range(ROUNDS):
-        found = seen(last, np.arange(len(run.recording.aidings)))
+        found = settled_measurements(last, np.arange(len(run.recording.aidings)))
         change = np.zeros(len(theta))
         for j, each in enumerate(unknowns):
             if each.what is WHITE:
@@ -45,13 +45,13 @@ def rough(run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown]) -> Roug
                 if len(squares):
                     change[j] = 0.5 * np.log(np.median(squares) / MEDIANS[1])
         theta = np.clip(theta + change, begin - MAX_FACTOR, begin + MAX_FACTOR)
-        last = passed(run, asked, unknowns, theta)
+        last = run_at(run, asked, unknowns, theta)
         if np.abs(change).max() < SETTLED:
             break
-    return Rough(theta, used(last))
+    return Rough(theta, used_masks(last))
 
 
-def passed(
+def run_at(
     run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown], theta: Array, gated: bool = True
 ) -> Run:
     """A run at a place, with gates as given or open, that has ended."""
@@ -64,7 +64,7 @@ def passed(
     return again
 
 
-def used(run: Run) -> list[Mask]:
+def used_masks(run: Run) -> list[Mask]:
     """By source: which of its fixes a run that has ended did not reject."""
     fix = run.out.fix[: run.cursor.state[0].fix]
     masks = []

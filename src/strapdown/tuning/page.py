@@ -4,9 +4,9 @@ like before and after."""
 from html import escape
 from typing import TYPE_CHECKING
 
-from ..pages.parts import TableCell, caption, numbered, paragraphs, table
+from ..pages.parts import TableCell, caption, numbered_list, paragraphs, table
 from ..pages.shell import Document, Page
-from ..pages.verdict_block import judged
+from ..pages.verdict_block import judgement_html
 from .figures import (
     DRAWN,
     autocorrelation_figure,
@@ -69,11 +69,11 @@ def page(found: "Tuning") -> Page:
 def _verdict(found: "Tuning") -> str:
     """HTML of the summary, and of what the data do not decide."""
     look, sign = ("doubt", "?") if found.undecided else ("right", "✓")
-    return judged(
+    return judgement_html(
         look,
         sign,
         escape(found.summary),
-        numbered(found.undecided),
+        numbered_list(found.undecided),
         paragraphs(found.notes),
         paragraphs([found.used], "untested"),
     )

@@ -12,8 +12,8 @@ from ..data.solution import Solution
 from ..engine.options import RunOptions
 from ..engine.prepare import Run
 from ..engine.smoothing import smooth
-from ..installation.screening import started, window
-from ..preprocessing.unbroken import summed
+from ..installation.screening import start_at_row, window
+from ..preprocessing.unbroken import sum_samples
 
 STEP = 0.01
 """s: shorter samples are summed to this."""
@@ -36,9 +36,11 @@ def part(
         check_number(begin, "start_s", "s", most=last)
         check_number(end, "stop_s", "s", least=begin)
         row = int(np.searchsorted(before.t, begin))
-        start = InitialState(**before.meta["start"]) if begin <= first else started(before, row)
+        start = (
+            InitialState(**before.meta["start"]) if begin <= first else start_at_row(before, row)
+        )
         recording = before.recording.between(start.t, end)
-    return replace(recording, imu=thinned(recording.imu)), start
+    return replace(recording, imu=thin_samples(recording.imu)), start
 
 
 def smoothed_start(run: Run, asked: RunOptions) -> InitialState:
@@ -52,15 +54,15 @@ def smoothed_start(run: Run, asked: RunOptions) -> InitialState:
         noise=run.noise,
         options=asked["options"],
     )
-    return started(solution, 0)._replace(sd=run.start.sd)
+    return start_at_row(solution, 0)._replace(sd=run.start.sd)
 
 
-def thinned(imu: Imu) -> Imu:
+def thin_samples(imu: Imu) -> Imu:
     """Samples of at least about STEP. Nothing is summed across a gap."""
     if np.median(imu.dt) > 0.75 * STEP:
         return imu
     number = np.floor((imu.t - imu.t[0] + 0.5 * np.median(imu.dt)) / STEP)
-    return summed(imu, np.r_[True, number[1:] != number[:-1]])
+    return sum_samples(imu, np.r_[True, number[1:] != number[:-1]])
 
 
 def check_length(recording: Recording, start: InitialState, fixes: int) -> None:

@@ -19,7 +19,7 @@ from ..typing import Array, Mask
 from .fisher_scoring import LikelihoodProfile, Top, climb, profile
 from .likelihood import Likelihood
 from .numbers import IMU, TIME, WHITE
-from .outliers import passed, rough, used
+from .outliers import rough, run_at, used_masks
 from .part import check_length, part, smoothed_start
 from .time_correlation import with_lasting
 from .unknowns import (
@@ -171,7 +171,7 @@ class Search:
         return [int(j) for j in np.flatnonzero(theta <= self._least + 1e-9)]
 
     def _kept(self) -> list[Mask]:
-        return used(passed(self.run, self.asked, self.unknowns, self.theta))
+        return used_masks(run_at(self.run, self.asked, self.unknowns, self.theta))
 
     def _climb(self, theta: Array, kept: Sequence[Mask]) -> None:
         self._go_on(Likelihood(self.run, self.asked, self.unknowns, self.counted, kept))

@@ -10,7 +10,7 @@ from ..typing import Array
 from .fisher_scoring import Top, climb
 from .likelihood import Likelihood
 from .numbers import IMU, WHITE
-from .unknowns import NoiseUnknown, groups, lasting
+from .unknowns import NoiseUnknown, correlation_unknowns, groups
 
 TIMES = (3.0, 10.0, 30.0, 100.0)
 """s: the likelihood can have two maxima, so the search begins at several times and sizes."""
@@ -39,7 +39,7 @@ def with_lasting(likelihood: Likelihood, top: Top, index: int) -> CorrelationFou
     sd = np.zeros(np.asarray(source.sd).shape[1])
     for j, rows in zip(white, groups(source).values()):
         sd[list(rows)] = np.exp(theta[j])
-    more = lasting(source, index, Correlated(tuple(sd.tolist()), TIMES[2]))
+    more = correlation_unknowns(source, index, Correlated(tuple(sd.tolist()), TIMES[2]))
     wider = likelihood.with_more(more)
     begins = _begins(wider.unknowns, theta, white, more)
     points = sorted(wider.all(begins), key=lambda point: -point.log_likelihood)[:BEST]

@@ -61,10 +61,12 @@ def of_source(a: Aiding, index: int) -> list[NoiseUnknown]:
         given = typical_sd(a, rows)
         of = (_name(a), WHITE, part, unit, factor)
         found.append(NoiseUnknown(*of, given, given, given / WIDE, given * WIDE, index, rows))
-    return found + (lasting(a, index, a.correlated, a.correlated) if a.correlated else [])
+    return found + (
+        correlation_unknowns(a, index, a.correlated, a.correlated) if a.correlated else []
+    )
 
 
-def lasting(
+def correlation_unknowns(
     a: Aiding, index: int, begin: Correlated, given: Correlated | None = None
 ) -> list[NoiseUnknown]:
     """Those of a source's correlated errors."""

@@ -76,15 +76,15 @@ def si(dimension: str) -> str:
 
 def shown_unit(name: str) -> tuple[str, float]:
     """(the unit in which people read the innovation of a quantity, what 1 in SI is in it)."""
-    return _shown(innovation_dimension(name))
+    return _display_unit(innovation_dimension(name))
 
 
 def shown_value_unit(name: str) -> tuple[str, float]:
     """The same of its values."""
-    return _shown(dimension(name))
+    return _display_unit(dimension(name))
 
 
-def _shown(dimension: str) -> tuple[str, float]:
+def _display_unit(dimension: str) -> tuple[str, float]:
     units = UNITS[dimension]
     unit = SHOWN.get(next(iter(units)), next(iter(units)))
     return unit, 1 / units[unit]

@@ -140,12 +140,12 @@ def seconds_to(
     with located(what):
         ahead, zero = gps_of(moment), gps_of(epoch)
     # microseconds and leap seconds apart: seconds since 1980 as floats are not as fine
-    start, stop = (_unzoned(each) for each in (epoch, moment))
+    start, stop = (_as_utc(each) for each in (epoch, moment))
     passed = (stop - start).total_seconds()
     return passed + round(ahead - zero - passed)
 
 
-def _unzoned(moment: str | datetime) -> datetime:
+def _as_utc(moment: str | datetime) -> datetime:
     """A time that `gps_of` takes, in UTC."""
     made = moment if isinstance(moment, datetime) else datetime.fromisoformat(moment)
     return made.replace(tzinfo=UTC) if made.tzinfo is None else made.astimezone(UTC)
@@ -257,7 +257,7 @@ def rate_of(t: ArrayLike, unit: float = 1.0) -> float:
     return 1 / (unit * float(np.median(steps))) if len(steps) else 0.0
 
 
-def rolled(t: Array, period: float) -> Array:
+def rollover_count(t: Array, period: float) -> Array:
     """Whole periods (n,) that a clock has counted which begins anew after `period`, such as a time
     of day or of the week; NaN are passed over.
 

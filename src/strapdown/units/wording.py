@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 
-def counted(count: int, noun: str, plural: str = "s") -> str:
+def count_text(count: int, noun: str, plural: str = "s") -> str:
     """`1 row`, `2 rows`, or with the ending of another plural `2 fixes`."""
     return f"{count} {noun}{'' if count == 1 else plural}"
 
@@ -23,7 +23,7 @@ def short(value: float) -> str:
     return f"{value:.0f}" if 999.5 <= abs(value) < 1e7 else f"{value:.3g}"
 
 
-def enumerated(words: Sequence[str]) -> str:
+def join_words(words: Sequence[str]) -> str:
     """`a, b and c`."""
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
@@ -33,7 +33,7 @@ def metres(value: float) -> str:
     return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
 
 
-def elapsed(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """`12.3 s`, `10 min 5 s`, `23 h 5 min`."""
     if seconds < 120:
         return f"{seconds:.3g} s"
@@ -43,6 +43,6 @@ def elapsed(seconds: float) -> str:
     return " ".join(part for part in parts if not part.startswith("0 "))
 
 
-def capitalised(text: str) -> str:
+def capitalise(text: str) -> str:
     """The text with a capital; all else of it stays."""
     return text[:1].upper() + text[1:]

@@ -81,7 +81,7 @@ def by_source(solution: Solution) -> list[JudgedFixes]:
                     every.t[own],
                     every.innovation[own],
                     0.0 if every.whitened is None else correlation(every.whitened[own]),
-                    _predicted(every, own, aiding),
+                    _predicted_share(every, own, aiding),
                     every.nis[own] / expected[own],
                     every.accepted[own],
                     every.accepted[own] & (every.nis[own] > gate),
@@ -90,7 +90,7 @@ def by_source(solution: Solution) -> list[JudgedFixes]:
     return found
 
 
-def _predicted(every: Innovations, own: Ints, aiding: Aiding) -> float:
+def _predicted_share(every: Innovations, own: Ints, aiding: Aiding) -> float:
     """Median share of the variance of the innovations in rows `own` that the prediction brings, by
     the filter; NaN where it does not say, or the kind has no EXCESS."""
     if every.root is None or aiding.kind not in EXCESS:
@@ -105,7 +105,7 @@ def _predicted(every: Innovations, own: Ints, aiding: Aiding) -> float:
     return float(np.mean([np.median(column) for column in known if len(column)] or [np.nan]))
 
 
-def stopped(solution: Solution) -> Iterator[Reason]:
+def check_divergence(solution: Solution) -> Iterator[Reason]:
     """The filter diverged."""
     if "stopped" in solution.meta:
         yield Reason(
@@ -221,7 +221,7 @@ def noise(source: JudgedFixes) -> Iterator[Reason]:
     if ratio < NIS_LOW and source.kind in ("position", "velocity"):
         yield _too_small(source, times)
     elif ratio <= NIS_HIGH:
-        yield from _lasting(source, ratio)
+        yield from _check_correlation(source, ratio)
 
 
 def _too_small(source: JudgedFixes, times: float) -> Reason:
@@ -247,7 +247,7 @@ def _too_small(source: JudgedFixes, times: float) -> Reason:
     )
 
 
-def _lasting(source: JudgedFixes, ratio: float) -> Iterator[Reason]:
+def _check_correlation(source: JudgedFixes, ratio: float) -> Iterator[Reason]:
     """Innovations that last and are larger than what the filter claims of its prediction: it takes
     errors that last for noise that averages out."""
     least = SURELY / np.sqrt(len(source.t))
@@ -283,7 +283,7 @@ def _bad_parts(source: JudgedFixes) -> tuple[float, float, float] | None:
     return float(first), float(last), float(ratios[bad].max())
 
 
-def explained(reason: Reason, runs: Iterable[Rejected]) -> Reason:
+def explain_reason(reason: Reason, runs: Iterable[Rejected]) -> Reason:
     """A Reason of rejections with what the cause says of most of them, where there is one."""
     own = [run for run in runs if run.source == reason.source]
     largest = max(own, key=lambda run: run.number, default=None)

@@ -32,7 +32,7 @@ def judge(solution: Solution) -> Verdict:
     sources = evidence.by_source(solution)
     seconds = recording.span[1] - solution.meta["start"]["t"]
     little = seconds < MIN_TIME or all(len(source.t) < GATED for source in sources)
-    untested = list(_untested(solution, sources, seconds))
+    untested = list(_untested_claims(solution, sources, seconds))
 
     def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
         """Return the result of a check; one that fails becomes a line and does not cost the user
@@ -51,7 +51,7 @@ def judge(solution: Solution) -> Verdict:
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
         causes += looked
         untested += unknown if in_motion(solution) else []
-    inspected = attempt("the recording", _inspected, solution) or []
+    inspected = attempt("the recording", _inspection_reasons, solution) or []
     if not sources and not symptoms and not inspected:
         return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
     # what the filter has estimated is not as the recording has it
@@ -61,7 +61,7 @@ def judge(solution: Solution) -> Verdict:
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
-def _inspected(solution: Solution) -> list[Reason]:
+def _inspection_reasons(solution: Solution) -> list[Reason]:
     """A Reason for each problem that `inspect` finds in what the filter used."""
     recording, (_, gyro) = solution.recording, solution.meta.get("bias_sd") or (0.0, 0.0)
     assert recording is not None
@@ -81,7 +81,7 @@ def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
 def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason]:
     """Yield the reasons that the run shows and a correct set-up does not."""
     if "stopped" in solution.meta:  # what it did before is of no interest
-        yield from evidence.stopped(solution)
+        yield from evidence.check_divergence(solution)
         return
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
     yield from (*biases, *smoother)
@@ -90,8 +90,8 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
     for source in (each for each in sources if each.name not in left_out):
         found = [
             *evidence.noise(source),
-            *(evidence.explained(each, runs) for each in evidence.rejections(source)),
-            *(evidence.explained(each, runs) for each in evidence.jumps(source)),
+            *(evidence.explain_reason(each, runs) for each in evidence.rejections(source)),
+            *(evidence.explain_reason(each, runs) for each in evidence.jumps(source)),
         ]
         of_sources += sorted(found, key=lambda reason: -reason.weight)[:1]
     yield from of_sources
@@ -103,7 +103,9 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
             break
 
 
-def _untested(solution: Solution, sources: list[JudgedFixes], seconds: float) -> Iterator[str]:
+def _untested_claims(
+    solution: Solution, sources: list[JudgedFixes], seconds: float
+) -> Iterator[str]:
     """Yield what could not be tested, and why."""
     if seconds < MIN_TIME:
         yield f"anything that takes time: the run lasts {seconds:.0f} s, of {MIN_TIME:.0f} s needed"

@@ -243,7 +243,9 @@ def test_kernels_for_eight_runs_are_compiled_in_other_processes(cold, monkeypatc
     # another process may make another kernel of it, which is of no use to this one
     other = job.path.with_name("other")
     other.touch()
-    assert side_by_side._compiled(job) and not side_by_side._compiled(job._replace(path=other))
+    assert side_by_side._compile_job(job) and not side_by_side._compile_job(
+        job._replace(path=other)
+    )
 
 
 def test_what_the_compiler_prints_in_other_processes_is_no_answer(cold, monkeypatch):

@@ -13,7 +13,7 @@ import pytest
 
 import strapdown
 from strapdown.core.compile import jit
-from strapdown.core.compile.jit import bound, compile_kernel, flatten, kernel, matrix
+from strapdown.core.compile.jit import bind_kernel, compile_kernel, flatten, kernel, matrix
 from strapdown.core.compile.records import row_of
 from strapdown.core.compile.signatures import REAL, WHOLE, reals, record, signature, wholes
 from strapdown.typing import Array
@@ -80,7 +80,7 @@ def test_what_a_kernel_raises_is_raised_behind_its_call():
 def test_a_bound_call_sees_its_arrays_as_they_are_when_it_is_made():
     add = kernel(signature("total", REAL, x=reals("n")))(lambda x: x[0] + x[1])
     x = np.array([1.0, 2.0])
-    call = bound(add, x)
+    call = bind_kernel(add, x)
     assert call() == 3.0
     x[0] = 5.0
     del x

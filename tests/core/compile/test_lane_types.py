@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from strapdown.core.compile.c_calls import aligned
+from strapdown.core.compile.c_calls import aligned_zeros
 from strapdown.core.compile.jit import (
     COMPILED,
     bits,
@@ -31,7 +31,7 @@ ODD = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 1.0, -1.0, 5e-324])
 def operands():
     """(x, y) of 64 elements and LANES runs, the odd ones with each other among them."""
     rng = np.random.default_rng(3)
-    x, y = aligned(64, LANES), aligned(64, LANES)
+    x, y = aligned_zeros(64, LANES), aligned_zeros(64, LANES)
     x[:], y[:] = rng.uniform(-4, 4, (2, 64, LANES))
     x[:8], y[:8] = ODD[:, None], ODD
     return x, y
@@ -39,7 +39,7 @@ def operands():
 
 def wide(one, rows):
     """(what a kernel makes of the operands in lanes, the same run by run)."""
-    (x, y), made = operands(), aligned(rows, 64, LANES)
+    (x, y), made = operands(), aligned_zeros(rows, 64, LANES)
     one.for_runs(in_lanes(EACH))(x, y, made)
     alone = np.zeros((LANES, rows, 64))
     for lane in range(LANES):
@@ -137,8 +137,8 @@ def reduced(x, out, counts):
 
 
 def test_arguments_results_and_views():
-    rng, out, counts = np.random.default_rng(1), aligned(64, LANES), np.zeros(64, np.int64)
-    x = aligned(64, LANES)
+    rng, out, counts = np.random.default_rng(1), aligned_zeros(64, LANES), np.zeros(64, np.int64)
+    x = aligned_zeros(64, LANES)
     x[:] = rng.uniform(-4, 4, x.shape)
     one = reduced.for_runs(in_lanes(CALLS))
     total = one(x, out, counts)
@@ -154,7 +154,7 @@ def test_numbers_that_begin_anywhere():
     x, y = operands()
     made, expected = (
         np.zeros(16 * 64 * LANES + 1)[1:].reshape(16, 64, LANES),
-        aligned(16, 64, LANES),
+        aligned_zeros(16, 64, LANES),
     )
     one = arithmetic.for_runs(in_lanes(EACH))
     one(x, y, expected)

@@ -54,7 +54,7 @@ def of_object(symbol):
     """A file of machine code with the one function, which does nothing."""
     text = DOES_NOTHING.format(symbol=symbol)
     made = emit.emit([text], emit.LIBRARY[HERE[-1]], [symbol])
-    return machine_code.written(*relocation.place([made.content]))
+    return machine_code.file_content(*relocation.place([made.content]))
 
 
 def digest(content):
@@ -62,7 +62,7 @@ def digest(content):
 
 
 def forget():
-    for found in (library.opened, library.levels, library._edited):
+    for found in (library.load_library, library.levels, library._is_edited):
         found.cache_clear()
 
 
@@ -103,7 +103,9 @@ def reason(command):
         assert library.find(KERNEL) is None
         assert jit.said_first(KERNEL, "closed-loop").endswith(f" ... ({why})")
         code, text, errors = command("--version", "--verbose")
-        assert (code, errors) == (0, []) and text.splitlines()[1:] == list(library.told())
+        assert (code, errors) == (0, []) and text.splitlines()[1:] == list(
+            library.describe_library()
+        )
         assert text.splitlines()[1] == f"kernels: compiled on use by numba ({why})"
         return why
 
@@ -224,7 +226,7 @@ def test_an_old_processor_takes_the_lower_level_and_an_unknown_one_none(made, re
     lowest = list(library.LEVELS[library.system()])[-1]
     forget()
     monkeypatch.setattr(library, "levels", library.cache(lambda: (lowest,)))
-    assert library.opened().level == lowest
+    assert library.load_library().level == lowest
     monkeypatch.setattr(library, "levels", library.cache(lambda: ()))
     assert reason().endswith(f"this processor is {library.platform.machine()}")
 

@@ -27,7 +27,7 @@ def version(request, monkeypatch):
 
     if request.param != "known":
         monkeypatch.setattr(numba_parts.numba, "__version__", "99.0.1")
-    assert numba_parts.known() == (request.param == "known")
+    assert numba_parts.is_known_numba() == (request.param == "known")
     return request.param
 
 
@@ -42,7 +42,7 @@ def test_the_installed_numba_is_one_that_the_private_parts_are_written_for():
     folder and the golden replays with it, then add it to KNOWN."""
     from strapdown.core.compile import numba_parts
 
-    assert numba_parts.known(), f"numba {numba.__version__}, known: {numba_parts.KNOWN}"
+    assert numba_parts.is_known_numba(), f"numba {numba.__version__}, known: {numba_parts.KNOWN}"
 
 
 def test_reference_counts_can_be_left_out_in_this_numba(monkeypatch):

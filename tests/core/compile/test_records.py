@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from strapdown.core.compile.jit import kernel
-from strapdown.core.compile.records import copied, notes, place, row_of, rows, rows_of
+from strapdown.core.compile.records import copy_row, notes, place, row_of, rows, rows_of
 from strapdown.core.compile.signatures import REAL, WHOLE, signature
 from strapdown.typing import Array, Ints
 
@@ -58,7 +58,7 @@ def test_every_number_has_eight_bytes_at_the_place_of_its_field():
 
 def test_a_copy_is_no_view_and_fields_have_their_comments():
     table = rows(Axis, 1)
-    own = copied(table[0])
+    own = copy_row(table[0])
     own.length = 9
     assert table[0].length == 0 and alone(own, 1) == 0.0 and own.length == 10
     said = notes(Axis)

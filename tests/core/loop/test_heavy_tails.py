@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.cursor import Books
-from strapdown.core.loop.stages.adaptive import MAX_FACTOR, adapted, follow
+from strapdown.core.loop.stages.adaptive import MAX_FACTOR, apply_factors, follow
 from strapdown.core.loop.stages.robust import OUTLIERS, SCALES, STEP, variance_factor
 from strapdown.core.mathematics.innovation_moments import moments
 
@@ -95,7 +95,7 @@ def watched(true_sd, memory, interval, walk=0.3, tests=None, fixes=1000, first=0
     for k in range(first, first + fixes):
         x, P = x + walk * rng.normal(), P + walk**2
         sd = np.ones(3)
-        adapted(sd, tests, factor)
+        apply_factors(sd, tests, factor)
         R = sd[0] ** 2
         e = np.array([x + true_sd(k * interval) * rng.normal() - estimate, np.nan, np.nan])
         S, noise = np.empty(6), np.empty(6)
@@ -135,8 +135,8 @@ def test_lasting_errors_are_not_believed():
     tests = books()
     tests.factor[:], tests.alike = [0.1, 4.0, 1.0], 0.5
     sd, factor = np.full(3, 2.0), np.empty(3)
-    adapted(sd, tests, factor)
+    apply_factors(sd, tests, factor)
     np.testing.assert_allclose(sd, [2.0, 4.0, 2.0])
     tests.alike = 0.1
-    adapted(np.full(3, 2.0), tests, factor)
+    apply_factors(np.full(3, 2.0), tests, factor)
     np.testing.assert_allclose(factor, [np.sqrt(0.1), 2.0, 1.0])

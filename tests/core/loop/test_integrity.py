@@ -20,7 +20,7 @@ from strapdown.engine.events import MAX_OF_A_KIND, Events, log_row
 from strapdown.engine.plausible_limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.trajectory import static
 from strapdown.units import quantities
@@ -185,7 +185,7 @@ def test_standard_deviations_below_any_receivers_are_raised():
 
 def test_a_source_that_is_further_off_than_the_vehicle_can_have_gone_is_left_out():
     def jump(y):
-        y[8:] = displaced(y[8:], np.tile([3e5, 0.0, 0.0], (len(y) - 8, 1)))
+        y[8:] = displace_lla(y[8:], np.tile([3e5, 0.0, 0.0], (len(y) - 8, 1)))
 
     far, near = (fused(with_fixes(flight(), jump), vehicle=name) for name in ("car", "any"))
     assert far.counts()["GNSS position"] == (8, 12) and not said(far, "GNSS position: gate opened")

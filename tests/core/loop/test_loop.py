@@ -9,7 +9,7 @@ from recordings import alike, flight, position, rows, said, split, start, withou
 import strapdown as sd
 from strapdown.core.loop import gaps, loop
 from strapdown.data.solution import BRIDGED, DOUBTFUL, INVALID, VALID, Aiding
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 
@@ -22,7 +22,7 @@ def moved(aiding, after, ned):
     """The position fixes from `after` on displaced by metres north, east, down."""
     y = aiding.y.copy()
     late = aiding.t >= after - 1e-9
-    y[late] = displaced(y[late], np.broadcast_to(ned, y[late].shape))
+    y[late] = displace_lla(y[late], np.broadcast_to(ned, y[late].shape))
     return replace(aiding, y=y)
 
 
@@ -217,7 +217,9 @@ def test_a_fix_50_m_off_is_rejected_and_leaves_no_trace():
         lambda a: replace(
             a,
             y=np.where(
-                (np.arange(20) == 11)[:, None], displaced(a.y, np.tile([50.0, 0, 0], (20, 1))), a.y
+                (np.arange(20) == 11)[:, None],
+                displace_lla(a.y, np.tile([50.0, 0, 0], (20, 1))),
+                a.y,
             ),
         ),
     )

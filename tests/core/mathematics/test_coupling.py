@@ -9,7 +9,7 @@ from flat_flight import NOISE, flight
 
 import strapdown as sd
 from strapdown.core.mathematics.coupling import COUPLED, ROW, uncouple
-from strapdown.engine.installation import coupled, parameters, with_estimates
+from strapdown.engine.installation import coupling_rows, parameters, with_estimates
 from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
@@ -33,7 +33,7 @@ def read_wrong(recording, into, of, value):
 def test_the_table_says_which_axis_reads_which(name):
     recording, _, _ = flight(1.0, 10.0)
     of_imu = with_estimates(recording, [name]).meta["estimate"]
-    table = coupled(parameters((), of_imu), 15)
+    table = coupling_rows(parameters((), of_imu), 15)
     assert [row[1:] for row in table.tolist()] == NAMES[name]
     assert table.state.tolist() == list(range(15, 15 + len(table)))
 

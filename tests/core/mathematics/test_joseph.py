@@ -7,7 +7,13 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
-from strapdown.core.mathematics.joseph import JOSEPH, await_step, carry, changed, spread
+from strapdown.core.mathematics.joseph import (
+    JOSEPH,
+    await_step,
+    carry,
+    has_new_noise,
+    joseph_update,
+)
 
 pytestmark = pytest.mark.short
 
@@ -19,7 +25,7 @@ def test_spread_is_josephs_form_for_any_gain(n):
     P, R = root @ root.T, noise @ noise.T
     keep = np.eye(n) - K @ H
     expected = keep @ P @ keep.T + K @ R @ K.T
-    spread(P, JOSEPH.zeros(), np.ascontiguousarray(-K.T), H, R)
+    joseph_update(P, JOSEPH.zeros(), np.ascontiguousarray(-K.T), H, R)
     np.testing.assert_allclose(P, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     assert (P == P.T).all()
 
@@ -38,10 +44,12 @@ def test_carry_is_the_transition_of_the_error_dynamics():
     expected = Phi @ P @ Phi.T
     expected[:15, :15] += Q * dt
     own, end = JOSEPH.zeros(), (C * Rotation.from_rotvec(dt * w)).as_matrix()
-    assert not await_step(own, w, f, 0.004, noise) and not changed(own, noise)
+    assert not await_step(own, w, f, 0.004, noise) and not has_new_noise(own, noise)
     assert not await_step(own, w, f, 0.006, noise)
-    assert changed(own, noise._replace(accel=1.0)) and changed(own, noise._replace(gyro=1.0))
-    assert carry(P, own, lla, v, end) == pytest.approx(dt) and not changed(
+    assert has_new_noise(own, noise._replace(accel=1.0)) and has_new_noise(
+        own, noise._replace(gyro=1.0)
+    )
+    assert carry(P, own, lla, v, end) == pytest.approx(dt) and not has_new_noise(
         own, noise._replace(accel=1.0)
     )
     assert await_step(own, w, f, 0.05, noise)

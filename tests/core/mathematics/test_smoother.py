@@ -13,10 +13,10 @@ from strapdown.filters.attitude.attitude_error_state import (
     INVERSE,
     RECORD,
     SIX,
-    measured,
+    adjoint_propagate_attitude,
+    adjoint_scalar_update,
     propagate,
-    unmeasured,
-    unpropagated,
+    scalar_update,
 )
 from strapdown.filters.attitude.attitude_mekf import (
     CALL,
@@ -85,7 +85,7 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(seed):
     # Phi is what the filter does, but for squares of 1e-4
     np.testing.assert_allclose(P[BLOCK], Phi @ before @ Phi.T + added, rtol=0, atol=1e-6)
     found, Found = lam.copy(), Lam.copy()
-    unpropagated(predicted(C, w0, w2, dt)[STEP], found, Found, np.zeros(72))
+    adjoint_propagate_attitude(predicted(C, w0, w2, dt)[STEP], found, Found, np.zeros(72))
     np.testing.assert_allclose(found, Phi.T @ lam, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(Found, Phi.T @ Lam @ Phi, rtol=1e-12, atol=1e-12)
 
@@ -101,7 +101,7 @@ def test_adjoint_of_the_correction(seed):
         0.3,
     )
     P, dx, record = whole(before), np.zeros(6), np.zeros(RECORD.size)
-    nis = measured(P, *h, 0.7, variance, np.inf, dx, record)
+    nis = scalar_update(P, *h, 0.7, variance, np.inf, dx, record)
     H = np.r_[h, 0, 0, 0]
     S = H @ before @ H + variance
     K = before @ H / S
@@ -109,7 +109,7 @@ def test_adjoint_of_the_correction(seed):
     np.testing.assert_allclose(nis, 0.49 / S)
     np.testing.assert_allclose(P[BLOCK], back_of @ before, atol=1e-12)
     found, Found = lam.copy(), Lam.copy()
-    unmeasured(record, found, Found, np.zeros(72))
+    adjoint_scalar_update(record, found, Found, np.zeros(72))
     np.testing.assert_allclose(found, back_of.T @ lam - H * 0.7 / S, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(
         Found, back_of.T @ Lam @ back_of + np.outer(H, H) / S, rtol=1e-12, atol=1e-12
@@ -138,7 +138,7 @@ def test_calls_are_undone_last_step_first():
         H, held = np.r_[h, 0, 0, 0], P[BLOCK].copy()
         S = H @ held @ H + 0.3
         steps.append((H, e - H @ dx, S, np.eye(6) - np.outer(held @ H / S, H)))
-        measured(P, *h, e, 0.3, np.inf, dx, call[place])
+        scalar_update(P, *h, e, 0.3, np.inf, dx, call[place])
     for H, e, S, M in steps[::-1]:
         lam, Lam = M.T @ lam - H * e / S, M.T @ Lam @ M + np.outer(H, H) / S
     Phi, found, Found = transition(C, 0.02, -0.03, 0.2), np.zeros(6), np.zeros((6, 6))
@@ -156,9 +156,9 @@ def test_what_was_not_used_says_nothing():
         positive(rng, 6),
     )
     for e, gate in ((100.0, 10.0), (np.nan, np.inf)):
-        measured(P, 1.0, 0.0, 0.0, e, 0.1, gate, np.zeros(6), record)
+        scalar_update(P, 1.0, 0.0, 0.0, e, 0.1, gate, np.zeros(6), record)
         found, Found = lam.copy(), Lam.copy()
-        unmeasured(record, found, Found, np.zeros(72))
+        adjoint_scalar_update(record, found, Found, np.zeros(72))
         assert record[INVERSE] == 0 and np.array_equal(found, lam) and np.array_equal(Found, Lam)
 
 
@@ -187,7 +187,7 @@ class Linear:
                 h, y, call = rng.standard_normal(3), rng.standard_normal(), np.zeros(WIDTH)
                 gate = 0.0 if number % 7 == 0 else np.inf
                 call[0] = FIX
-                measured(P, *h, y - h @ x[:3], 0.4, gate, dx, call[FIRST_RECORD])
+                scalar_update(P, *h, y - h @ x[:3], 0.4, gate, dx, call[FIRST_RECORD])
                 x, dx[:] = x + dx, 0.0
                 self.record.append(call)
                 self.steps.append((h, y) if gate else None)

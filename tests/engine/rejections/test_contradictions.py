@@ -4,7 +4,7 @@ import numpy as np
 
 from strapdown.engine.rejections import causes
 from strapdown.engine.rejections.causes import CauseFound
-from strapdown.engine.rejections.contradictions import RejectedRun, blamed
+from strapdown.engine.rejections.contradictions import RejectedRun, assign_blame
 
 
 def run(source, shape, number, gain=0.0):
@@ -21,7 +21,7 @@ def run(source, shape, number, gain=0.0):
 
 def found(*runs):
     """[(cause, sources that were rejected too)]"""
-    return [(each.found.shape, each.others) for each in blamed(list(runs))]
+    return [(each.found.shape, each.others) for each in assign_blame(list(runs))]
 
 
 def test_noise_is_too_small_of_each_source_by_itself():

@@ -82,7 +82,7 @@ def test_whitening_is_the_inverse_of_the_root():
     rng = np.random.default_rng(3)
     root = np.tril(rng.standard_normal((5, 3, 3))) + 3 * np.eye(3)
     values = rng.standard_normal((5, 3, 4))
-    assert np.allclose(causes.whitened(root, values), np.linalg.solve(root, values))
+    assert np.allclose(causes.whitened_values(root, values), np.linalg.solve(root, values))
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ from strapdown.data.solution import Aiding, Rejected
 from strapdown.engine.rejections import causes
 from strapdown.engine.rejections.causes import CauseFound
 from strapdown.engine.rejections.contradictions import RejectedRun
-from strapdown.engine.rejections.runs import joined
-from strapdown.engine.rejections.texts import rejected
+from strapdown.engine.rejections.runs import join_runs
+from strapdown.engine.rejections.texts import rejection_texts
 from strapdown.engine.stream import Fix, Sample, Stream
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.pages import fix_figures, summary
 
 EMPTY = np.empty((0, 3))
@@ -64,7 +64,7 @@ def run(shape, size=(), since=118.0, until=np.inf, source=0, start=120.0, **more
     ],
 )
 def test_a_run_in_words(made, cause, seen):
-    (said,) = rejected([made], [POSITION, SPEED])
+    (said,) = rejection_texts([made], [POSITION, SPEED])
     assert said.cause == cause and said.seen.startswith(seen)
     assert str(said).startswith(
         f"{said.source}: 34 of 36 fixes rejected from 120.0 to 127.0 s: {seen}"
@@ -75,7 +75,7 @@ def test_a_run_in_words(made, cause, seen):
 def test_runs_found_in_pieces_are_bounded_in_number():
     many = [run("jump", (9.0, 0, 0), start=100.0 * k) for k in range(40)]
     singles = [run("single outliers", start=100.0 * k + 50) for k in range(40)]
-    found = joined(
+    found = join_runs(
         sorted(many[:20] + singles[:20], key=lambda r: r.start), many[20:] + singles[20:]
     )
     assert len(found) <= 12 and sum(each.number for each in found) == 80 * 34
@@ -115,7 +115,7 @@ def events_of(recording):
 
 
 def test_a_stream_says_it_while_it_goes_on_and_once():
-    moved = lambda a: replace(a, y=displaced(a.y, (a.t >= 158.0)[:, None] * [0.0, 30.0, 0.0]))
+    moved = lambda a: replace(a, y=displace_lla(a.y, (a.t >= 158.0)[:, None] * [0.0, 30.0, 0.0]))
     recording = changed(simulated("flight", 1), "position", moved)
     begin = sd.align(recording, sd.grade("industrial"))
     batch, told = sd.fuse(recording, start=begin), []
@@ -144,7 +144,7 @@ def test_a_recorded_drive_with_wrong_fixes(data_folder):
     drive = sd.read(DESCRIPTIONS / "drive0708.toml").between(stop=330.0)
     (right,) = sd.fuse(drive).rejected
     assert right.cause == "single outliers" and right.number < 20
-    off = lambda a: replace(a, y=displaced(a.y, (a.t >= 250.0)[:, None] * [0.0, 15.0, 0.0]))
+    off = lambda a: replace(a, y=displace_lla(a.y, (a.t >= 250.0)[:, None] * [0.0, 15.0, 0.0]))
     found = {r.source: r for r in sd.fuse(changed(drive, "position", off)).rejected}["position"]
     assert (found.cause, found.start) == ("jump", pytest.approx(250.0, abs=0.5))
     assert found.seen == "they jumped by 15 m to the east and stayed"

@@ -15,12 +15,12 @@ MATTER = (
     "filters/ins/closed_loop.py",
     "sim/synthesis.py",
     "sensor_models/geomagnetism.py",
-    "preprocessing/fixes.py",
+    "preprocessing/lever_arm.py",
     "engine/batch.py",
     "evaluation/consistency.py",
     "experiments/monte_carlo/chunks.py",
     "experiments/monte_carlo/scoring.py",
-    "rotation_products.py",
+    "geometry/rotation_products.py",
 )
 DATA = ("sensor_models/egm96.xz", "sensor_models/grades/tactical.toml")
 NOT = ("cli/app.py", "pages/page.py", "io/readers/ubx.py", "experiments/advice/advise.py")
@@ -71,10 +71,10 @@ def test_versions_of_what_computes_count():
 CHUNK = """
 import sys
 from types import SimpleNamespace
-from strapdown.evaluation.consistency import Limits
+from strapdown.evaluation.consistency import LossLimits
 from strapdown.experiments.monte_carlo import chunks
 study = SimpleNamespace(cells=chunks.cells(("demo",), ("tactical",)), filters=("closed-loop",), seed=1,
-    epoch=60.0, keep=1, limits=Limits(), installation={"clock": (0.01,)}, side_by_side=False)
+    epoch=60.0, keep=1, limits=LossLimits(), installation={"clock": (0.01,)}, side_by_side=False)
 chunks.run_chunk(study, chunks.Chunk(0, 0, 1))
 print(*(name for name in sys.modules if name.partition(".")[0] == "strapdown"))
 """

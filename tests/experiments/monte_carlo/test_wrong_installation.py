@@ -1,4 +1,4 @@
-"""Recordings with a wrong installation: what `applied` of the diagnosis undoes, with the truth that
+"""Recordings with a wrong installation: what `apply_constants` of the diagnosis undoes, with the truth that
 belongs to it; and studies that draw one."""
 
 import json
@@ -18,12 +18,12 @@ from strapdown.data.solution import Aiding
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.experiments.monte_carlo.wrong_installation import (
-    drawn,
+    draw_installation,
     installed_wrong,
     parameters_of,
     start_of,
 )
-from strapdown.installation.model import applied, constants
+from strapdown.installation.model import apply_constants, constants
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.synthesis import Simulator
@@ -62,7 +62,7 @@ def test_what_the_diagnosis_applies_undoes_a_wrong_installation(right):
     # the order of `constants`: clocks of position and velocity, arm, mounting, scale
     known = constants(wrong.aidings)
     theta = np.array([0.1, 0.1, 0.4, -0.3, 0.2, 0.015])
-    back = applied(wrong, known, theta)
+    back = apply_constants(wrong, known, theta)
     for a, b in zip(recording.aidings, back.aidings):
         inside = a.between(*(np.array(wrong.span) + [0.2, 0.0]))
         late = 0.1 if a.kind == "speed" else 0.0  # its clock is none of the diagnosis
@@ -131,7 +131,9 @@ def test_scale_and_misalignment_of_the_imu_change_its_samples(right):
 @pytest.mark.short
 def test_drawn_errors_have_their_standard_deviations(right):
     recording, _ = right
-    errors = [drawn(recording, WRONG, np.random.default_rng(k)).error for k in range(300)]
+    errors = [
+        draw_installation(recording, WRONG, np.random.default_rng(k)).error for k in range(300)
+    ]
     sds = [p.sd for p in parameters_of(recording, WRONG)]
     np.testing.assert_allclose(np.std(errors, axis=0), sds, rtol=0.15)
 

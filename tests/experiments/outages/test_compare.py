@@ -60,11 +60,11 @@ def solutions(monkeypatch):
     """{(filter, start of the outage): Solution of its rows} of the comparisons of a test."""
     kept = {}
 
-    def keep(solution, outage, scored=runs.scored):
+    def keep(solution, outage, scored=runs.score_outage):
         kept[solution.meta["filter"], outage.start] = solution
         return scored(solution, outage)
 
-    monkeypatch.setattr(runs, "scored", keep)
+    monkeypatch.setattr(runs, "score_outage", keep)
     return kept
 
 
@@ -560,13 +560,13 @@ def test_what_was_said_before_an_outage_is_not_of_the_outage():
     """A gap of the samples and a jump of the position long before it."""
     from recordings import without_samples
 
-    from strapdown.geometry.geodesy import displaced
+    from strapdown.geometry.geodesy import displace_lla
 
     recording = flight(seconds=60.0)
     fix, *others = recording.aidings
     y = fix.y.copy()
     late = fix.t > 20
-    y[late] = displaced(y[late], np.tile([0.0, 50.0, 0.0], (late.sum(), 1)))
+    y[late] = displace_lla(y[late], np.tile([0.0, 50.0, 0.0], (late.sum(), 1)))
     spoilt = replace(recording, aidings=(replace(fix, y=y), *others))
     found = sd.compare(
         without_samples(spoilt, (10.0, 10.5)), ["closed-loop"], outages=[(45.0, 50.0)]

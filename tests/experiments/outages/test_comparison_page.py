@@ -13,7 +13,14 @@ from pages import own
 
 from strapdown.experiments.outages import figures
 from strapdown.experiments.outages.page import page
-from strapdown.experiments.outages.texts import answers, failures, ranked, ratio, sentences, unlike
+from strapdown.experiments.outages.texts import (
+    answers,
+    failures,
+    rank_filters,
+    ratio,
+    sentences,
+    unlike,
+)
 from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
@@ -110,7 +117,7 @@ def test_the_best_is_named_with_its_lead():
         f"best drifts least in 4 outages: best's horizontal RMSE is {1 / r.value:#.3g} times as large as worse's "
         f"(95 %: {1 / r.high:#.3g} to {1 / r.low:#.3g}), the next."
     )
-    assert ranked(CLEAR, 30.0) == ["best", "worse", "worst"] and 0.4 < 1 / r.value < 0.6
+    assert rank_filters(CLEAR, 30.0) == ["best", "worse", "worst"] and 0.4 < 1 / r.value < 0.6
 
 
 def test_a_ratio_turns_round():
@@ -193,7 +200,7 @@ def test_who_failed_is_named_with_the_reason(pages):
         "lost was not scored in 1 of 4 outages: stopped: lost & <gone>",
         "never was not scored in any of 4 outages: stopped: lost & <gone>",
     ]
-    assert sentences(LOST)[1:] == failures(LOST) and ranked(LOST, 30.0) == ["good"]
+    assert sentences(LOST)[1:] == failures(LOST) and rank_filters(LOST, 30.0) == ["good"]
     assert pages["lost"].count("stopped: lost &amp; &lt;gone&gt;") == 2
     assert "<gone>" not in re.sub("<script.*?</script>", "", pages["lost"], flags=re.DOTALL)
     for heading, figure in drawn(pages["lost"]).items():
@@ -274,7 +281,7 @@ def test_the_summary_marks_what_can_be_compared(pages):
 
 
 def test_the_figure_of_ratios_has_their_intervals():
-    figure = figures.paired(ALIKE, "a", 30.0)
+    figure = figures.paired_ratios(ALIKE, "a", 30.0)
     assert len(figure.data) == 2 * 4
     for trace, (axis, name) in zip(
         figure.data,
@@ -295,9 +302,10 @@ def test_the_figure_of_ratios_has_their_intervals():
         for trace in figure.data
     )
     assert figure.layout.xaxis.type == "log" and all(
-        trace.marker.color != "rgba(0,0,0,0)" for trace in figures.paired(CLEAR, "best", 30.0).data
+        trace.marker.color != "rgba(0,0,0,0)"
+        for trace in figures.paired_ratios(CLEAR, "best", 30.0).data
     )
-    assert figures.paired(ALL["one filter"], "alone", 30.0) is None
+    assert figures.paired_ratios(ALL["one filter"], "alone", 30.0) is None
 
 
 def test_curves_and_points_are_the_tables():
@@ -378,7 +386,7 @@ def test_the_track_has_the_outages_and_what_filters_took_for_it():
 def test_the_track_of_a_sweep_says_where_it_is_hard():
     figure = figures.track(SWEPT)
     marks = next(trace for trace in figure.data if trace.name == "an outage begins")
-    best = SWEPT.scores[SWEPT.scores["filter"] == ranked(SWEPT, 30.0)[0]]
+    best = SWEPT.scores[SWEPT.scores["filter"] == rank_filters(SWEPT, 30.0)[0]]
     assert np.allclose(10**marks.marker.color, best["horizontal_rmse_m"])
     assert "[m]" in marks.marker.colorbar.title.text and not figure.layout.annotations
 

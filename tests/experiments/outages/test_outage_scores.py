@@ -16,9 +16,9 @@ from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison
-from strapdown.experiments.outages.scores import ErrorTrack, outages_of, scored
-from strapdown.experiments.outages.summaries import blocks, ratio, widening
-from strapdown.geometry.geodesy import displaced
+from strapdown.experiments.outages.scores import ErrorTrack, outages_of, score_outage
+from strapdown.experiments.outages.summaries import blocks, overlap_factor, ratio
+from strapdown.geometry.geodesy import displace_lla
 
 pytestmark = pytest.mark.short
 RATE, ORIGIN = 10, np.array([0.8, 0.1, 200.0])
@@ -32,7 +32,7 @@ def truth(t=T):
     q = Rotation.from_euler("ZYX", np.c_[0.02 * t, 0.1 + 0 * t, -0.2 + 0 * t]).as_quat()[
         :, [3, 0, 1, 2]
     ]
-    return Trajectory(t, displaced(np.tile(ORIGIN, (len(t), 1)), v * t[:, None]), v, q)
+    return Trajectory(t, displace_lla(np.tile(ORIGIN, (len(t), 1)), v * t[:, None]), v, q)
 
 
 def recording(fixes=np.arange(0.5, 100.0), reference=None):
@@ -61,8 +61,8 @@ def test_scores_are_those_of_plain_formulas():
     rph = true.rph - turn
     q = Rotation.from_euler("ZYX", rph[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
     sd = np.hstack([np.tile([3.0, 4.0, 2.0], (n, 1)), np.ones((n, 12))])
-    estimate = Trajectory(true.t, displaced(true.lla, -off), true.v_n - dv, q, sd)
-    row, track = scored(SimpleNamespace(trajectory=estimate), window)
+    estimate = Trajectory(true.t, displace_lla(true.lla, -off), true.v_n - dv, q, sd)
+    row, track = score_outage(SimpleNamespace(trajectory=estimate), window)
 
     degrees = lambda lla: (np.degrees(lla[:, 0]), np.degrees(lla[:, 1]), lla[:, 2])
     # a peer's, in the frame of the estimate
@@ -122,7 +122,7 @@ def test_a_filter_without_deviations_has_no_coverage_and_one_without_attitude_no
     window = outage("20:50")[0]
     rows = slice(window.first, window.last)
     estimate = Trajectory(T[rows], truth().lla[rows])
-    row, track = scored(SimpleNamespace(trajectory=estimate), window)
+    row, track = score_outage(SimpleNamespace(trajectory=estimate), window)
     assert (
         np.isnan(
             [
@@ -137,7 +137,7 @@ def test_a_filter_without_deviations_has_no_coverage_and_one_without_attitude_no
     assert row["horizontal_rmse_m"] == pytest.approx(0.0, abs=1e-5)
     estimate.lla[5] = np.nan
     with pytest.raises(DataError, match="diverged"):
-        scored(SimpleNamespace(trajectory=estimate), window)
+        score_outage(SimpleNamespace(trajectory=estimate), window)
 
 
 def test_where_it_hardly_moves_the_drift_is_no_percentage():
@@ -146,9 +146,9 @@ def test_where_it_hardly_moves_the_drift_is_no_percentage():
     rows = slice(window.first, window.last)
     estimate = Trajectory(
         T[rows],
-        displaced(still.lla[rows], np.tile([3.0, 4.0, 0.0], (window.last - window.first, 1))),
+        displace_lla(still.lla[rows], np.tile([3.0, 4.0, 0.0], (window.last - window.first, 1))),
     )
-    row, _ = scored(SimpleNamespace(trajectory=estimate), window)
+    row, _ = score_outage(SimpleNamespace(trajectory=estimate), window)
     assert (
         window.distance == 0.0
         and row["horizontal_end_m"] == pytest.approx(5.0, rel=1e-5)
@@ -165,7 +165,9 @@ def test_a_reference_that_ends_within_an_outage_gives_no_error_at_its_end():
         and "not known to the end of outage 1:" in notes[1]
     )
     rows = slice(window.first, window.last)
-    row, track = scored(SimpleNamespace(trajectory=Trajectory(T[rows], truth().lla[rows])), window)
+    row, track = score_outage(
+        SimpleNamespace(trajectory=Trajectory(T[rows], truth().lla[rows])), window
+    )
     assert np.isnan(
         [row["north_end_m"], row["horizontal_end_m"], row["drift_percent"]]
     ).all() and np.isfinite(row["north_rmse_m"])
@@ -323,16 +325,16 @@ def test_the_interval_of_a_sweep_holds_the_truth_as_often_as_it_says():
     starts, lengths, rng = np.arange(0.0, 306.0, 5.0), np.full(62, 30.0), np.random.default_rng(8)
     block, held, runs = blocks(starts, lengths), 0, 1000
     shared = np.sqrt((1 + 5 / 11) / (1 - 0.5 / 11))  # neighbours share a quarter
-    assert block[-1] + 1 == 11 and widening(starts, lengths, block) == pytest.approx(
+    assert block[-1] + 1 == 11 and overlap_factor(starts, lengths, block) == pytest.approx(
         shared, rel=0.02
     )
-    assert widening(
+    assert overlap_factor(
         np.array([0.0, 20, 120]), np.array([10.0, 90, 150]), np.arange(3)
     ) == pytest.approx(1.0)
     assert (
-        widening(np.arange(5) * 30.0, np.full(5, 30.0), np.arange(5))
+        overlap_factor(np.arange(5) * 30.0, np.full(5, 30.0), np.arange(5))
         == pytest.approx(1.0)
-        == widening(np.zeros(1), np.ones(1), np.zeros(1))
+        == overlap_factor(np.zeros(1), np.ones(1), np.zeros(1))
     )
     for noise in rng.standard_normal((runs, 340)):
         logs = np.convolve(noise, np.ones(30) / 30, "valid")[starts.astype(int)]

@@ -14,7 +14,7 @@ from strapdown.core.loop.contract import Imu, InitialState, Noise, compile_kerne
 from strapdown.data.recording import Recording
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
 from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180
@@ -46,7 +46,7 @@ def predicted(x, dt, P=np.eye(15)):
     at = np.array([0.8, 0.1, 500.0])
     begin = InitialState(
         0.0,
-        tuple(displaced(at, x[:3])),
+        tuple(displace_lla(at, x[:3])),
         tuple(x[3:6]),
         tuple(x[6:9]),
         tuple(x[9:12]),

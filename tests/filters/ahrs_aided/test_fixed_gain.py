@@ -17,7 +17,7 @@ from strapdown.core.loop.contract import InitialState, Kind, Noise, compile_kern
 from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(1e-3, 1e-2, 1e-5, 1e-4, 0.0, 0.0)
@@ -47,7 +47,7 @@ class Standing:
 
     def set(self, error):
         b = self.belief
-        b.lla[:], b.v[:], b.ba[:] = displaced(LLA, -error[0]), -error[1], -self.C.T @ error[2]
+        b.lla[:], b.v[:], b.ba[:] = displace_lla(LLA, -error[0]), -error[1], -self.C.T @ error[2]
 
     @property
     def error(self):
@@ -61,7 +61,7 @@ class Standing:
 
     def fix(self, kind, off=np.zeros(3)):
         y = {
-            "position": displaced(LLA, off),
+            "position": displace_lla(LLA, off),
             "velocity": off,
             "altitude": np.array([LLA[2] - off[2], np.nan, np.nan]),
         }[kind]

@@ -14,7 +14,7 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.earth import gravity, place, rotation_rates
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import Motion
@@ -137,7 +137,7 @@ def textbook(recording, begin, considered):
         )
         S = Phi @ S @ Phi.T + Q
         change = (f + np.array([0, 0, gravity(sine, lla[2])]) - np.cross(w_v, v)) * dt
-        lla, v = displaced(lla, (v + change / 2) * dt), v + change
+        lla, v = displace_lla(lla, (v + change / 2) * dt), v + change
         turn = lambda D: (
             Rotation.from_rotvec(-w_in * dt).as_matrix() @ D @ Rotation.from_rotvec(r).as_matrix()
         )
@@ -145,7 +145,7 @@ def textbook(recording, begin, considered):
         for row in np.flatnonzero(np.abs(position.t - t) < 1e-6):
             K, P = corrected(P, np.eye(3, 16), np.diag(position.sd[row] ** 2), 9)
             dx = K @ displacement(position.y[row], lla)
-            lla, v, b_a = displaced(lla, dx[:3]), v + dx[3:6], b_a + dx[6:9]
+            lla, v, b_a = displace_lla(lla, dx[:3]), v + dx[3:6], b_a + dx[6:9]
         for row in np.flatnonzero(np.abs(attitude.t - t) < 1e-6):
             measured, level = (
                 Rotation.from_euler("ZYX", attitude.y[row][::-1]),

@@ -17,11 +17,11 @@ from strapdown.filters.attitude.attitude_error_state import (
     SIX,
     carry,
     count_bias,
+    gain_update,
     inject,
-    measured,
     off_vertical,
     propagate,
-    pulled,
+    scalar_update,
     turn,
 )
 
@@ -160,9 +160,9 @@ def test_the_covariance_step_is_the_matrix_exponential_to_second_order():
 
 
 def take(P, h, e, variance, gate=math.inf, dx=None):
-    """(NIS, dx, record) of `measured`, in place of P."""
+    """(NIS, dx, record) of `scalar_update`, in place of P."""
     dx, record = np.zeros(6) if dx is None else dx, np.full(RECORD.size, np.nan)
-    return measured(P, *h, e, variance, gate, dx, record), dx, record
+    return scalar_update(P, *h, e, variance, gate, dx, record), dx, record
 
 
 def joseph(P, H, e, R):
@@ -234,7 +234,7 @@ def test_a_pull_by_any_gain_and_biases_that_are_no_states_against_dense_matrices
     before = root @ root.T
     h, K, S, variance = rng.standard_normal(3), rng.standard_normal(6), *rng.random((2, 6, 3))
     P, H = before.copy(), np.r_[h, 0, 0, 0]
-    total = pulled(P, K, *h, 0.3)
+    total = gain_update(P, K, *h, 0.3)
     keep = np.eye(6) - np.outer(K, H)
     assert total == pytest.approx(H @ six(before) @ H + 0.3)
     expected = keep @ six(before) @ keep.T + 0.3 * np.outer(K, K)

@@ -19,7 +19,7 @@ from strapdown.core.loop.contract import (
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution import DOUBTFUL
 from strapdown.filters import find
-from strapdown.filters.attitude.attitude_error_state import SIX, count_bias, pulled
+from strapdown.filters.attitude.attitude_error_state import SIX, count_bias, gain_update
 from strapdown.filters.attitude.attitude_mekf import (
     ASIDE,
     CONTRADICTED,
@@ -320,7 +320,7 @@ def test_a_correction_by_any_gain_is_josephs():
     K, h, R = rng.standard_normal(6), np.r_[rng.standard_normal(3), 0, 0, 0], 0.3
     keep = np.eye(6) - np.outer(K, h)
     expected = keep @ (B @ B.T) @ keep.T + R * np.outer(K, K)
-    total = pulled(P, K, *h[:3], R)
+    total = gain_update(P, K, *h[:3], R)
     np.testing.assert_allclose(P[np.ix_(SIX, SIX)], expected, rtol=1e-12, atol=1e-12)
     assert total == pytest.approx(h @ (B @ B.T) @ h + R)
 

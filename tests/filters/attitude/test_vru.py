@@ -29,7 +29,7 @@ from strapdown.filters.attitude.attitude_mekf import (
 from strapdown.filters.attitude.vru import MEASURED, VERTICAL, VRU, wave_density
 from strapdown.sensor_models.atmosphere import pressure_altitude
 from strapdown.sensor_models.imu import ImuSpec, Triad
-from strapdown.sim.motions import moored
+from strapdown.sim.motions import moored_vessel
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator, draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
@@ -392,7 +392,7 @@ def vertical_nees(seeds, told=1.0):
     """NEES/5 (runs, epochs) of height, vertical velocity and bias: heights with white noise on a
     heaving, hardly tilted body."""
     motion, t = (
-        moored(PLACE, roll=1e-3 * DEG, pitch=1e-3 * DEG),
+        moored_vessel(PLACE, roll=1e-3 * DEG, pitch=1e-3 * DEG),
         np.arange(DURATION * RATE + 1) / RATE,
     )
     truth, ideal = sample(motion, t), increments(motion, t)
@@ -444,7 +444,7 @@ def test_vertical_errors_are_as_large_as_the_covariance_says():
 def test_integration_holds_without_any_height():
     """The ideal IMU under a true start: without the level and with a mean level of 100 km heave,
     it is a strapdown integration of one axis."""
-    motion, t = moored(PLACE), np.arange(60 * 50 + 1) / 50
+    motion, t = moored_vessel(PLACE), np.arange(60 * 50 + 1) / 50
     truth = sample(motion, t)
     exact = InitialState(
         0.0,

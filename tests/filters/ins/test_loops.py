@@ -16,7 +16,7 @@ from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.data.vehicle import Vehicle
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(
@@ -180,7 +180,7 @@ def textbook(recording, begin):
                 turn[6:9, 6:9] = Rotation.from_rotvec(dx[6:9] / 2).as_matrix()
                 P = turn @ P @ turn.T
                 lla, v, C = (
-                    displaced(lla, dx[:3]),
+                    displace_lla(lla, dx[:3]),
                     v + dx[3:6],
                     Rotation.from_rotvec(dx[6:9]).as_matrix() @ C,
                 )

@@ -23,7 +23,7 @@ from strapdown.filters.ins.ekf import EKF
 from strapdown.filters.ins.mekf import MEKF
 from strapdown.filters.sigma_point.ckf import CKF
 from strapdown.filters.sigma_point.ukf import UKF
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -143,7 +143,7 @@ class Book:
         reset = block_diag(np.eye(6), back.as_matrix(), np.eye(7))
         self.P = reset @ self.P @ reset.T
         self.lla, self.v, self.q = (
-            displaced(self.lla, dx[:3]),
+            displace_lla(self.lla, dx[:3]),
             self.v + dx[3:6],
             product(self.q, gibbs(dx[6:9])),
         )
@@ -354,7 +354,7 @@ def aside(recording, error, deviation):
     C = Rotation.from_rotvec(-x[6:9]) * truth.rotation[0]
     return InitialState(
         0.0,
-        tuple(displaced(truth.lla[0], -x[:3])),
+        tuple(displace_lla(truth.lla[0], -x[:3])),
         tuple(truth.v_n[0] - x[3:6]),
         tuple(C.as_euler("ZYX")[::-1]),
         tuple(-x[9:12]),
@@ -495,7 +495,7 @@ def hovering():
     position = Aiding(
         "position",
         t[at],
-        displaced(truth.lla[at], of_fix.normal(0, 1.0, (len(at), 3))),
+        displace_lla(truth.lla[at], of_fix.normal(0, 1.0, (len(at), 3))),
         np.ones((len(at), 3)),
     )
     field = Magnetometer(rate=100.0, sd=1e-6, field=tuple(FIELD)).measure(truth, of_field)

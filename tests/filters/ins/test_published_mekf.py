@@ -16,7 +16,7 @@ import strapdown as sd
 from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 H, SECONDS = 0.001, 20.0
 PLACE = np.array([1.1, 0.2, 0.0])
@@ -151,7 +151,7 @@ def both():
         return kept
 
     # gravity and the turn of n as this library has them, into the samples
-    place = lambda p: displaced(PLACE, p)
+    place = lambda p: displace_lla(PLACE, p)
     recording = round_earth(t, f_imu, w_imu, rotations, states)
     fixes = (
         Aiding(

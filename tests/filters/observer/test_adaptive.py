@@ -16,7 +16,7 @@ from strapdown.filters.observer import adaptive_law
 from strapdown.filters.observer.adaptive_law import AIR, COUNT, GYRO, WIND
 from strapdown.filters.observer.covariance import step
 from strapdown.filters.observer.equations import ADAPTIVE, FADE, XI
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.sortie import sortie
 
@@ -50,7 +50,7 @@ def fly(belief, seconds, seen, turn=0.15, sd_of=1.0, off=1.0):
             NLO.predict(belief, u, 0.02, SILENT)
         if len(seen) <= second:
             v = Rotation.from_rotvec([0, 0, 5e-3 * off]).apply(belief.v)
-            seen.append([displaced(belief.lla, off * np.array([0.05, -0.1, 0.05])), v])
+            seen.append([displace_lla(belief.lla, off * np.array([0.05, -0.1, 0.05])), v])
         for (kind, name), y in zip(FIXED, seen[second]):
             rest = kind, aiding.find(name).observe, new_source(), np.inf, np.zeros(12)
             NLO.correct(belief, y, np.full(3, sd_of), *rest)
@@ -190,7 +190,7 @@ def test_p_is_what_learning_does_to_small_errors(part):
     for axis in range(3):
         belief, moved = begun(crab=0.0), share * SD[3 * part] * np.eye(3)[axis]
         if part == 0:
-            belief.lla[:] = displaced(belief.lla, moved)
+            belief.lla[:] = displace_lla(belief.lla, moved)
         elif part == 2:
             belief.C[:] = Rotation.from_rotvec(moved).as_matrix() @ belief.C
         else:

@@ -19,7 +19,7 @@ from strapdown.filters.observer.equations import (
     SINCE_HEADING,
     XI as VALUE,
 )
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.motions import car
 
@@ -64,7 +64,7 @@ def perturbed(error, field):
     """A belief whose errors against that without any are `error` (18,)."""
     p, v, theta, ba, bg, xi = error.reshape(6, 3)
     C = Rotation.from_euler("ZYX", [0.7, 0.05, 0.1])
-    lla = displaced(np.array([0.8, 0.1, 500.0]), -p)
+    lla = displace_lla(np.array([0.8, 0.1, 500.0]), -p)
     rph = (Rotation.from_rotvec(-theta) * C).as_euler("ZYX")[::-1]
     belief = NLO.start(
         InitialState(

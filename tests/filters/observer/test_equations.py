@@ -246,7 +246,7 @@ def test_the_projection_keeps_the_bound_and_does_nothing_inside():
             b.copy(),
             rng.normal(0, 0.01, 3) + [0.004, 0, 0],
         )
-        equations.bounded(b, *d, bound)
+        equations.add_projected(b, *d, bound)
         assert np.linalg.norm(b) <= equations.OUTER * bound * (1 + 1e-12)
         if (
             inside

@@ -20,7 +20,7 @@ def source(kind, interval, deviation, seconds=60.0):
 
 @pytest.mark.parametrize("interval", [0.2, 1.0, 10.0])
 def test_the_riccati_design_is_that_of_scipy(interval):
-    Phi, Q = gains.transition(interval), gains.driving(interval, DEFAULTS["wander"] ** 2)
+    Phi, Q = gains.transition(interval), gains.driving_noise(interval, DEFAULTS["wander"] ** 2)
     for kinds, sd in ((("position",), [2.0]), (("position", "velocity"), [2.0, 0.1])):
         H = np.eye(3)[: len(kinds)]
         P = solve_discrete_are(Phi.T, H.T, Q, np.diag(np.square(sd)))
@@ -84,7 +84,7 @@ def test_theta_speeds_all_up_alike_with_its_cube_on_xi_and_not_with_its_square()
         < 0.1
         < np.abs(poles(K * theta ** np.array([1, 2, 2])) - asked).max()
     )
-    given = gains._given(
+    given = gains._given_gains(
         DEFAULTS | dict(kpp=0.1, kvp=0.02, kxp=0.003, kpv=0.1, kvv=0.2, kxv=0.03, theta=2.0)
     )
     assert np.allclose(given, [[0.2, 0.08, 0.024], [0.1, 0.4, 0.12]])
@@ -187,11 +187,11 @@ def test_an_interval_is_rounded_to_milliseconds_unless_it_is_that_short():
 
 def test_the_same_design_is_done_once_and_is_the_same():
     sources = source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)
-    gains._designed.cache_clear()
+    gains._design_gains.cache_clear()
     first = gains.configure({"wander": 0.05}, sources)
     assert (
         gains.configure({"wander": 0.05}, sources) == first
-        and gains._designed.cache_info().hits == 1
+        and gains._design_gains.cache_info().hits == 1
     )
     first[1].clear()  # what it hands out is the caller's
     assert len(gains.configure({"wander": 0.05}, sources)[1]) == 2
@@ -248,4 +248,4 @@ def test_what_the_printed_gains_leave_out_is_small(interval, accel, most):
 )
 def test_options_out_of_bounds_are_refused_by_name(options, said):
     with pytest.raises(ValueError, match=said.replace("+", r"\+")):
-        gains.checked(options)
+        gains.check_gain_options(options)

@@ -18,7 +18,7 @@ from strapdown.filters.observer import xkf
 from strapdown.filters.observer.equations import SINCE_COURSE
 from strapdown.filters.observer.own_estimate import DOUBT, TURN
 from strapdown.filters.observer.xkf import XKF
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 
@@ -102,7 +102,7 @@ def test_with_an_unsure_one_it_is_the_linear_filter_about_the_observers_heading(
 def test_a_rejected_fix_leaves_belief_and_covariance_bit_for_bit():
     belief = uncertain(0.6)
     before, P, z = copied(belief), belief.P.copy(), own(belief)[TURN]
-    nis, _ = fix(belief, "position", displaced(belief.lla, [3000.0, 0.0, 0.0]), gate=16.0)
+    nis, _ = fix(belief, "position", displace_lla(belief.lla, [3000.0, 0.0, 0.0]), gate=16.0)
     assert nis > 16 and z != 0
     assert all(np.array_equal(a, b) for a, b in zip(before, copied(belief)))
     assert np.array_equal(P, belief.P)
@@ -131,7 +131,7 @@ def test_it_follows_the_observer_when_the_fixes_speak_against_the_estimate():
     assert belief.workspace[xkf.CLOSE] == 1
     followed = []
     for _ in range(6):
-        far = displaced(belief.lla, [500.0, 0.0, 0.0])
+        far = displace_lla(belief.lla, [500.0, 0.0, 0.0])
         fix(belief, "position", far, gate=16.0)
         followed.append(belief.workspace[xkf.CLOSE] == 0)
     assert not followed[1] and followed[-1]  # two outliers are none of the estimate's fault

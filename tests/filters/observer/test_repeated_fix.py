@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.filters.observer.repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
+from strapdown.filters.observer.repeated_fix import FORGOTTEN, KIND, MEMORY, is_repeated
 
 pytestmark = pytest.mark.short
 POSITION, VELOCITY = 0.0, 1.0
@@ -14,17 +14,17 @@ def after(gate, nis):
     """A memory after a fix with that gate and NIS."""
     memory = MEMORY.zeros()
     memory[KIND] = FORGOTTEN
-    assert not repeated(memory, gate=gate, nis=nis, **FIX)
+    assert not is_repeated(memory, gate=gate, nis=nis, **FIX)
     return memory
 
 
 def test_the_fix_after_a_rejection_with_the_gate_lifted_is_the_same():
-    assert repeated(after(16.0, 17.0), gate=np.inf, nis=2.0, **FIX)
+    assert is_repeated(after(16.0, 17.0), gate=np.inf, nis=2.0, **FIX)
 
 
 @pytest.mark.parametrize("gate, nis", [(np.inf, 17.0), (16.0, 15.0), (16.0, np.nan)])
 def test_after_an_accepted_one_it_is_another(gate, nis):
-    assert not repeated(after(gate, nis), gate=np.inf, nis=2.0, **FIX)
+    assert not is_repeated(after(gate, nis), gate=np.inf, nis=2.0, **FIX)
 
 
 @pytest.mark.parametrize(
@@ -37,11 +37,11 @@ def test_after_an_accepted_one_it_is_another(gate, nis):
     ],
 )
 def test_another_gate_kind_or_value_is_another_fix(other):
-    assert not repeated(after(16.0, 17.0), **{**FIX, "gate": np.inf, "nis": 2.0, **other})
+    assert not is_repeated(after(16.0, 17.0), **{**FIX, "gate": np.inf, "nis": 2.0, **other})
 
 
 def test_it_is_forgotten_once_taken():
     memory = after(16.0, 17.0)
-    assert repeated(memory, gate=np.inf, nis=2.0, **FIX) and not repeated(
+    assert is_repeated(memory, gate=np.inf, nis=2.0, **FIX) and not is_repeated(
         memory, gate=np.inf, nis=2.0, **FIX
     )

@@ -18,7 +18,7 @@ from strapdown.filters.observer.translation_gains import (
     TRANSLATION,
     VELOCITY_AGE,
     P,
-    pulled,
+    fix_gains,
 )
 
 pytestmark = pytest.mark.short
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.short
 def correction(own, velocity, axis=0):
     """Gains on position, velocity and force of a fix with sd 0.5."""
     change = np.zeros(3)
-    pulled(own, axis, velocity, 0.5, 0.0, 0.0, change)
+    fix_gains(own, axis, velocity, 0.5, 0.0, 0.0, change)
     return change
 
 
@@ -79,7 +79,7 @@ def test_gains_of_the_riccati_equation_are_those_of_the_dense_filter(axis, veloc
         K = dense @ h / (h @ dense @ h + sd**2)
         dense = dense - np.outer(K, h @ dense)
         found = np.zeros(3)
-        pulled(own, axis, velocity, sd, accel, wander, found)
+        fix_gains(own, axis, velocity, sd, accel, wander, found)
         np.testing.assert_allclose(found, K, rtol=1e-9)
         np.testing.assert_allclose(packed, dense[upper], rtol=1e-9, atol=1e-12)
         T, spread = 0.0, 0.0

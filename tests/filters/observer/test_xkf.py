@@ -18,9 +18,9 @@ from strapdown.core.loop.contract import CORRECT, PREDICT, compile_kernel, kerne
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.solution import Aiding
 from strapdown.filters.observer import nlo, xkf
-from strapdown.filters.observer.equations import embedded
+from strapdown.filters.observer.equations import embedded_observer
 from strapdown.filters.observer.xkf import XKF
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 STEPS, EVERY = 120, 10  # samples, and samples between fixes
@@ -37,7 +37,7 @@ def observer(belief):
 @kernel(PREDICT)
 def carried(belief, u, dt, noise):
     """A prediction by the filter without that of the observer, which someone else moves."""
-    xkf.carry(belief, embedded(belief, xkf.INSIDE.start), u, dt, noise)
+    xkf.carry(belief, embedded_observer(belief, xkf.INSIDE.start), u, dt, noise)
 
 
 @kernel(CORRECT)
@@ -45,7 +45,7 @@ def corrected(belief, y, sd, kind, observe, parameters, gate, innovation):
     """A fix by the filter without the observer taking it."""
     return xkf.correct_around(
         belief,
-        embedded(belief, xkf.INSIDE.start),
+        embedded_observer(belief, xkf.INSIDE.start),
         y,
         sd,
         kind,
@@ -263,7 +263,7 @@ def test_the_observer_inside_is_nlo():
 def test_where_the_observer_jumps_the_belief_stays_bit_for_bit():
     *_, (belief, _, _) = together()
     before, was, P = copied(belief), copied(observer(belief)), belief.P.copy()
-    nis, _ = fix(belief, "position", displaced(belief.lla, [300.0, -200.0, 100.0]), gate=16.0)
+    nis, _ = fix(belief, "position", displace_lla(belief.lla, [300.0, -200.0, 100.0]), gate=16.0)
     assert nis > 16 and np.linalg.norm(minus(observer(belief), was)[:3]) > 20
     assert all(np.array_equal(a, b) for a, b in zip(before, copied(belief))) and np.array_equal(
         P, belief.P
@@ -273,7 +273,7 @@ def test_where_the_observer_jumps_the_belief_stays_bit_for_bit():
 
 def test_the_observer_takes_a_fix_once_though_the_loop_hands_it_over_again():
     *_, (belief, _, _) = together()
-    y = displaced(belief.lla, [300.0, -200.0, 100.0])
+    y = displace_lla(belief.lla, [300.0, -200.0, 100.0])
     fix(belief, "position", y, gate=16.0)
     once = copied(observer(belief))
     nis, _ = fix(belief, "position", y)  # with the gate opened
@@ -288,7 +288,7 @@ def test_the_observer_takes_a_fix_once_though_the_loop_hands_it_over_again():
 def test_the_observer_takes_equal_fixes_of_two_sources(gate):
     """As many times as they come, accepted or rejected."""
     *_, (belief, _, _) = together()
-    y = displaced(belief.lla, [300.0, -200.0, 100.0])
+    y = displace_lla(belief.lla, [300.0, -200.0, 100.0])
     for _ in range(2):
         before = copied(observer(belief))
         fix(belief, "position", y, gate=gate)

@@ -19,7 +19,7 @@ from strapdown.data.solution import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
 from strapdown.filters.particle.pkf import PKF
-from strapdown.geometry.geodesy import displaced, displacement, radii
+from strapdown.geometry.geodesy import displace_lla, displacement, radii
 
 short = pytest.mark.short
 NOISE = Noise(
@@ -130,7 +130,7 @@ def fix(belief, kind, y, deviation, gate=np.inf, parameters=()):
 
 
 def position(north, east, down, lla=BEGIN.lla):
-    return displaced(np.array([lla]), np.array([[north, east, down]]))[0]
+    return displace_lla(np.array([lla]), np.array([[north, east, down]]))[0]
 
 
 def eventful():
@@ -138,7 +138,7 @@ def eventful():
     a component and a fix that are not measured."""
     p, v = flight().aidings
     y = p.y.copy()
-    y[8:] = displaced(y[8:], np.tile([[60.0, -30, 5]], (len(y) - 8, 1)))
+    y[8:] = displace_lla(y[8:], np.tile([[60.0, -30, 5]], (len(y) - 8, 1)))
     y[4, 2], y[6] = np.nan, np.nan
     baro = Aiding("pressure-altitude", p.t + 0.02, p.y[:, 2:] + 30.0, np.full((len(p.t), 1), 1.0))
     return without_samples(
@@ -227,7 +227,7 @@ def test_a_fix_is_gated_by_what_the_mixture_foresees_and_one_that_is_rejected_to
     predict(belief, 20)
     own = parts(belief)
     y_at, M = (
-        displaced(np.tile(own.lla, 1), np.einsum("kij,j->ki", own.C, arm)),
+        displace_lla(np.tile(own.lla, 1), np.einsum("kij,j->ki", own.C, arm)),
         np.add(radii(belief.lla[0]), belief.lla[2]),
     )
     e = (y - y_at) * [M[0], M[1] * np.cos(belief.lla[0]), -1]

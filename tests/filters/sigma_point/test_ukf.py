@@ -18,7 +18,7 @@ from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.sigma_point.ckf import CKF
 from strapdown.filters.sigma_point.ukf import UKF
-from strapdown.geometry.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
 WIDE = np.r_[[30.0] * 3, [2.0] * 3, 0.05, 0.05, 0.28, [0.05] * 3, [2e-3] * 3]
@@ -70,7 +70,7 @@ class Twin:
     def moved(self, error):
         lla, v, C, b = self.state
         return (
-            displaced(lla, error[:3]),
+            displace_lla(lla, error[:3]),
             v + error[3:6],
             Rotation.from_rotvec(error[6:9]) * C,
             b + error[9:15],

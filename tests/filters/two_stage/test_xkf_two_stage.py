@@ -18,7 +18,7 @@ from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.core.mathematics.source import new_source
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
-from strapdown.filters.observer.equations import embedded
+from strapdown.filters.observer.equations import embedded_observer
 from strapdown.filters.two_stage import xkf_two_stage
 from strapdown.filters.two_stage.model import ERROR
 from strapdown.filters.two_stage.xkf_two_stage import (
@@ -41,7 +41,7 @@ GIVEN = 21  # numbers at the end of workspace: the next state to linearise at
 @kernel(PREDICT)
 def along(belief, u, dt, noise):
     """`predict` with a trajectory from outside in place of the observer."""
-    workspace, bar = belief.workspace, embedded(belief, INSIDE.start)
+    workspace, bar = belief.workspace, embedded_observer(belief, INSIDE.start)
     carry(belief, bar, u, dt, noise)
     first = workspace.size - GIVEN
     for i in range(3):
@@ -60,7 +60,7 @@ def along(belief, u, dt, noise):
 @kernel(CORRECT)
 def correct_along(belief, y, sd, kind, observe, parameters, gate, innovation):
     """`correct` without an observer."""
-    bar = embedded(belief, INSIDE.start)
+    bar = embedded_observer(belief, INSIDE.start)
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     compose(belief, bar)
     return nis

@@ -14,7 +14,13 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.compile.records import rows
 from strapdown.flight.aircraft.dynamics import Loads, evaluate, respond
-from strapdown.flight.aircraft.modes import MODEL_STATES, Mode, _named, check_step, deviation_point
+from strapdown.flight.aircraft.modes import (
+    MODEL_STATES,
+    Mode,
+    _name_modes,
+    check_step,
+    deviation_point,
+)
 from strapdown.flight.aircraft.parameters import flat_metres
 
 AEROSONDE = sd.aircraft("aerosonde")
@@ -232,7 +238,7 @@ def test_whatever_the_system_its_modes_are_all_eigenvalues_in_whole_pairs(pairs)
 
 
 def all_eigenvalues_in_whole_pairs(A):
-    modes = _named(A)
+    modes = _name_modes(A)
     told = np.sort_complex([value for mode in modes for value in mode.eigenvalues])
     np.testing.assert_array_equal(told, np.sort_complex(np.linalg.eigvals(A)).astype(complex))
     assert len({mode.name for mode in modes}) == len(modes)

@@ -61,7 +61,7 @@ def test_the_reference_is_that_of_the_recording_where_none_is_given(recording):
 def test_what_the_page_says_below_a_figure_stands_above_it():
     note = "one leaves the frame " * 10
     figure = go.Figure().update_layout(meta={"notes": [note]}, height=200)
-    alone = plots.titled(figure, "A & B")
+    alone = plots.add_title(figure, "A & B")
     assert alone.layout.title.text.startswith("A &amp; B<br><sub>one leaves")
     assert alone.layout.title.text.count("<br>") == 2 and alone.layout.height > 200
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import Interval, Paired, paired, proportion
+from strapdown.evaluation.consistency import Interval, Paired, paired_comparison, proportion
 from strapdown.experiments.outages.summaries import over_blocks
 
 from ..common import kinds
@@ -211,7 +211,7 @@ def wanders_twice_as_much(biases: pd.DataFrame, xkf: str, column: str) -> Judged
     XKF."""
     table = biases.pivot_table(index="seed", columns="filter", values=column, sort=False)
     known = {EKF, xkf} <= set(table.columns)
-    found = paired(*(np.log(table[name]) if known else [] for name in (EKF, xkf)))
+    found = paired_comparison(*(np.log(table[name]) if known else [] for name in (EKF, xkf)))
     value, low, high = np.exp([found.difference, found.low, found.high])
     return kinds.more_than(low, high, TWICE, f"{value:.3g} ({low:.3g} to {high:.3g})")
 

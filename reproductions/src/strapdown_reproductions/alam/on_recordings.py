@@ -11,7 +11,7 @@ from strapdown import io
 from strapdown.checks import DataError
 from strapdown.experiments.outages.compare import compare
 from strapdown.experiments.outages.result import Comparison
-from strapdown.experiments.outages.summaries import blocks, widening
+from strapdown.experiments.outages.summaries import blocks, overlap_factor
 from strapdown.typing import File, Progress, Say
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
@@ -83,7 +83,7 @@ def scores(compared: Comparison, case: str, named: dict[str, str]) -> pd.DataFra
     number = dict(zip(starts.index, block))
     table = table.assign(
         case=case,
-        widening=widening(starts.to_numpy(), lengths, block),
+        widening=overlap_factor(starts.to_numpy(), lengths, block),
         block=table["outage"].map(number),
         filter=table["filter"].map(named),
     )

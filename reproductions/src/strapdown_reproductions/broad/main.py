@@ -18,7 +18,7 @@ from strapdown.checks import DataError
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Trajectory
 from strapdown.engine.batch import fuse
-from strapdown.engine.prepare import positioned
+from strapdown.engine.prepare import has_position
 from strapdown.engine.smoothing import smooth
 from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.io.locate import data_folder
@@ -114,7 +114,7 @@ def estimators() -> list[str]:
     return [
         name
         for name in filters.names()
-        if not positioned(filters.find(name)) and {6, 7} <= set(filters.find(name).estimates)
+        if not has_position(filters.find(name)) and {6, 7} <= set(filters.find(name).estimates)
     ]
 
 

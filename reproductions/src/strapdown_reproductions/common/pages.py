@@ -13,7 +13,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from strapdown.fileio.files import replacing, together, write_table
-from strapdown.pages.shell import Document, Page as HtmlPage, placed, shell
+from strapdown.pages.shell import Document, Page as HtmlPage, figure_html, shell
 from strapdown.typing import File
 
 from .tables import Tables
@@ -134,7 +134,7 @@ def _sections(page: ReproductionPage) -> list[tuple[str, str]]:
         (
             "Figures",
             "".join(
-                placed(i, drawn, heading, caption)
+                figure_html(i, drawn, heading, caption)
                 for i, (heading, drawn, caption) in enumerate(page.figures, 1)
             ),
         ),

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import STATES
-from strapdown.experiments.filter_label import parsed
+from strapdown.experiments.filter_label import parse_label
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario, scenario
@@ -56,7 +56,7 @@ def world(name: str, fed: bool) -> Scenario:
 
 def is_fed(filter: str) -> bool:
     """True where the filter with that label gets the records of an AHRS."""
-    return parsed(filter).filter.name in FED
+    return parse_label(filter).filter.name in FED
 
 
 def keep(world: Scenario) -> int:
@@ -66,7 +66,7 @@ def keep(world: Scenario) -> int:
 
 def check_filter(label: str) -> None:
     """Raise DataError where the table cannot have the filter of that label."""
-    filter = parsed(label).filter
+    filter = parse_label(label).filter
     if len(filter.states) < STATES:
         raise DataError(
             f"filter {label!r} does not state how well it knows all {STATES} states; the table is "

@@ -20,7 +20,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, VALID
 from strapdown.data.solution import Trajectory
 from strapdown.data.verdict import NOT_JUDGED, Verdict
-from strapdown.evaluation.metrics import errors, interpolated
+from strapdown.evaluation.metrics import errors, interpolate_reference
 from strapdown.typing import Array, Ints
 
 OK, REFUSED, SAID, SILENT, CRASH = "ok", "refused", "said", "silent", "crash"
@@ -111,7 +111,7 @@ def nominal(outcome: FaultOutcome, reference: Trajectory) -> tuple[Nominal, Judg
     largest = np.where(known, np.nanmax(e.size, axis=0, initial=0.0), np.nan)
     notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.texts))
     own = judged(outcome, reference, Nominal(largest, notes))
-    truth = interpolated(reference, outcome.trajectory.t)
+    truth = interpolate_reference(reference, outcome.trajectory.t)
     says = notes | events if own.verdict == OK else notes
     return Nominal(largest, says, truth, outcome.ask), own
 

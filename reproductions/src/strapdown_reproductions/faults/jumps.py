@@ -12,7 +12,7 @@ from strapdown.core.loop.contract import DOUBTFUL
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 
 from .judging import news, plain
 from .runs import OPTIONS, kinds
@@ -80,7 +80,7 @@ def _jumped(
     first = float(position.t[wrong[0]])
     wrong = wrong[:1] if what == ONE else wrong
     y = position.y.copy()
-    y[wrong] = displaced(
+    y[wrong] = displace_lla(
         y[wrong], np.tile([size * np.cos(side), size * np.sin(side), 0.0], (len(wrong), 1))
     )
     faulted = replace(recording, aidings=(replace(position, y=y), *others))

@@ -12,7 +12,7 @@ import numpy as np
 from strapdown.core.loop.contract import InitialState
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding, Trajectory
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.typing import Array, Ints, Mask
 
 BEGINS = 90.0
@@ -43,7 +43,7 @@ class RawFixes:
 
     def move(self, ned: Array | tuple[float, ...], rows: Mask | slice = slice(None)) -> None:
         """Displace these rows of a position by `ned` (3,) or (n, 3), m."""
-        self.y[rows] = displaced(self.y[rows], np.asarray(ned, float) + 0 * self.y[rows])
+        self.y[rows] = displace_lla(self.y[rows], np.asarray(ned, float) + 0 * self.y[rows])
 
     def aiding(self) -> Aiding:
         """As what a Recording holds."""

@@ -101,7 +101,7 @@ MOTIONS = {
         FaultWorld(IN_HAND, in_hand, (ATTITUDE,), "consumer"),
         FaultWorld(
             AFLOAT,
-            lambda: motions.moored((60 * DEG, 5 * DEG, 45.0), 215 * DEG),
+            lambda: motions.moored_vessel((60 * DEG, 5 * DEG, 45.0), 215 * DEG),
             (HEAVE,),
             "industrial",
         ),

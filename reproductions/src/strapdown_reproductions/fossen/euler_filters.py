@@ -42,7 +42,7 @@ from strapdown.core.mathematics.earth import displace, place, rotation_rates
 from strapdown.core.mathematics.error_state import bias_free, decay_biases, publish_rates
 from strapdown.core.mathematics.kalman import WORKSPACE, update
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.core.mathematics.rotation import Three, euler_to_matrix, turned
+from strapdown.core.mathematics.rotation import Three, euler_to_matrix, rotate_vector
 from strapdown.typing import Array
 
 SLOTS = Slots()
@@ -112,7 +112,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         b0 = r[0] - dt * (C[0, 0] * w0 + C[1, 0] * w1 + C[2, 0] * w2)
         b1 = r[1] - dt * (C[0, 1] * w0 + C[1, 1] * w1 + C[2, 1] * w2)
         b2 = r[2] - dt * (C[0, 2] * w0 + C[1, 2] * w1 + C[2, 2] * w2)
-        d0, d1, d2 = turned(matrix(workspace, T, 3, 3), b0, b1, b2)
+        d0, d1, d2 = rotate_vector(matrix(workspace, T, 3, 3), b0, b1, b2)
         share = 0.5 + 0.5 * half
         angles[0], angles[1], angles[2] = (
             roll + share * d0,
@@ -166,7 +166,7 @@ def _jacobian(belief: FilterState, r: Three, a: Three, dt: float, noise: Noise) 
     if printed:
         J[6, 7], J[6, 8], J[7, 6], J[7, 8], J[8, 6], J[8, 7] = w2, -w1, -w2, w0, w1, -w0
         return
-    n0, n1, n2 = turned(C, f0, f1, f2)
+    n0, n1, n2 = rotate_vector(C, f0, f1, f2)
     sh, ch = math.sin(angles[2]), math.cos(angles[2])
     J[3, 7], J[4, 7], J[5, 7] = ch * n2, sh * n2, -(sh * n1 + ch * n0)
     J[3, 8], J[4, 8] = -n1, n0

@@ -38,7 +38,7 @@ from strapdown.core.mathematics.rotation import (
     orthonormalise,
     rotate_left,
     rotate_right,
-    turned,
+    rotate_vector,
     wrap,
 )
 from strapdown.filters.attitude.attitude_error_state import SIX
@@ -97,7 +97,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
     rotate_right(C, 0.5 * r0, 0.5 * r1, 0.5 * r2)
-    s0, s1, s2 = turned(C, a0, a1, a2)
+    s0, s1, s2 = rotate_vector(C, a0, a1, a2)
     rotate_right(C, 0.5 * r0, 0.5 * r1, 0.5 * r2)
     w0, w2 = RATE * math.cos(belief.lla[0]) * dt, -RATE * math.sin(belief.lla[0]) * dt
     rotate_left(-w0, 0.0, -w2, C)
@@ -165,7 +165,7 @@ def correct(
     if kind == Kind.HEADING:
         innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
     elif kind == Kind.MAGNETIC_FIELD:
-        m0, m1, _ = turned(C, y[0], y[1], y[2])
+        m0, m1, _ = rotate_vector(C, y[0], y[1], y[2])
         n0, n1 = source.parameters[0], source.parameters[1]
         innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
     if not math.isnan(innovation[0]):

@@ -19,7 +19,7 @@ from strapdown.evaluation.consistency import (
     POSITION_LOST,
     SURVIVED,
     Interval,
-    paired,
+    paired_comparison,
     proportion,
     rmse,
 )
@@ -161,7 +161,7 @@ def compared(numbers: Numbers, rows: CellRows, first: int = 0, second: int = 1) 
 def ratio(name: str, a: Array, b: Array) -> dict[str, float]:
     """{name, name_low, name_high, name_count}: ratio of RMSEs from logarithms of mean squares
     (runs,) of two filters."""
-    p = paired(a, b)
+    p = paired_comparison(a, b)
     return dict(
         zip(
             (name, f"{name}_low", f"{name}_high", f"{name}_count"),
@@ -253,5 +253,5 @@ def resolved(bias: Array, t: Array) -> Array:
 def geometric(values: Array) -> Interval:
     """Geometric mean over runs (n,) with its interval."""
     with np.errstate(all="ignore"):
-        p = paired(np.log(values), np.zeros(len(values)))
+        p = paired_comparison(np.log(values), np.zeros(len(values)))
     return Interval(*np.exp([p.difference, p.low, p.high]))

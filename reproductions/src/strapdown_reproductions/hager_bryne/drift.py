@@ -7,7 +7,7 @@ from scipy.stats import spearmanr
 
 from strapdown.engine.batch import fuse
 from strapdown.experiments.monte_carlo.campaign import Campaign
-from strapdown.experiments.monte_carlo.study import Study, parsed, seeds, simulator
+from strapdown.experiments.monte_carlo.study import Study, parse_label, seeds, simulator
 from strapdown.typing import Array
 
 from ..common.runner import on_threads
@@ -66,7 +66,7 @@ def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
     cell = study.cells[number]
     made = simulator(cell)
     recording, start = made.run(cell.imu, seeds(study, cell, run))
-    filter, options, _ = parsed(study.filters[0])
+    filter, options, _ = parse_label(study.filters[0])
     solution = fuse(
         recording,
         filter,

@@ -30,7 +30,7 @@ from strapdown.core.mathematics.error_state import (
     ERROR_STATE,
     HEIGHT,
     X,
-    added,
+    add_error,
     allocate,
     inject,
     inject_tail,
@@ -84,7 +84,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         workspace[DX],
         workspace[HEIGHT],
     )
-    added(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v, belief.C, x)
     for i in range(3):
         belief.ba[i], belief.bg[i] = xa[i], xg[i]
 

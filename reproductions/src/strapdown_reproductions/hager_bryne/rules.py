@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
-from strapdown.evaluation.consistency import paired, proportion
+from strapdown.evaluation.consistency import paired_comparison, proportion
 
 from ..common.claims import Claim, JudgedClaim, judge
 from ..common.kinds import CONFIDENCE, Votes, mostly, of_all
@@ -197,8 +197,8 @@ def one_filter(*names: str) -> Callable[[pd.DataFrame], str]:
 def drift_explains(drift: pd.DataFrame) -> JudgedClaim:
     """EXPLANATION: the rank correlation of drift and ratio of the NEES is above 0.5 on average, and
     while the drift is small the NEES of both filters differ by less than TOO_SURE - 1."""
-    related = paired(drift["correlation"].to_numpy(float), np.zeros(len(drift)))
-    small = paired(np.log(drift["small_ratio"].to_numpy(float)), np.zeros(len(drift)))
+    related = paired_comparison(drift["correlation"].to_numpy(float), np.zeros(len(drift)))
+    small = paired_comparison(np.log(drift["small_ratio"].to_numpy(float)), np.zeros(len(drift)))
     value, low, high = np.exp([small.difference, small.low, small.high])
     return JudgedClaim(
         decided(

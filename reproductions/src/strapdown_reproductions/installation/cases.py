@@ -12,7 +12,11 @@ import numpy as np
 
 from strapdown.core.loop.contract import InitialState
 from strapdown.data.recording import Recording
-from strapdown.experiments.monte_carlo.wrong_installation import Installation, drawn, start_of
+from strapdown.experiments.monte_carlo.wrong_installation import (
+    Installation,
+    draw_installation,
+    start_of,
+)
 
 from ..common.motions import (
     HEIGHT,
@@ -86,7 +90,7 @@ def case(name: str, seed: int, start: str) -> InstallationCase:
     rng = np.random.default_rng([seed, 1])
     if motion.constrained:
         right = replace(right, aidings=(*right.aidings, *constraints(right, rng)))
-    installed = drawn(right, priors, np.random.default_rng([seed, 2]))
+    installed = draw_installation(right, priors, np.random.default_rng([seed, 2]))
     known = start == KNOWN
     return InstallationCase(
         installed.recording,

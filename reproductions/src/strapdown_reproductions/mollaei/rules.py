@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import paired, proportion
+from strapdown.evaluation.consistency import paired_comparison, proportion
 from strapdown.typing import Array
 
 from ..common import kinds
@@ -502,11 +502,11 @@ def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) ->
         }
 
         def votes(confidence: float) -> list[int]:
-            found = [paired(a, b, confidence) for a, b in logs.values()]
+            found = [paired_comparison(a, b, confidence) for a, b in logs.values()]
             return [-vote(each.low, each.high, np.log(TWICE)) for each in found]
 
         means = "; ".join(
-            f"{mode}, {case} x{np.exp(paired(a, b).difference):.3g}"
+            f"{mode}, {case} x{np.exp(paired_comparison(a, b).difference):.3g}"
             for (mode, case), (a, b) in logs.items()
         )
         found = kinds.always(votes)

@@ -19,7 +19,7 @@ import pandas as pd
 
 from strapdown.allan.deviation import Allan, Curve, Sensor, allan
 from strapdown.allan.page import longest
-from strapdown.allan.suggested_grade import MISFIT, expected, suggest
+from strapdown.allan.suggested_grade import MISFIT, expected_deviation, suggest
 from strapdown.core.loop.contract import Imu, Noise
 from strapdown.data.recording import Recording
 from strapdown.io import read
@@ -205,7 +205,7 @@ def _figures(
         float(curve.deviation[k]),
         float(curve.low[k]),
         float(curve.high[k]),
-        float(expected(believed, curve.tau[k])),
+        float(expected_deviation(believed, curve.tau[k])),
     )
 
 

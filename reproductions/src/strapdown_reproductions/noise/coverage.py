@@ -16,7 +16,7 @@ from strapdown import io
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
 from strapdown.engine.batch import fuse
-from strapdown.engine.heading_hypotheses import aligned
+from strapdown.engine.heading_hypotheses import align_start
 from strapdown.sensor_models.imu import ImuSpec, grade
 from strapdown.tuning.tune import tune
 from strapdown.typing import Array
@@ -84,7 +84,7 @@ def hidden(way: CoverageWay, windows: Sequence[tuple[float, float]]) -> Iterator
     others = [a.without(windows) for a in way.recording.aidings if a.kind == "velocity"]
     rest = [a for a in way.recording.aidings if a.kind not in ("position", "velocity")]
     sources = [*(_without_weight(a, windows) for a in places), *others, *rest]
-    start = aligned(way.recording, grade(way.imu or way.recording.meta["grade"]))
+    start = align_start(way.recording, grade(way.imu or way.recording.meta["grade"]))
     solution = fuse(replace(way.recording, aidings=tuple(sources)), imu=way.imu, start=start)
     i = solution.innovations
     assert i.root is not None

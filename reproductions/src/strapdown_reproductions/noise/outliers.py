@@ -10,7 +10,7 @@ import numpy as np
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
 from strapdown.engine.batch import fuse
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 
 from .worlds import recorded, score
 
@@ -59,4 +59,4 @@ def spoiled(recording: Recording, seed: int) -> Recording:
 def _spoiled(a: Aiding, rng: np.random.Generator) -> Aiding:
     off = (rng.random(len(a.t)) < SHARE) & (a.t > a.t[0] + BEGUN)
     error = SIZE * a.sd * rng.standard_normal(a.sd.shape) * off[:, None]
-    return replace(a, y=displaced(a.y, error) if a.kind == "position" else a.y + error)
+    return replace(a, y=displace_lla(a.y, error) if a.kind == "position" else a.y + error)

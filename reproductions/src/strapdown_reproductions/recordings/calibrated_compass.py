@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown import io
-from strapdown.alignment.static_attitude import levelled
+from strapdown.alignment.static_attitude import level_vector
 from strapdown.calibration.fitting import calibrate
 from strapdown.data.recording import Recording
 from strapdown.engine.batch import fuse
@@ -52,7 +52,7 @@ def magnetometer(
         np.sqrt(np.mean((found.calibrated - near.inv().apply(source.parameters)) ** 2, axis=0))
         * GAUSS
     )
-    seen = levelled(found.calibrated, roll, pitch)
+    seen = level_vector(found.calibrated, roll, pitch)
     off = (
         np.arctan2(-seen[:, 1], seen[:, 0])
         + np.arctan2(source.parameters[1], source.parameters[0])

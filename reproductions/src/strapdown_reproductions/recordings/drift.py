@@ -17,7 +17,7 @@ from strapdown.checks import DataError
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
-from strapdown.engine.prepare import positioned
+from strapdown.engine.prepare import has_position
 from strapdown.evaluation.metrics import outages
 from strapdown.typing import Say
 
@@ -65,7 +65,7 @@ def outage_scores(
     NaN and `said` where a filter did not get there."""
     flights, rows = consecutive(*FLIGHT, LENGTH), []
     for name in names or filters.names():
-        if not positioned(filters.find(name)):
+        if not has_position(filters.find(name)):
             continue
         windows = windows_of(drive)
         rows += [("drive0708", name, *row) for row in together(drive, name, windows, say)]

@@ -18,7 +18,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Filter
 from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
-from strapdown.engine.prepare import positioned
+from strapdown.engine.prepare import has_position
 from strapdown.evaluation.metrics import errors, rms
 from strapdown.typing import Progress, Say
 
@@ -150,7 +150,7 @@ def scored(case: RecordingCase, solution: Solution, filter: Filter) -> dict[str,
     if 6 in filter.estimates and 8 not in filter.estimates:  # its heading runs free
         figures[5] = figures[7] = np.nan
     said = "" if np.isfinite(figures).any() else "runs; the recording has nothing to score it by"
-    if positioned(filter) and not (
+    if has_position(filter) and not (
         e.horizontal is not None and np.isfinite(e.horizontal[inside]).all()
     ):
         said = "position is not finite throughout"

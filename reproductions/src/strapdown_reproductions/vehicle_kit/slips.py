@@ -11,7 +11,7 @@ import strapdown as sd
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
 from strapdown.preprocessing.stationary import stretches
-from strapdown.preprocessing.wheel_slip import slipping as found, without_slip
+from strapdown.preprocessing.wheel_slip import is_slipping as found, without_slip
 from strapdown.sensor_models.gnss import Gnss
 
 from .drives import Slip, drive, slipping, wheel_of

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Aiding
-from strapdown.geometry.geodesy import displaced
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.imu import grade
 from strapdown.typing import Array
 
@@ -171,7 +171,7 @@ def drifting(a: Aiding) -> Aiding:
     """Positions that drift to the north."""
     away = np.zeros((len(a.t), 3))
     away[:, 0] = DRIFT * (a.t - a.t[0])
-    return replace(a, y=displaced(a.y, away))
+    return replace(a, y=displace_lla(a.y, away))
 
 
 def as_logged(case: SetUpCase) -> Recording | None:

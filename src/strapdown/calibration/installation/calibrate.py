@@ -15,7 +15,7 @@ from ...data.recording import Recording, check_recording
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions, takes
 from ...installation.findings import CONSISTENT, FOUND, MIN_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
-from ...installation.model import applied
+from ...installation.model import apply_constants
 from ...installation.states import EstimatedParameter
 from ...preprocessing.rotated_imu import is_of_the_imu
 from ...progress import listener, with_bar
@@ -81,7 +81,9 @@ def calibrate_installation(
     settled = settle(recording, asking)
     last = settled.last
     seen = as_states(
-        applied(recording, settled.known, settled.theta), settled.sought, asking.within(0.7, 1.0)
+        apply_constants(recording, settled.known, settled.theta),
+        settled.sought,
+        asking.within(0.7, 1.0),
     )
     parameters = (
         *(_parameter(each, settled, seen[each]) for each in settled.sought),
@@ -97,7 +99,7 @@ def calibrate_installation(
     right = [each for each in parameters if each.status == FOUND]
     return Installation(
         parameters,
-        applied(recording, settled.known, theta_of(settled.known, recording, right)),
+        apply_constants(recording, settled.known, theta_of(settled.known, recording, right)),
         recording,
         settled.runs,
         last.misfit,

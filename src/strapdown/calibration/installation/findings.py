@@ -72,7 +72,7 @@ class CalibratedParameter(Diagnosed):
         return super().told
 
 
-def _listed(parameters: Iterable[CalibratedParameter]) -> str:
+def _join_names(parameters: Iterable[CalibratedParameter]) -> str:
     return " and ".join(each.name for each in parameters)
 
 
@@ -140,8 +140,8 @@ class Installation:
         together = []
         if unsure and found:
             together = [
-                f"nothing is written: {_listed(found)} was estimated together with "
-                f"{_listed(unsure)}, and half a correction may be worse than none"
+                f"nothing is written: {_join_names(found)} was estimated together with "
+                f"{_join_names(unsure)}, and half a correction may be worse than none"
             ]
         turned = []
         if np.any(self.given.meta.get("imu_mounting", 0.0)) and any(
@@ -165,7 +165,7 @@ class Installation:
         return "\n".join([*self.lines, *self.changes])
 
     def __repr__(self) -> str:
-        return f"Installation({_listed(self.found) or 'nothing to change'}; {self.runs} runs)"
+        return f"Installation({_join_names(self.found) or 'nothing to change'}; {self.runs} runs)"
 
     def _repr_html_(self) -> str:
         from ...pages.notebook.cards import card, lines

@@ -12,7 +12,7 @@ from ...data.recording import Recording
 from ...installation.diagnose import diagnose
 from ...installation.findings import Diagnosed, Diagnosis
 from ...installation.iteration import MAX_RUNS
-from ...installation.model import Constant, applied, constants
+from ...installation.model import Constant, apply_constants, constants
 from ...typing import Array
 from .as_states import Asking
 
@@ -48,7 +48,7 @@ def settle(recording: Recording, asking: Asking) -> Settled:
         before = theta.copy()
         part = asking.within(0.7 * turn / MAX_TURNS, 0.7 * (turn + 1) / MAX_TURNS)
         found = diagnose(
-            applied(recording, known, theta),
+            apply_constants(recording, known, theta),
             part.filter,
             options=part.options,
             progress=part.progress,

@@ -13,11 +13,11 @@ from ...data.recording import Recording
 from ...data.solution import Solution
 from ...engine.batch import fuse
 from ...engine.sensitivity import MAX_NIS
-from ...installation.model import applied, constants
+from ...installation.model import apply_constants, constants
 from ...pages.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
-from ...pages.parts import listing, paragraphs, remarks, table
+from ...pages.parts import bullet_list, paragraphs, remarks, table
 from ...pages.shell import Document, Page
-from ...units.wording import counted
+from ...units.wording import count_text
 from .iterated import theta_of
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ FOOTER = "change = what is to be added to what was given. Standard deviations ar
 def page(found: "Installation") -> Page:
     """The Page of an Installation. Raises DataError."""
     solutions = {
-        "as given": _fused(found, found.given),
-        "as found": _fused(found, found.recording),
+        "as given": _fuse_found(found, found.given),
+        "as found": _fuse_found(found, found.recording),
     }
     t = found.given.imu.t
     document = Document(
@@ -43,7 +43,7 @@ def page(found: "Installation") -> Page:
         {
             "recording": found.given.meta.get("name", ""),
             "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
-            "found": f"{len(found.found)} of {counted(len(found.parameters), 'parameter')}",
+            "found": f"{len(found.found)} of {count_text(len(found.parameters), 'parameter')}",
             "runs of the filter": str(found.runs),
         },
         FOOTER,
@@ -61,7 +61,7 @@ def page(found: "Installation") -> Page:
     return document.page()
 
 
-def _fused(found: "Installation", recording: Recording) -> Solution:
+def _fuse_found(found: "Installation", recording: Recording) -> Solution:
     asking = found.asking
     return fuse(
         recording,
@@ -102,16 +102,16 @@ def _table(found: "Installation") -> str:
         for each in found.parameters
     ]
     said = remarks(found.lines[len(found.parameters) :])
-    return table(header, rows, "last") + said + _changed(found)
+    return table(header, rows, "last") + said + _changes_html(found)
 
 
-def _changed(found: "Installation") -> str:
+def _changes_html(found: "Installation") -> str:
     """HTML of which file was written, or else of what to change."""
     if found.written:
         return paragraphs(
             f"Written: {path}; the old file is {kept}." for path, kept in found.written.items()
         )
-    changes = listing(found.changes or ("nothing",), "")
+    changes = bullet_list(found.changes or ("nothing",), "")
     return paragraphs(["To change in recording.toml:"]) + changes
 
 
@@ -126,7 +126,7 @@ def innovations_figure(solutions: dict[str, Solution]) -> go.Figure:
     size."""
     first = next(iter(solutions.values()))
     sources, names = _sources(first), first.innovations.names
-    drawn, zero = panels([f"{_wrapped(names[s])} [sd]" for s in sources], 160), origin(first.t)
+    drawn, zero = panels([f"{_wrap_name(names[s])} [sd]" for s in sources], 160), origin(first.t)
     for label, solution in solutions.items():
         made = solution.innovations
         assert made.whitened is not None  # as of all that was not read from a file
@@ -153,7 +153,7 @@ def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
     first = next(iter(solutions.values()))
     sources, names = _sources(first), first.innovations.names
     drawn, zero = (
-        panels([f"{_wrapped(names[s])} [-]" for s in sources], 160, log=True),
+        panels([f"{_wrap_name(names[s])} [-]" for s in sources], 160, log=True),
         origin(first.t),
     )
     for label, solution in solutions.items():
@@ -177,7 +177,7 @@ def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
     return drawn
 
 
-def _wrapped(name: str) -> str:
+def _wrap_name(name: str) -> str:
     """A name in lines that fit beside a panel."""
     return "<br>".join(escape(part) for part in wrap(name, 16))
 
@@ -194,7 +194,7 @@ def misfit_figure(found: "Installation", each: "CalibratedParameter") -> go.Figu
             found.given,
             [other if other is not each else replace(each, change=value) for other in found.found],
         )
-        nis = _fused(found, applied(found.given, known, theta)).innovations.nis
+        nis = _fuse_found(found, apply_constants(found.given, known, theta)).innovations.nis
         costs.append(np.minimum(nis[np.isfinite(nis)], MAX_NIS).sum())
     drawn = finish(go.Figure(), 300)
     drawn.add_trace(

@@ -18,7 +18,7 @@ from .signatures import Function, Kind, Number, Numbers, Record, Row, Rows, Sign
 _raised: dict[int, BaseException] = {}  # what a kernel raised, by thread
 
 
-def prepared(address: int, signature: Signature, arguments: Sequence[Any]) -> Callable[[], Any]:
+def kernel_call(address: int, signature: Signature, arguments: Sequence[Any]) -> Callable[[], Any]:
     """The call of the kernel at `address` with these arguments, which it keeps. Raises TypeError
     where one is not of its kind, or sizes of one name differ."""
     if len(arguments) != len(signature.arguments):
@@ -35,7 +35,7 @@ def prepared(address: int, signature: Signature, arguments: Sequence[Any]) -> Ca
     )
     kind, lanes = _number(signature.result) if signature.result else None, None
     if signature.result and signature.result.lanes > 1:
-        kind, lanes = None, aligned(signature.result.lanes)
+        kind, lanes = None, aligned_zeros(signature.result.lanes)
         words = (*words, ctypes.c_void_p(lanes.ctypes.data))
     # no types of arguments: they are of ctypes already, and are passed as they are
     function = ctypes.CFUNCTYPE(kind)(address)
@@ -62,7 +62,7 @@ def struct(record: Record) -> type[ctypes.Structure]:
     return type(record.made.__name__, (ctypes.Structure,), {"_fields_": fields})
 
 
-def aligned(*shape: int, dtype: type[Any] = np.float64) -> NDArray[Any]:
+def aligned_zeros(*shape: int, dtype: type[Any] = np.float64) -> NDArray[Any]:
     """Zeros that begin at a multiple of 64 bytes, where the processor reads eight at once."""
     count = math.prod(shape) * np.dtype(dtype).itemsize
     block = np.zeros(count + 64, np.uint8)

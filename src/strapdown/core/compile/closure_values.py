@@ -47,7 +47,8 @@ def digest(of: dict[FunctionType, Words], identity: Callable[[CodeType], Any]) -
     """Digest of `functions`: of what `identity` makes of the code of each, and of its values."""
     number = {function: f"function {index}" for index, function in enumerate(of)}
     words = [
-        (identity(function.__code__), _numbered(each, number)) for function, each in of.items()
+        (identity(function.__code__), _number_functions(each, number))
+        for function, each in of.items()
     ]
     return hashlib.sha256(repr(words).encode()).hexdigest()
 
@@ -60,10 +61,10 @@ def _functions_in(words: Words) -> Iterator[FunctionType]:
             yield from _functions_in(word)
 
 
-def _numbered(words: Any, number: dict[FunctionType, str]) -> Any:
+def _number_functions(words: Any, number: dict[FunctionType, str]) -> Any:
     """The words with numbers in place of functions, whose addresses differ between processes."""
     if isinstance(words, tuple):
-        return tuple(_numbered(word, number) for word in words)
+        return tuple(_number_functions(word, number) for word in words)
     return number[words] if isinstance(words, FunctionType) else words
 
 

@@ -15,7 +15,7 @@ from numba.extending import intrinsic, lower_builtin, overload, register_model
 from . import kernel_cache, lane_types
 from .c_calls import hear_of_raised
 from .kernel_cache import KernelCache
-from .library import contracted
+from .library import is_contraction_set
 from .numba_parts import (
     c_function,
     cgutils,
@@ -41,7 +41,7 @@ left out."""
 
 
 OPTIONS: dict[str, Any] = dict(error_model="numpy")
-if contracted():
+if is_contraction_set():
     OPTIONS["fastmath"] = {"contract", "nsz", "arcp"}
 if reference_counts_can_be_left_out():
     OPTIONS["_nrt"] = False
@@ -71,7 +71,7 @@ def type_of(function: Any) -> Any:
 # ---- kernels and their C functions
 
 
-def compiled(kernel: Any) -> tuple[int, bool]:
+def kernel_address(kernel: Any) -> tuple[int, bool]:
     """(address, whether it was compiled just now) of a kernel's C function."""
     made = _c_function(kernel)
     made._cache = cache_of(kernel)
@@ -122,7 +122,7 @@ def _c_function(kernel: Any) -> Any:
     signature: Signature = kernel.signature
     names = [f"a{i}" for i in range(len(signature.arguments) + len(signature.sizes))]
     listed = ", ".join(names)
-    scope = {"kernel": kernel, "unpacked": unpacked(signature), "stored": _stored}
+    scope = {"kernel": kernel, "unpacked": unpack_arguments(signature), "stored": _store_lane}
     call = f"kernel(*unpacked({listed}))"
     result = numba_type(signature.result) if signature.result else types.void
     if by_address(signature):
@@ -275,7 +275,7 @@ def _array(
 
 
 @cache
-def unpacked(signature: Signature) -> Any:
+def unpack_arguments(signature: Signature) -> Any:
     """An intrinsic: from the C arguments of a kernel to a tuple of those that it was written for."""
     whole = types.Tuple([numba_type(kind) for kind in signature.kinds])
 
@@ -346,7 +346,7 @@ def _call(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
 
 
 @intrinsic
-def _stored(typing_context: Any, address: Any, value: Any) -> Any:
+def _store_lane(typing_context: Any, address: Any, value: Any) -> Any:
     """Write a lane to an address."""
 
     def codegen(context: Any, builder: Any, call: Any, arguments: Any) -> Any:

@@ -97,7 +97,7 @@ class Kernel:
                 return False
             from . import compiler
 
-            self._address, new = compiler.compiled(self)
+            self._address, new = compiler.kernel_address(self)
             return new
 
     @property
@@ -129,7 +129,7 @@ class Kernel:
         TypeError where one is of another type or size than declared."""
         if not COMPILED:
             return partial(self.py_func, *arguments)
-        return c_calls.prepared(self.address, self.signature, arguments)
+        return c_calls.kernel_call(self.address, self.signature, arguments)
 
     def __call__(self, *arguments: Any) -> Any:
         """Once; `bound` is for many calls."""
@@ -200,7 +200,11 @@ def compile_together(
 
         def tell(progress: Any) -> None:
             done, count, seconds = progress
-            left = "" if seconds is None else f", about {_rounded(seconds)} s{' left' * (done > 0)}"
+            left = (
+                ""
+                if seconds is None
+                else f", about {_round_seconds(seconds)} s{' left' * (done > 0)}"
+            )
             if say and not done:
                 say(f"compiling {first.format(left)}")
             elif say and done < count:
@@ -219,7 +223,7 @@ def said_first(kernel: Any, what: str) -> str:
     return f"{what} {when}{{}} ...{why}"
 
 
-def _rounded(seconds: float) -> int:
+def _round_seconds(seconds: float) -> int:
     """To what an estimate is worth."""
     return max(round(seconds), 1) if seconds < 20 else 5 * round(seconds / 5)
 
@@ -229,7 +233,7 @@ def address(kernel: Any) -> int:
     return int(kernel.address)
 
 
-def bound(kernel: Any, *arguments: Any) -> Callable[[], Any]:
+def bind_kernel(kernel: Any, *arguments: Any) -> Callable[[], Any]:
     """`Kernel.bound`."""
     return cast(Callable[[], Any], kernel.bound(*arguments))
 

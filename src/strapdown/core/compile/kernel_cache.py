@@ -26,7 +26,7 @@ import numba
 
 from ...fileio.locks import part_of
 from .closure_values import NoWords, Words, digest, functions
-from .numba_parts import config, cpu_target, rebuilt, serialize
+from .numba_parts import config, cpu_target, rebuild_result, serialize
 
 Import = ast.Import | ast.ImportFrom
 
@@ -88,11 +88,11 @@ class ModuleCode(NamedTuple):
 def module_code(file: Path) -> ModuleCode:
     """The code of a file as it is now. Raises OSError."""
     now = file.stat()
-    return _parsed(file, now.st_mtime_ns, now.st_size)
+    return _parse_module(file, now.st_mtime_ns, now.st_size)
 
 
 @cache
-def _parsed(file: Path, changed: int, size: int) -> ModuleCode:
+def _parse_module(file: Path, changed: int, size: int) -> ModuleCode:
     tree = _Code().visit(ast.parse(file.read_bytes()))
     digest = hashlib.sha256(ast.dump(tree).encode()).digest()
     return ModuleCode(tuple(_imports(tree)), tuple(_imports(tree, inside=True)), digest)
@@ -110,7 +110,7 @@ def _imports(node: ast.AST, inside: bool = False) -> Iterator[Import]:
             yield from _imports(child, inside)
 
 
-def _imported(module: ModuleType, statement: Import) -> list[ModuleType]:
+def _imported_modules(module: ModuleType, statement: Import) -> list[ModuleType]:
     """Modules that an import statement of `module` takes code from, as far as they are loaded."""
     if isinstance(statement, ast.Import):
         names = [alias.name for alias in statement.names]
@@ -166,7 +166,7 @@ def import_closure(module: ModuleType) -> tuple[dict[Path, str], dict[str, str]]
             todo += [
                 other
                 for statement in module_code(file).at_once
-                for other in _imported(one, statement)
+                for other in _imported_modules(one, statement)
             ]
     return files, packages
 
@@ -289,7 +289,7 @@ class KernelCache:
             if content and hashlib.sha256(content[CHECKSUM:]).digest() == content[:CHECKSUM]:
                 with suppress(OSError):
                     os.utime(self.path)  # the ones used last are kept
-                return rebuilt(target_context, pickle.loads(content[CHECKSUM:]))
+                return rebuild_result(target_context, pickle.loads(content[CHECKSUM:]))
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:

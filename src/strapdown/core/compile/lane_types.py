@@ -146,7 +146,7 @@ def _instruction(name: str) -> Callable[..., Any]:
     return lambda builder, *values: getattr(builder, name)(*values)
 
 
-def _compared(kind: str, sign: str) -> Callable[..., Any]:
+def _comparison(kind: str, sign: str) -> Callable[..., Any]:
     return lambda builder, a, b: getattr(builder, kind)(sign, a, b)
 
 
@@ -193,10 +193,10 @@ for _sign, _function in {
     ">=": _o.ge,
     "==": _o.eq,
 }.items():
-    _operator(LANE, MASK, 2, _compared("fcmp_ordered", _sign), _function)
-    _operator(WORD, MASK, 2, _compared("icmp_signed", _sign), _function)
-_operator(LANE, MASK, 2, _compared("fcmp_unordered", "!="), _o.ne)
-_operator(WORD, MASK, 2, _compared("icmp_signed", "!="), _o.ne)
+    _operator(LANE, MASK, 2, _comparison("fcmp_ordered", _sign), _function)
+    _operator(WORD, MASK, 2, _comparison("icmp_signed", _sign), _function)
+_operator(LANE, MASK, 2, _comparison("fcmp_unordered", "!="), _o.ne)
+_operator(WORD, MASK, 2, _comparison("icmp_signed", "!="), _o.ne)
 _operator(LANE, LANE, 1, _instruction("fneg"), _o.neg)
 _operator(MASK, MASK, 1, _instruction("not_"), _o.invert, _o.not_)
 

@@ -61,9 +61,9 @@ class Library(NamedTuple):
     addresses: dict[str, int]  # of its kernels, by symbol
 
 
-def contracted() -> bool:
+def is_contraction_set() -> bool:
     """Return True where the environment sets CONTRACTION."""
-    return _set(CONTRACTION)
+    return _is_set(CONTRACTION)
 
 
 def find(kernel: Any) -> int | None:
@@ -71,8 +71,8 @@ def find(kernel: Any) -> int | None:
     where the library is REQUIRED."""
     why = why_not(kernel)
     if not why:
-        return opened().addresses[kernel.symbol]  # type: ignore[union-attr]
-    if _set(REQUIRED) and kernel.__module__.startswith("strapdown."):
+        return load_library().addresses[kernel.symbol]  # type: ignore[union-attr]
+    if _is_set(REQUIRED) and kernel.__module__.startswith("strapdown."):
         raise DataError(
             f"the kernel {kernel.stem} would have to be compiled, which {REQUIRED} forbids: {why}"
         )
@@ -81,12 +81,12 @@ def find(kernel: Any) -> int | None:
 
 def why_not(kernel: Any) -> str:
     """Why the library is not used for a kernel; empty where it is."""
-    library = opened()
+    library = load_library()
     if isinstance(library, str):
         return library
     if not kernel.__module__.startswith("strapdown.") or kernel.symbol not in library.kernels:
         return f"{kernel.stem} is not in the library of kernels"
-    edited = next((file for file in library.kernels[kernel.symbol] if _edited(file)), None)
+    edited = next((file for file in library.kernels[kernel.symbol] if _is_edited(file)), None)
     if edited:
         return f"{edited} is another than the library of kernels was made from"
     if values_of(kernel) != library.values[kernel.symbol]:
@@ -122,16 +122,16 @@ _NO_MANIFEST = (
 
 
 @cache
-def opened() -> Library | str:
+def load_library() -> Library | str:
     """The library of this installation, or why there is none."""
     if os.environ.get(SETTING, "").strip() == "0":
         return f"{SETTING} is 0"
-    if contracted():
+    if is_contraction_set():
         return f"{CONTRACTION} is set, and the library of kernels is made without contraction"
     folder = _folder()
     manifest = folder / MANIFEST
     try:
-        return _opened(folder, json.loads(manifest.read_bytes()))
+        return _open_library(folder, json.loads(manifest.read_bytes()))
     except (FileNotFoundError, NotADirectoryError):
         return f"{folder} has no library of kernels"
     except _NO_MANIFEST as error:
@@ -139,7 +139,7 @@ def opened() -> Library | str:
         return f"{manifest} is not that of a library of kernels ({why}): install strapdown again"
 
 
-def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
+def _open_library(folder: Path, made: dict[str, Any]) -> Library | str:
     if made["abi"] != ABI:
         return (
             f"the library of kernels in {folder} is called by other rules (ABI {made['abi']}, this "
@@ -206,9 +206,9 @@ def _of_processor(what: str) -> str:
 
 
 @cache
-def _edited(file: str) -> bool:
+def _is_edited(file: str) -> bool:
     """True where a file of the package differs from the one that the library was made from."""
-    library = opened()
+    library = load_library()
     assert isinstance(library, Library)
     return _digest(PACKAGE / file) != library.files[file]
 
@@ -221,17 +221,17 @@ def _digest(file: Path) -> str | None:
         return None
 
 
-def _set(name: str) -> bool:
+def _is_set(name: str) -> bool:
     return os.environ.get(name, "").strip() not in ("", "0")
 
 
-def told() -> Iterator[str]:
+def describe_library() -> Iterator[str]:
     """Lines that say what is in use."""
-    library = opened()
+    library = load_library()
     if isinstance(library, str):
         yield f"kernels: compiled on use by numba ({library})"
         return
-    edited = sorted(file for file in library.files if _edited(file))
+    edited = sorted(file for file in library.files if _is_edited(file))
     yield f"kernels: {len(library.kernels)} in {library.path} (ABI {ABI}, {library.made_with})"
     yield f"processor: {library.level}"
     if edited:

@@ -33,7 +33,7 @@ class Index(NamedTuple):
     kernels: dict[str, int]  # where each begins in the code, by symbol
 
 
-def written(code: bytes, index: Index) -> bytes:
+def file_content(code: bytes, index: Index) -> bytes:
     """The content of a file."""
     return code + json.dumps(index).encode() + struct.pack("<Q", len(code))
 
@@ -44,7 +44,7 @@ def load(file: Path, content: bytes) -> dict[str, int]:
     (length,) = struct.unpack_from("<Q", content, len(content) - 8)
     index = Index(*json.loads(content[length:-8]))
     table = b"".join(struct.pack("<Q", _of_c(name)) for name in index.needed)
-    place = {"darwin": _copied, "win32": _windows}.get(sys.platform, _mapped)
+    place = {"darwin": _copy_code, "win32": _windows}.get(sys.platform, _map_code)
     first = place(file, content[:length], table) + TABLE
     return {symbol: first + offset for symbol, offset in index.kernels.items()}
 
@@ -61,32 +61,32 @@ def _of_c(name: str) -> int:
         raise OSError(f"the C library has no {name}") from None
 
 
-def _mapped(file: Path, code: bytes, table: bytes) -> int:
+def _map_code(file: Path, code: bytes, table: bytes) -> int:
     """Address of a table with the code of a file mapped behind it."""
     c = _posix()
     with open(file, "rb") as opened:
         both = TABLE + len(code)
-        first = _done(c.mmap(None, both, READ | WRITE, PRIVATE | ANONYMOUS, -1, 0))
+        first = _check_mmap(c.mmap(None, both, READ | WRITE, PRIVATE | ANONYMOUS, -1, 0))
         ctypes.memmove(first, table, len(table))
         of_file = PRIVATE | FIXED
-        _done(c.mmap(first + TABLE, len(code), READ | RUN, of_file, opened.fileno(), 0))
+        _check_mmap(c.mmap(first + TABLE, len(code), READ | RUN, of_file, opened.fileno(), 0))
     return first
 
 
-def _copied(file: Path, code: bytes, table: bytes) -> int:
+def _copy_code(file: Path, code: bytes, table: bytes) -> int:
     """Address of a table with a copy of the code behind it, on macOS."""
     c, both = _posix(), table.ljust(TABLE, b"\0") + code
-    first = _done(c.mmap(None, len(both), READ | WRITE, PRIVATE | ANONYMOUS, -1, 0))
+    first = _check_mmap(c.mmap(None, len(both), READ | WRITE, PRIVATE | ANONYMOUS, -1, 0))
     ctypes.memmove(first, both, len(both))
     if c.mprotect(first + TABLE, len(code), READ | RUN):
-        _done(-1)
+        _check_mmap(-1)
     if sys.platform == "darwin":
         c.sys_icache_invalidate(ctypes.c_void_p(first + TABLE), ctypes.c_size_t(len(code)))
     return first
 
 
 def _windows(file: Path, code: bytes, table: bytes) -> int:
-    """As `_copied`, on Windows."""
+    """As `_copy_code`, on Windows."""
     if sys.platform != "win32":
         raise OSError("this is not Windows")
     both, before = table.ljust(TABLE, b"\0") + code, ctypes.c_uint32()
@@ -117,7 +117,7 @@ def _posix() -> Any:
     return c
 
 
-def _done(address: int | None) -> int:
+def _check_mmap(address: int | None) -> int:
     """The address that mmap gave, where it is no failure."""
     if address is None or address in (-1, ctypes.c_void_p(-1).value):
         number = ctypes.get_errno()

@@ -56,7 +56,7 @@ KNOWN = ("0.68",)
 """Versions of numba under which helpers are linked as they were lowered."""
 
 
-def known() -> bool:
+def is_known_numba() -> bool:
     """Return True where the installed numba is one of KNOWN."""
     return ".".join(numba.__version__.split(".")[:2]) in KNOWN
 
@@ -70,18 +70,18 @@ def reference_counts_can_be_left_out() -> bool:
 def helper_dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """numba's form of a function that kernels call."""
     plain: Any = numba.njit(**options)(function)
-    return _Dispatcher(plain) if known() else plain
+    return _Dispatcher(plain) if is_known_numba() else plain
 
 
 def c_function(
     function: Callable[..., Any], arguments: tuple[Any, ...], result: Any, options: dict[str, Any]
 ) -> Any:
     """numba's C function of these types, not compiled yet."""
-    pipeline = _KernelCompiler if known() else compiler.Compiler
+    pipeline = _KernelCompiler if is_known_numba() else compiler.Compiler
     return ccallback.CFunc(function, (arguments, result), {}, options, pipeline_class=pipeline)
 
 
-def rebuilt(target_context: Any, reduced: Any) -> Any:
+def rebuild_result(target_context: Any, reduced: Any) -> Any:
     """The result of a compilation, of what its `_reduce` gave."""
     return compiler.CompileResult._rebuild(target_context, *reduced)
 
@@ -119,7 +119,7 @@ class _Library(codegen.JITCodeLibrary):  # type: ignore[misc]
         return self._complete
 
 
-def _reached(library: Any) -> list[Any]:
+def _reachable_libraries(library: Any) -> list[Any]:
     """Libraries that one links, and those that helpers among them link, each once."""
     found: dict[Any, None] = {}
     todo = [*library._linking_libraries]
@@ -133,12 +133,12 @@ def _reached(library: Any) -> list[Any]:
 
 def _others(library: Any) -> list[Any]:
     """Those of numba's own."""
-    return [one for one in _reached(library) if not isinstance(one, _Library)]
+    return [one for one in _reachable_libraries(library) if not isinstance(one, _Library)]
 
 
 def _link(library: Any, module: Any) -> None:
     """Link all helpers that a library reaches into a module."""
-    for one in _reached(library):
+    for one in _reachable_libraries(library):
         if isinstance(one, _Library) and one is not library:
             library._reload_init.update(one._reload_init)
             module.link_in(one._final_module, preserve=True)

@@ -128,7 +128,7 @@ def notes(made: Hashable) -> dict[str, str]:
     return found
 
 
-def copied(row: Any) -> Any:
+def copy_row(row: Any) -> Any:
     """A row of its own with the same numbers."""
     (own,) = table = np.empty(1, row.dtype).view(np.recarray)
     table[0] = row

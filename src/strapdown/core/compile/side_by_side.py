@@ -131,7 +131,7 @@ class _Clock:
         self._count, self._processes = len(kernels), processes
         self._work, self._seconds, self._begun = 0.0, 0.0, time.perf_counter()
         self._path = _pace_file(kernels)
-        self._before = _kept(self._path)
+        self._before = _stored_pace(self._path)
 
     def took(self, kernel: Any, seconds: float) -> None:
         """A kernel is done; 0 s where it did not compile, which says nothing of the pace."""
@@ -163,7 +163,7 @@ def _pace_file(kernels: Sequence[Any]) -> Path | None:
     return next((path.with_name(PACE) for path in paths if path), None)
 
 
-def _kept(path: Path | None) -> float | None:
+def _stored_pace(path: Path | None) -> float | None:
     with suppress(OSError, ValueError):
         pace = float(path.read_text(encoding="ascii")) if path else 0.0
         return pace if 0 < pace < 1 else None
@@ -269,13 +269,13 @@ def main() -> None:
                 return
             begin, seconds = time.perf_counter(), 0.0
             with suppress(Exception):
-                if _compiled(job):
+                if _compile_job(job):
                     seconds = time.perf_counter() - begin
             answers.write(f"{seconds}\n".encode())
             answers.flush()
 
 
-def _compiled(job: Job) -> bool:
+def _compile_job(job: Job) -> bool:
     """Compile a kernel; False where this process would make another one of it than that which asked."""
     kernel = getattr(importlib.import_module(job.module), job.variable)
     if job.signature:

@@ -70,7 +70,7 @@ class Record(NamedTuple):
     @property
     def sizes(self) -> tuple[str, ...]:
         """Names of the sizes behind its fields."""
-        return tuple(dict.fromkeys(_named(self.kinds)))
+        return tuple(dict.fromkeys(_size_names(self.kinds)))
 
 
 class Function(NamedTuple):
@@ -101,7 +101,7 @@ class Signature(NamedTuple):
         of_records = {
             size for kind in self.kinds if isinstance(kind, Record) for size in kind.sizes
         }
-        plain = _named(kind for kind in self.kinds if isinstance(kind, Numbers | Rows))
+        plain = _size_names(kind for kind in self.kinds if isinstance(kind, Numbers | Rows))
         return tuple(size for size in dict.fromkeys(plain) if size not in of_records)
 
 
@@ -161,7 +161,7 @@ def in_lanes(one: Signature, *shared: str, words: tuple[str, ...] = ()) -> Signa
     )
 
 
-def _named(kinds: Any) -> Iterator[str]:
+def _size_names(kinds: Any) -> Iterator[str]:
     """Names of the sizes of arrays, as they occur."""
     for kind in kinds:
         if isinstance(kind, Numbers | Rows):

@@ -16,7 +16,7 @@ from ...typing import Array, Mask, Vector
 from ..compile.jit import (
     COMPILED,
     address,
-    bound,
+    bind_kernel,
     caller,
     compile_kernel,
     compile_together,
@@ -93,7 +93,7 @@ __all__ = [
     "helper",
     "matrix",
     "address",
-    "bound",
+    "bind_kernel",
     "caller",
     "compile_kernel",
     "compile_together",

@@ -134,7 +134,7 @@ def plausible(
     cursor.state[0].samples += 1
     code = 0
     if not changed and before > 0 or cursor.state[0].repeating > 0:
-        code = _repeated(dtheta, dv, dt, t, cursor)
+        code = _count_stuck_axes(dtheta, dv, dt, t, cursor)
     if inside and before > 0 and (cursor.state[0].samples % SELDOM <= 1 or dt > LONG_SAMPLE):
         _changes(dtheta, dv, dt, t, belief, cursor)
     if not (inside and below):
@@ -193,7 +193,7 @@ def _changes(
 
 
 @helper
-def _repeated(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
+def _count_stuck_axes(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
     """Count the axes that repeat their value, and say which are stuck. Returns 1 if any is."""
     axes, state = cursor.axes, cursor.state[0]
     previous, samples = state.previous, state.samples
@@ -255,7 +255,7 @@ def length(vector: Array) -> float:
 
 
 @helper
-def measured(fixes: Fixes, k: int, belief: FilterState, cursor: Cursor) -> bool:
+def is_plausible(fixes: Fixes, k: int, belief: FilterState, cursor: Cursor) -> bool:
     """True where measurement `k` is plausible: not latitude and longitude 0, and within the limits
     of the vehicle. Increases its standard deviations to the `floor` of its source."""
     s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits[0]

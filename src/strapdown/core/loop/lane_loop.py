@@ -310,7 +310,7 @@ def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
 
 @inlined
 def _look(y: Array, kind: int, belief: FilterState, t: float, cursor: LaneCursor) -> None:
-    """Runs whose fix `core.loop.integrity.measured` might not believe must go alone."""
+    """Runs whose fix `core.loop.integrity.is_plausible` might not believe must go alone."""
     limits = cursor.limits[0]
     if kind == Kind.POSITION:
         nowhere = (abs(y[0]) < NEAR_NULL) & (abs(y[1]) < NEAR_NULL)

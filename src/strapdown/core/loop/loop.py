@@ -233,7 +233,7 @@ def _is_sound(belief: FilterState) -> bool:
 def _write(belief: FilterState, t: float, row: int, cursor: Cursor, out: Output) -> None:
     """The row of the solution after IMU row `row`, where it is one that is kept."""
     state = cursor.state[0]
-    state.shown = _shown(belief, cursor, t)
+    state.shown = _row_status(belief, cursor, t)
     if row % state.every == state.phase:
         _write_row(belief, t, state.shown, out.nav[state.out])
         if out.covariance.shape[0] > 0:
@@ -244,7 +244,7 @@ def _write(belief: FilterState, t: float, row: int, cursor: Cursor, out: Output)
 
 
 @inlined
-def _shown(belief: FilterState, cursor: Cursor, t: float) -> int:
+def _row_status(belief: FilterState, cursor: Cursor, t: float) -> int:
     """The status of a row: invalid before doubtful before bridged before valid."""
     state, doubtful = cursor.state[0], False
     if state.condition >= 0:

@@ -26,8 +26,8 @@ from .integrity import (
     confirm,
     exclude_source,
     flag_unreliable,
+    is_plausible,
     length,
-    measured,
     reachable,
     test,
 )
@@ -52,7 +52,7 @@ def use_next(
     k, height = state.fix, belief.lla[2]
     s = fixes.source[k]
     source, books = fixes.sources[s], cursor.books[s]
-    work.believable = measured(fixes, k, belief, cursor)
+    work.believable = is_plausible(fixes, k, belief, cursor)
     _begin(belief, fixes, k, cursor)
     for i in range(kernels.prepare.size):
         call_stage(kernels.prepare[i], kernels, belief, fixes, k, cursor, out.record)
@@ -102,20 +102,20 @@ def _ask(
     source, t = fixes.sources[s], fixes.t[k]
     weighed = source.robust > 0 or source.memory > 0
     gate = ASK_FIRST if weighed else work.gate
-    work.nis = _corrected(kernels, belief, fixes, k, cursor, gate)
+    work.nis = _correct(kernels, belief, fixes, k, cursor, gate)
     lift = work.nis > max(gate, source.gate) and _is_due(cursor.books[s], work.alone, t)
     if weighed and not lift and work.nis > gate:
         call_stage(kernels.weigh, kernels, belief, fixes, k, cursor, out.record)
     save_step(belief, state, out.record)
     test(cursor, s, work.innovation, work.nis, t)
     if lift and _lift(kernels, belief, fixes, k, cursor, out):
-        _corrected(kernels, belief, fixes, k, cursor, math.inf)
+        _correct(kernels, belief, fixes, k, cursor, math.inf)
         save_step(belief, state, out.record)
     return _use(source, gate, cursor)
 
 
 @inlined
-def _corrected(
+def _correct(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, gate: float
 ) -> float:
     """The NIS of measurement k with this gate, its innovation in the work."""

@@ -50,11 +50,11 @@ def width(n: int) -> int:
 @kernel(SAVE_STEP)
 def save_step(belief: FilterState, record: Array) -> None:
     """Save from workspace the last step, of `linearised_step` or `measure`."""
-    kept(belief, record)
+    save_step_rows(belief, record)
 
 
 @helper
-def kept(belief: FilterState, record: Array) -> None:
+def save_step_rows(belief: FilterState, record: Array) -> None:
     """The step of `save_step`, for a filter that keeps something beside."""
     workspace = belief.workspace
     record[0] = workspace[CALL]
@@ -82,20 +82,20 @@ def kept_rows(belief: FilterState, record: Array, rows: int) -> None:
 @kernel(ADJOINT_STEP)
 def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of the call in a record of `save_step`."""
-    undone(call, lam, Lam, work)
+    apply_adjoint(call, lam, Lam, work)
 
 
 @helper
-def undone(call: Array, lam: Array, Lam: Array, work: Array) -> None:
+def apply_adjoint(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The step of `adjoint_step`, for a filter that keeps something beside."""
     if call[0] == PREDICTED:
-        unpropagated(call, lam, Lam, work)
+        adjoint_propagate(call, lam, Lam, work)
     elif call[0] > 0:
-        _unturned(call, lam, Lam)
+        _adjoint_turn_half(call, lam, Lam)
         if lam.size == 15:  # the same code with constant lengths
-            _uncorrected(15, call, lam, Lam, work)
+            _adjoint_update(15, call, lam, Lam, work)
         else:
-            _uncorrected(lam.size, call, lam, Lam, work)
+            _adjoint_update(lam.size, call, lam, Lam, work)
 
 
 @inlined
@@ -210,7 +210,7 @@ _one = transposed_transition("_one", COLUMN, COLUMN + 15, 1, (0,), 1)
 
 
 @helper
-def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
+def adjoint_propagate(step: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `propagate`: lam <- Phi' lam and Lam <- Phi' Lam Phi = (Phi' (Phi' Lam)')'. lam
     goes along as the sixteenth column of Lam.
 
@@ -276,7 +276,7 @@ def _taken_back(Lam: Array, work: Array) -> None:
 
 
 @inlined
-def _unturned(call: Array, lam: Array, Lam: Array) -> None:
+def _adjoint_turn_half(call: Array, lam: Array, Lam: Array) -> None:
     """The adjoint of `turn_half`: lam <- A' lam and Lam <- A' Lam A."""
     theta = call[U + 6 * lam.size :]
     x, y, z = -theta[0], -theta[1], -theta[2]
@@ -286,7 +286,7 @@ def _unturned(call: Array, lam: Array, Lam: Array) -> None:
 
 
 @inlined
-def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
+def _adjoint_update(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `update`, with K H = U' H of whitened rows and their innovations w:
 
         lam <- (I - U' H)' lam - H' w = lam - H' (U lam + w)
@@ -296,8 +296,8 @@ def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> No
     Source: Bierman (1973), Automatica 9.
     """
     _symmetric(n, Lam, work)
-    _projected(n, call, work)
-    _halved(n, call, lam, work)
+    _gain_product(n, call, work)
+    _subtract_half(n, call, lam, work)
     H, Z, numbers = U + 3 * n, n * n, flatten(Lam)
     for i in range(n):
         h0, h1, h2 = call[H + i], call[H + n + i], call[H + 2 * n + i]
@@ -321,7 +321,7 @@ def _symmetric(n: int, Lam: Array, work: Array) -> None:
 
 
 @inlined
-def _projected(n: int, call: Array, work: Array) -> None:
+def _gain_product(n: int, call: Array, work: Array) -> None:
     """Z = U Lam (3, n), behind Lam in the workspace."""
     Z = n * n
     for i in range(3 * n):
@@ -335,7 +335,7 @@ def _projected(n: int, call: Array, work: Array) -> None:
 
 
 @inlined
-def _halved(n: int, call: Array, lam: Array, work: Array) -> None:
+def _subtract_half(n: int, call: Array, lam: Array, work: Array) -> None:
     """lam <- lam - H' (U lam + w), and Z <- Z - M H / 2 with M = Z U' + I."""
     H, Z = U + 3 * n, n * n
     a0, a1, a2 = call[INNOVATION], call[INNOVATION + 1], call[INNOVATION + 2]

@@ -65,7 +65,7 @@ def couple(
             size * (belief.C[1, i] - h * (w[k] * belief.C[1, j] - w[j] * belief.C[1, k])),
             size * (belief.C[2, i] - h * (w[k] * belief.C[2, j] - w[j] * belief.C[2, k])),
         )
-        _moved(P, state, first, (g0, g1, g2))
+        _transform_covariance(P, state, first, (g0, g1, g2))
         if record.size > 0:
             at = 2 + ROW * row
             record[at], record[at + 1] = state, first
@@ -75,7 +75,7 @@ def couple(
 
 
 @helper
-def _moved(P: Array, state: int, first: int, G: tuple[float, float, float]) -> None:
+def _transform_covariance(P: Array, state: int, first: int, G: tuple[float, float, float]) -> None:
     """P <- T P T', symmetric to the last bit."""
     n, g0, g1, g2 = P.shape[0], G[0], G[1], G[2]
     row, r0, r1, r2 = P[state], P[first], P[first + 1], P[first + 2]

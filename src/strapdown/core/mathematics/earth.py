@@ -142,12 +142,12 @@ def gravity_gradient(sine: float, cosine: float, h: float) -> tuple[float, float
 def displace(lla: Array, north: float, east: float, down: float) -> None:
     """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole
     is crossed, not passed."""
-    lla[0], lla[1] = displaced(lla, north, east)
+    lla[0], lla[1] = displaced_lat_lon(lla, north, east)
     lla[2] -= down
 
 
 @helper
-def displaced(lla: Array, north: float, east: float) -> tuple[float, float]:
+def displaced_lat_lon(lla: Array, north: float, east: float) -> tuple[float, float]:
     """Return latitude and longitude (rad) of a geodetic position moved by `north` and `east` (m),
     as by `displace`."""
     sine = sine_of_latitude(lla[0])

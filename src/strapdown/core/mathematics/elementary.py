@@ -208,7 +208,7 @@ A9, A10 = -3.65315727442169155270e-02, 1.62858201153657823623e-02
 @helper
 def arctangent(x: float) -> float:
     """Between -pi/2 and pi/2, rad."""
-    return _signed(_of_slope(_magnitude(x)), x)
+    return _copy_sign(_of_slope(_magnitude(x)), x)
 
 
 @stands_for(math.atan2, np.arctan2)
@@ -224,7 +224,7 @@ def arctangent2(y: float, x: float) -> float:
     angle = where(steep, where(left, angle, -angle), where(left, -angle, angle))
     high = where(steep, PI_HALF, where(left, 2.0 * PI_HALF, 0.0))
     low = where(steep, PI_HALF_LOW, where(left, 2.0 * PI_HALF_LOW, 0.0))
-    return _signed(high + (angle + low), y)
+    return _copy_sign(high + (angle + low), y)
 
 
 @helper
@@ -260,7 +260,7 @@ def _magnitude(x: float) -> float:
 
 
 @helper
-def _signed(x: float, like: float) -> float:
+def _copy_sign(x: float, like: float) -> float:
     """x >= 0 with the sign of another number, zeros included."""
     return from_bits(bits(x) | (bits(like) & SIGN))
 

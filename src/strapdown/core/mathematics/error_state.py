@@ -152,7 +152,7 @@ def measure(
     """
     n = belief.P.shape[0]
     H = matrix(belief.workspace, JACOBIAN, 3, n)
-    rows = observed(belief, y, observe, source, innovation, H)
+    rows = observe_innovation(belief, y, observe, source, innovation, H)
     nis = update(
         belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK], belief.workspace[DX]
     )
@@ -162,7 +162,7 @@ def measure(
 
 
 @inlined
-def observed(
+def observe_innovation(
     belief: FilterState, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """Compute by `observe` the innovation and H of a measurement, both cleared before, with the
@@ -231,7 +231,7 @@ def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
 
         lla <- lla + (p_N / M, p_E / (N cos L), -p_D),  v <- v + dv,  C <- exp(S(theta)) C
     """
-    added(lla, v, C, dx)
+    add_error(lla, v, C, dx)
     theta = dx[ATT]
     turned = (theta[0] != 0) | (theta[1] != 0) | (theta[2] != 0)
     if any_of(turned):  # a run whose fix was rejected keeps every bit
@@ -239,7 +239,7 @@ def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
 
 
 @inlined
-def added(lla: Array, v: Array, C: Array, dx: Array) -> None:
+def add_error(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """`inject` into a state that is made anew each time, where rounding cannot add up."""
     p, dv, theta = dx[POS], dx[VEL], dx[ATT]
     displace(lla, p[0], p[1], p[2])

@@ -41,7 +41,7 @@ def _product(innovation: Array, i: int, j: int) -> float:
 
 
 @helper
-def solved(
+def solve_innovation(
     S: Array, R: Array, f: float, e0: float, e1: float, e2: float
 ) -> tuple[float, float, float, float, float]:
     """With A = S + (f - 1) R: A^-1 e (3 numbers), e' A^-1 e and the logarithm of det A. NaN where A
@@ -64,6 +64,6 @@ def solved(
 
 
 @helper
-def known(x: float) -> float:
+def zero_if_missing(x: float) -> float:
     """A component of an innovation, 0 of one that is not measured."""
     return 0.0 if math.isnan(x) else x

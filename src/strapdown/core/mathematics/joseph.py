@@ -9,7 +9,7 @@ from ..compile.workspace import MAX_STATES, Slots
 from .belief import Noise
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
 from .kalman import WORKSPACE, propagate, update
-from .rotation import turned, turned_on
+from .rotation import rotate_vector, turned_on
 
 JOSEPH = Slots()
 """What it needs of a workspace."""
@@ -22,12 +22,12 @@ PENDING = JOSEPH.array("PENDING", 6)
 SECONDS = JOSEPH.number("SECONDS")
 NOISE = JOSEPH.array("NOISE", 6)
 FORCE = JOSEPH.array("FORCE", 3)  # mean specific force of the last step, body, m/s^2
-PRODUCT = JOSEPH.matrix("PRODUCT", 3, MAX_STATES)  # of `spread`
+PRODUCT = JOSEPH.matrix("PRODUCT", 3, MAX_STATES)  # of `joseph_update`
 MAX_STEP = 0.05  # s: P need not see each sample, which would cost more than such a filter
 
 
 @inlined
-def changed(own: Array, noise: Noise) -> bool:
+def has_new_noise(own: Array, noise: Noise) -> bool:
     """True where the waiting samples have other white noise, so that P must be propagated before the
     next one."""
     told = own[NOISE]
@@ -62,7 +62,7 @@ def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
     dt = float(own[SECONDS])
     turned_on(C, (-0.5 * u[0], -0.5 * u[1], -0.5 * u[2]), mid)  # half a turn back from the end
     dv_n = own[DX]
-    dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
+    dv_n[0], dv_n[1], dv_n[2] = rotate_vector(mid, u[3], u[4], u[5])
     w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)
     noise = Noise(float(n[0]), float(n[1]), float(n[2]), float(n[3]), float(n[4]), float(n[5]), 0.0)
     propagate(P, blocks, mid, dv_n, (w0 * dt, w1 * dt, w2 * dt), dt, noise, own[WORK])
@@ -81,7 +81,7 @@ def test(P: Array, own: Array, H: Array, innovation: Array, sd: Array, rows: int
 
 
 @helper
-def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
+def joseph_update(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
     """Joseph's form, for any gain K: with A = -K' and B = H,
 
         P <- (I - K H) P (I - K H)' + K R K' = (I + A' B) P (I + A' B)' + A' R A

@@ -594,7 +594,7 @@ def _update(
         missing = math.isnan(innovation[i])
         if all_of(missing):
             continue
-        w = _whitened(n, i, m, P, H[i], innovation[i], sd[i], U, shared)
+        w = _whiten_row(n, i, m, P, H[i], innovation[i], sd[i], U, shared)
         _write_whitened(i, m, w, shared, innovation)
         shared[COUNT] += where(missing, 0.0, 1.0)
         nis += w * w
@@ -614,7 +614,7 @@ def _update(
 
 
 @inlined
-def _whitened(
+def _whiten_row(
     n: int, i: int, m: int, P: Array, h: Array, e: float, sd: float, U: Array, shared: Array
 ) -> float:
     """Row i of H, with innovation e, as the m-th that is used: its row of U and its numbers in
@@ -624,7 +624,7 @@ def _whitened(
     1/sqrt(h u + r), with r = sd^2.
     """
     u, missing = U[m], math.isnan(e)
-    terms, first, last = _projected(n, P, h, u)
+    terms, first, last = _project_row(n, P, h, u)
     for k in range(m):
         overlap = _along(h, U[k], first, last)
         shared[OVERLAP - 1 + m + k] = overlap
@@ -640,7 +640,7 @@ def _whitened(
 
 
 @inlined
-def _projected(n: int, P: Array, h: Array, u: Array) -> tuple[float, int, int]:
+def _project_row(n: int, P: Array, h: Array, u: Array) -> tuple[float, int, int]:
     """u += P h'. Returns the variance of h x without the correlations of x, and the range of the
     columns where h is not zero."""
     terms, first, last = 0.0, n, 0

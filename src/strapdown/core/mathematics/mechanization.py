@@ -17,7 +17,7 @@ import math
 from ...typing import Array
 from ..compile.jit import helper
 from ..compile.selection import any_of, where
-from .earth import displaced, gravity, gravity_north, place, rotation_rates
+from .earth import displaced_lat_lon, gravity, gravity_north, place, rotation_rates
 from .rotation import Three, rotate_left, rotate_right
 
 
@@ -137,7 +137,7 @@ def _move(lla: Array, at: tuple[float, float, float, float], way: Three) -> None
     # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
     polar = abs(lla[0]) > 1.55
     if any_of(polar):
-        polar_lat, polar_lon = displaced(lla, north, east)
+        polar_lat, polar_lon = displaced_lat_lon(lla, north, east)
         lat, lon = where(polar, polar_lat, lat), where(polar, polar_lon, lon)
     lla[0], lla[1] = lat, lon
     lla[2] -= down

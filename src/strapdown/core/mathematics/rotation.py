@@ -28,7 +28,7 @@ def wrap(angle: float) -> float:
 
 
 @helper
-def turned(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+def rotate_vector(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """C times the vector (x, y, z)."""
     return (
         C[0, 0] * x + C[0, 1] * y + C[0, 2] * z,
@@ -243,7 +243,7 @@ def rotation_terms(x: float, y: float, z: float) -> NineNumbers:
 
 @helper
 def turned_by(R: NineNumbers, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """`turned` by the nine numbers of a matrix."""
+    """`rotate_vector` by the nine numbers of a matrix."""
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = R
     return r0 * x + r1 * y + r2 * z, r3 * x + r4 * y + r5 * z, r6 * x + r7 * y + r8 * z
 

@@ -26,8 +26,8 @@ from .adjoint import (
     F,
     U,
     W,
-    kept,
     kept_rows,
+    save_step_rows,
 )
 from .belief import FilterState
 from .error_state import DX, PREDICTED, WORK
@@ -62,7 +62,7 @@ V_SIZE = MOVED + 9 * LANES
 def save_step(belief: FilterState, record: Array) -> None:
     """Save the last step for the smoother; of measurements, used or not, also the state and
     L^-1."""
-    kept(belief, record)
+    save_step_rows(belief, record)
     if record[0] == PREDICTED:
         return
     workspace, n = belief.workspace, belief.P.shape[0]
@@ -94,7 +94,7 @@ _moved = transition("_moved", 0, LANES, MOVED, LANES, (0, 8), 8)
 
 
 @helper
-def _predicted(V: Array, step: Array) -> None:
+def _predict_sensitivity(V: Array, step: Array) -> None:
     """V <- Phi V; states beyond the fifteenth stand still."""
     dt = step[DT]
     transport = step[W], step[W + 1], step[W + 2]
@@ -109,7 +109,7 @@ def _predicted(V: Array, step: Array) -> None:
 
 
 @helper
-def _faded(V: Array, call: Array) -> None:
+def _fade_correlated(V: Array, call: Array) -> None:
     """V <- Phi V where correlated errors of a source have faded."""
     for i in range(3):
         k = int(call[2 + i])
@@ -118,23 +118,23 @@ def _faded(V: Array, call: Array) -> None:
 
 
 @inlined
-def _corrected(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
+def _correct_sensitivity(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
     """J = L^-1 (H V + h) of a fix and, where it was used, V <- A (V - U' J), A as of
     `error_state.turn_half`."""
     was_used = call[0] < REJECTED
     rows = int(call[0] if was_used else call[0] - REJECTED)
-    _shown(n, rows, V, call, h, J)
+    _whiten_rows(n, rows, V, call, h, J)
     if was_used:
         for i in range(rows):
             for k in range(n):
                 factor = call[U + n * i + k]
                 for j in range(LANES):
                     V[LANES * k + j] -= factor * J[i, j]
-        _turned(n, V, call)
+        _turn_attitude(n, V, call)
 
 
 @inlined
-def _shown(n: int, rows: int, V: Array, call: Array, h: Array, J: Array) -> None:
+def _whiten_rows(n: int, rows: int, V: Array, call: Array, h: Array, J: Array) -> None:
     """J = L^-1 h + (L^-1 H) V of the rows of a fix."""
     H, inverse = U + 3 * n, call.size - BEHIND + INVERSE
     for i in range(rows):
@@ -152,7 +152,7 @@ def _shown(n: int, rows: int, V: Array, call: Array, h: Array, J: Array) -> None
 
 
 @inlined
-def _turned(n: int, V: Array, call: Array) -> None:
+def _turn_attitude(n: int, V: Array, call: Array) -> None:
     """Half of the correction theta turns the attitude errors: v <- v + theta x v / 2."""
     first = U + 6 * n
     x, y, z = 0.5 * call[first], 0.5 * call[first + 1], 0.5 * call[first + 2]
@@ -174,10 +174,10 @@ def run_sensitivity(n: int, record: Array, h: Array, V: Array, J: Array) -> None
     for c in range(record.shape[0]):
         call = record[c]
         if call[0] == PREDICTED:
-            _predicted(V, call)
+            _predict_sensitivity(V, call)
         elif call[0] == FADED:
-            _faded(V, call)
+            _fade_correlated(V, call)
         else:
             if call[0] > 0:
-                _corrected(n, V, call, h[fix], J[fix])
+                _correct_sensitivity(n, V, call, h[fix], J[fix])
             fix += 1

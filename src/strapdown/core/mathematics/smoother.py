@@ -101,16 +101,16 @@ def _smooth_row(P: Array, estimated: Ints, lam: Array, Lam: Array, work: Array, 
         for i in range(n):
             error[i] = 0.0
     if k == 15:  # the same code with constant lengths
-        _smoothed(15, P, estimated, lam, Lam, work, error, row)
+        _smooth_state(15, P, estimated, lam, Lam, work, error, row)
     elif k == 6:
-        _smoothed(6, P, estimated, lam, Lam, work, error, row)
+        _smooth_state(6, P, estimated, lam, Lam, work, error, row)
     else:
-        _smoothed(k, P, estimated, lam, Lam, work, error, row)
+        _smooth_state(k, P, estimated, lam, Lam, work, error, row)
     _compose(error, row)
 
 
 @inlined
-def _smoothed(
+def _smooth_state(
     k: int, P: Array, estimated: Ints, lam: Array, Lam: Array, work: Array, error: Array, row: Array
 ) -> None:
     """error (n,) = - P lam in the estimated states; the standard deviations of P - P Lam P into the
@@ -121,7 +121,7 @@ def _smoothed(
     """
     lanes, product = _lanes(k), k * _lanes(k)
     diagonal, change = 2 * product, 2 * product + lanes
-    _gathered(k, P, estimated, work)
+    _gather_covariance(k, P, estimated, work)
     _product(k, Lam, 0, k, product, work)
     _products_of_columns(k, lam, work)
     for j in range(lanes):
@@ -137,7 +137,7 @@ def _smoothed(
 
 
 @inlined
-def _gathered(k: int, P: Array, estimated: Ints, work: Array) -> None:
+def _gather_covariance(k: int, P: Array, estimated: Ints, work: Array) -> None:
     """P in the estimated states, rows of k, into the workspace."""
     if k == P.shape[0]:
         numbers = flatten(P)
@@ -231,7 +231,7 @@ def _product(k: int, A: Array, source: int, stride: int, target: int, work: Arra
 
 @helper
 def _write_covariance(P: Array, estimated: Ints, k: int, work: Array, out: Array) -> None:
-    """P - P Lam P from what `_smoothed` left, in the estimated states; the others are the
+    """P - P Lam P from what `_smooth_state` left, in the estimated states; the others are the
     filter's."""
     n, lanes, product = P.shape[0], _lanes(k), k * _lanes(k)
     if k == 15 and n == 15:  # the same code with constant lengths

@@ -88,10 +88,12 @@ class _Shape(NamedTuple):
 def find(window: Window) -> CauseFound:
     """The shape that explains a run best, or without any NOISE, OUTLIERS or UNKNOWN."""
     measured = np.isfinite(window.innovation)
-    e = whitened(window.root, np.where(measured, window.innovation, 0.0)[:, :, None])[:, :, 0]
+    e = whitened_values(window.root, np.where(measured, window.innovation, 0.0)[:, :, None])[
+        :, :, 0
+    ]
     passed, e = np.broadcast_to(window.passed[:, None], e.shape)[measured], e[measured]
     shapes = list(_shapes(window))
-    basis = _seen(window, shapes)[measured]
+    basis = _whitened_errors(window, shapes)[measured]
     sums = [_Sums.of(e[part], basis[part]) for part in (passed, ~passed)]
     count, plain = len(e), _deviance(sums)
     found, last = [_without(window, e, passed)], 0
@@ -110,7 +112,7 @@ def find(window: Window) -> CauseFound:
     return max(found, key=lambda each: each.gain)
 
 
-def whitened(root: Array, values: Array) -> Array:
+def whitened_values(root: Array, values: Array) -> Array:
     """L^-1 of (m, 3, p) values."""
     z = np.empty_like(values)
     for i in range(3):
@@ -226,7 +228,7 @@ def _jumps(t: Array, bad: Mask, first: int, last: int) -> Iterator[_Shape]:
             yield _Shape(JUMP, since, until, _each(inside * 1.0), True, 2)
 
 
-def _seen(window: Window, shapes: list[_Shape]) -> Array:
+def _whitened_errors(window: Window, shapes: list[_Shape]) -> Array:
     """(m, 3, p) of all parameters of the shapes what an innovation shows, the filter having followed
     the error so far, whitened."""
     variance = (window.root**2).sum(axis=2)
@@ -239,4 +241,4 @@ def _seen(window: Window, shapes: list[_Shape]) -> Array:
     for d, k in zip(errors, gain[:, :, None] * follow):
         d -= x
         x += k * d
-    return whitened(window.root, errors)
+    return whitened_values(window.root, errors)

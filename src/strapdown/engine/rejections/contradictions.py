@@ -42,12 +42,12 @@ class RejectedRun(NamedTuple):
     others: tuple[int, ...] = ()  # sources that were rejected at the same time
 
 
-def blamed(runs: list[RejectedRun]) -> list[RejectedRun]:
+def assign_blame(runs: list[RejectedRun]) -> list[RejectedRun]:
     """Runs in order of time. Of those at the same time some keep their own cause, the others of
     each source become one that contradicts."""
     alone = [run for run in runs if run.found.shape in BY_THEMSELVES]
     for together in _together([run for run in runs if run.found.shape not in BY_THEMSELVES]):
-        alone += _judged(together)
+        alone += _judge_runs(together)
     return sorted(alone, key=lambda run: (run.start, run.source))
 
 
@@ -61,7 +61,7 @@ def _together(runs: list[RejectedRun]) -> Iterator[list[RejectedRun]]:
     yield gathered
 
 
-def _judged(runs: list[RejectedRun]) -> list[RejectedRun]:
+def _judge_runs(runs: list[RejectedRun]) -> list[RejectedRun]:
     sources = {run.source for run in runs}
     if len(sources) < 2:
         return runs
@@ -91,10 +91,10 @@ def _judged(runs: list[RejectedRun]) -> list[RejectedRun]:
 def _one(runs: list[RejectedRun], others: tuple[int, ...]) -> RejectedRun:
     """Runs of a source that say no more than that it and others contradict each other."""
     biggest = max(runs, key=lambda run: run.number)
-    return merged(runs)._replace(found=biggest.found._replace(shape=DISAGREE), others=others)
+    return merge_runs(runs)._replace(found=biggest.found._replace(shape=DISAGREE), others=others)
 
 
-def merged(runs: list[RejectedRun]) -> RejectedRun:
+def merge_runs(runs: list[RejectedRun]) -> RejectedRun:
     """Runs of a source, in order of time, as one with the cause of the first."""
     spans = [(run.of - 1) / (run.stop - run.start) for run in runs if run.stop > run.start]
     start, stop = runs[0].start, max(run.stop for run in runs)

@@ -16,7 +16,7 @@ from ...units.constants import SETTLING
 from . import causes
 from .causes import CauseFound
 from .chance import as_many, farther
-from .contradictions import CHAIN, RejectedRun, blamed, merged
+from .contradictions import CHAIN, RejectedRun, assign_blame, merge_runs
 from .windows import WindowFixes, window
 
 FEW = 3  # rejections: fewer are single outliers
@@ -34,10 +34,10 @@ def find(fixes: WindowFixes, aidings: Sequence[Aiding]) -> list[RejectedRun]:
     runs: list[RejectedRun] = []
     for s in np.unique(fixes.rows["source"][fixes.rejected].astype(int)).tolist():
         runs += _of_source(s, fixes.of(s), fixes, aidings[s].kind)
-    return blamed(sorted(runs, key=lambda run: (run.start, run.source)))
+    return assign_blame(sorted(runs, key=lambda run: (run.start, run.source)))
 
 
-def joined(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list[RejectedRun]:
+def join_runs(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list[RejectedRun]:
     """Runs found earlier and those after them: single outliers of a source are one run, and so is
     all that comes after MAX_RUNS of it."""
     found: dict[int, list[RejectedRun]] = {}
@@ -47,7 +47,7 @@ def joined(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list[Re
         alike = [k for k, each in enumerate(own) if single and each.found.shape == causes.OUTLIERS]
         if alike or len(own) > MAX_RUNS:
             k = alike[0] if alike else len(own) - 1
-            own[k] = merged([own[k], run])
+            own[k] = merge_runs([own[k], run])
         else:
             own.append(run)
     return sorted((run for own in found.values() for run in own), key=lambda r: (r.start, r.source))
@@ -61,13 +61,13 @@ def _of_source(s: int, own: WindowFixes, every: WindowFixes, kind: str) -> list[
         return [_run(s, own, np.concatenate(chains), whole)]
     for bad in chains:
         if len(found) >= MAX_RUNS:
-            found[-1] = merged([found[-1], _run(s, own, bad, found[-1].found)])
+            found[-1] = merge_runs([found[-1], _run(s, own, bad, found[-1].found)])
             continue
-        for part, cause in _explained(own, every, kind, bad):
+        for part, cause in _explain_chain(own, every, kind, bad):
             if cause is None or cause.shape == causes.OUTLIERS:
                 single += part.tolist()
             else:
-                found.append(_settling(_run(s, own, part, cause), own.began))
+                found.append(_mark_start_error(_run(s, own, part, cause), own.began))
     if single and not _by_chance(own, np.array(single)):
         nothing = CauseFound(
             causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0
@@ -87,7 +87,7 @@ def _together(
     return found if found.shape in WHOLE else None
 
 
-def _explained(
+def _explain_chain(
     own: WindowFixes, every: WindowFixes, kind: str, bad: Ints
 ) -> Iterator[tuple[Ints, CauseFound | None]]:
     """Yield a chain of rejections, or each of its parts, with its cause; None where they are
@@ -117,7 +117,7 @@ def _without_onset(found: CauseFound, own: WindowFixes) -> CauseFound:
     return found._replace(shape=causes.ALWAYS) if early else found
 
 
-def _settling(run: RejectedRun, begin: float) -> RejectedRun:
+def _mark_start_error(run: RejectedRun, begin: float) -> RejectedRun:
     """A run that is over soon after the filter began shows an error of its start as well as one of
     the fixes."""
     if run.found.shape == causes.NOISE or run.stop > begin + SETTLING:

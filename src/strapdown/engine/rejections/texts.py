@@ -36,16 +36,16 @@ REMEDIES = {
 }
 
 
-def rejected(runs: Sequence[RejectedRun], aidings: Sequence[Aiding]) -> list[Rejected]:
+def rejection_texts(runs: Sequence[RejectedRun], aidings: Sequence[Aiding]) -> list[Rejected]:
     """The runs in words."""
     names = [a.name or a.kind for a in aidings]
-    return [_said(run, aidings[run.source], names) for run in runs]
+    return [_rejection_text(run, aidings[run.source], names) for run in runs]
 
 
-def _said(run: RejectedRun, source: Aiding, names: Sequence[str]) -> Rejected:
+def _rejection_text(run: RejectedRun, source: Aiding, names: Sequence[str]) -> Rejected:
     shape = run.found.shape
     cause = DISAGREE if shape in (OFFSET, SCALE, ALWAYS) else UNKNOWN if shape == START else shape
-    seen = _seen(run, source)
+    seen = _error_text(run, source)
     if cause == DISAGREE:
         others = ", ".join(names[s] for s in run.others)
         also = f"fixes of {others} were rejected too" if others else "fixes of others were not"
@@ -54,7 +54,7 @@ def _said(run: RejectedRun, source: Aiding, names: Sequence[str]) -> Rejected:
     return Rejected(names[run.source], *span, cause, seen, REMEDIES[cause])
 
 
-def _seen(run: RejectedRun, source: Aiding) -> str:
+def _error_text(run: RejectedRun, source: Aiding) -> str:
     found, size = run.found, run.found.size
     if found.shape == JUMP:
         lasted = found.until - found.since

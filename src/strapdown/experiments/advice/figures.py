@@ -15,8 +15,8 @@ from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import band
 from ...pages.drawing import COLOURS, GREY, RED, finish, line, log_range, note, panels, positive
 from ...typing import Array
-from ...units.wording import elapsed
-from .verdicts import CLOSED, OPEN, called, interval_of
+from ...units.wording import duration_text
+from .verdicts import CLOSED, OPEN, display_name, interval_of
 
 if TYPE_CHECKING:
     from ..monte_carlo.chunks import Arrays
@@ -64,7 +64,7 @@ def _over_time(
         shown = name in LINES or name == advice.decision.filter
         for i, values in enumerate(lines(curves, labels.index(name))):
             style: dict[str, Any] = {"dash": "dash"} if i else {}
-            line(figure, t, values, called(name), colours[name], legend=not i, **style)
+            line(figure, t, values, display_name(name), colours[name], legend=not i, **style)
             figure.data[-1].visible = True if shown else "legendonly"
             seen += [values] if shown else []
     figure.update_xaxes(title_text=f"time [{unit}]", range=[0, float(t[-1])])
@@ -166,7 +166,7 @@ def crossover(advice: Advice) -> go.Figure:
         figure.add_trace(
             go.Heatmap(
                 z=[[kinds.index(cell["answer"]) for cell in line] for line in cells],
-                x=[elapsed(t) for t in times],
+                x=[duration_text(t) for t in times],
                 y=imus,
                 text=[[_mark(cell) for cell in line] for line in cells],
                 texttemplate="%{text}",

@@ -17,7 +17,7 @@ from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table
 from ...sim.synthesis import simulate
 from ...typing import File
-from ...units.wording import elapsed
+from ...units.wording import duration_text
 
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""
@@ -101,10 +101,10 @@ def mission(flight: File | Scenario, duration: float, rate: float = MISSION_RATE
     the scenario's where that is less.
     """
     if isinstance(flight, Scenario):
-        made = _lasting(flight, duration)
+        made = _with_duration(flight, duration)
     else:
         table, path = _table(flight)
-        made = _lasting(_again(table, path, duration), duration)
+        made = _with_duration(_again(table, path, duration), duration)
     ending = f"-{duration:g}s"
     return made.replace(
         name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made)), made.rate)
@@ -164,7 +164,7 @@ def _again(table: dict[str, Any], path: Path, duration: float) -> Scenario:
             return made
         times += 1
     raise DataError(
-        f"{path}: its motion of {once:g} s would be flown {times} times in {elapsed(duration)}; "
+        f"{path}: its motion of {once:g} s would be flown {times} times in {duration_text(duration)}; "
         f"choose a longer one"
     )
 
@@ -188,7 +188,7 @@ def _fastest(made: Scenario) -> float:
     return max([0.0 if np.ndim(made.gnss.interval) else 1 / float(made.gnss.interval), *others])
 
 
-def _lasting(made: Scenario, duration: float) -> Scenario:
+def _with_duration(made: Scenario, duration: float) -> Scenario:
     if made.motion.end < duration:
         raise DataError(
             f"scenario {made.name!r}: its motion ends at {made.motion.end:g} s; plan {duration:g} "
@@ -199,5 +199,5 @@ def _lasting(made: Scenario, duration: float) -> Scenario:
         return made.replace(duration=float(duration))
     except DataError as error:
         raise DataError(
-            f"{error}; a flight of {elapsed(duration)} needs another motion or start"
+            f"{error}; a flight of {duration_text(duration)} needs another motion or start"
         ) from None

@@ -13,10 +13,10 @@ import pandas as pd
 
 from ...data.solution import Correlated
 from ...evaluation.consistency import Interval
-from ...pages.parts import Html, caption, numbered, paragraphs, table
+from ...pages.parts import Html, caption, numbered_list, paragraphs, table
 from ...pages.shell import Document, Page
 from ...typing import ArrayLike
-from ...units.wording import elapsed, enumerated, number
+from ...units.wording import duration_text, join_words, number
 from .verdicts import (
     CLOSED,
     MAX_RUNS,
@@ -27,7 +27,7 @@ from .verdicts import (
     Decision,
     FilterEvidence,
     FilterVerdict,
-    called,
+    display_name,
 )
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def sentences(advice: Advice) -> list[str]:
     """The condition, the answer, what it is about, the reasons, and how sure it is: a list of
     lines."""
     head = [_condition(advice), _headline(advice), _about(advice), *notes(advice)]
-    lines = [f"  {called(e.filter):<20} {_verdict(advice, e)}" for e in advice.found.values()]
+    lines = [f"  {display_name(e.filter):<20} {_verdict(advice, e)}" for e in advice.found.values()]
     return [*head, *lines, *_not_estimated(advice), _sure(advice), *_shorter(advice)]
 
 
@@ -110,8 +110,8 @@ def _condition(advice: Advice) -> str:
 
 
 def _headline(advice: Advice) -> str:
-    decision, length = advice.decision, elapsed(advice.scenario.duration)
-    closed, name = advice.found[CLOSED], called(decision.filter)
+    decision, length = advice.decision, duration_text(advice.scenario.duration)
+    closed, name = advice.found[CLOSED], display_name(decision.filter)
     decided = {
         "open": f"Open loop: for this mission of {length} it serves as well as the closed loop, "
         f"and the INS stays isolated from the fixes.",
@@ -120,14 +120,14 @@ def _headline(advice: Advice) -> str:
         "closed": f"Closed loop: neither the open loop nor resets that were tried are admissible "
         f"for {length}.",
         "none": f"None is trustworthy here, not even the closed loop: "
-        f"{'; '.join(_broken(closed, decision.verdicts[CLOSED], NO))}.",
+        f"{'; '.join(_failed_criteria(closed, decision.verdicts[CLOSED], NO))}.",
     }
     if decision.answer in decided:
         return decided[decision.answer]
     which = "closed loop, if any; to tell whether even that can be trusted takes"
     until = ""
     if decision.doubtful != CLOSED:
-        which = f"to tell whether the answer is {called(decision.doubtful)} takes"
+        which = f"to tell whether the answer is {display_name(decision.doubtful)} takes"
         until = f" Until then{f': {name}' if decision.filter else ' none can be recommended'}."
     return f"Not decided by {closed.count} runs: {which} {_runs(decision.runs)}.{until}"
 
@@ -161,7 +161,7 @@ def _about(advice: Advice) -> str:
         if sd is not None
     ]
     return (
-        f"{imu_name(advice)}, {flight(advice)}, {elapsed(scenario.duration)}, simulated at "
+        f"{imu_name(advice)}, {flight(advice)}, {duration_text(scenario.duration)}, simulated at "
         f"{scenario.rate:g} Hz; "
         f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
         f"{advice.found[CLOSED].count} runs, seed {advice.seed}"
@@ -184,7 +184,7 @@ def notes(advice: Advice) -> list[str]:
     return found
 
 
-def _broken(e: FilterEvidence, verdict: FilterVerdict, state: str) -> list[str]:
+def _failed_criteria(e: FilterEvidence, verdict: FilterVerdict, state: str) -> list[str]:
     """Return the evidence against a filter: the criteria that are in `state`, in words."""
     factor = np.sqrt(max(e.nees.value, 1 / e.nees.value)) if e.nees.value > 0 else np.nan
     small = "small" if e.nees.value > 1 else "large"
@@ -212,8 +212,8 @@ def _verdict(advice: Advice, e: FilterEvidence) -> str:
         other = "" if e.filter == CLOSED else ratio
         return f"admissible: survived in {e.lived} of {e.count} runs, NEES per state {_interval(e.nees)} at worst{other}"
     if verdict.admissible == NO:
-        return f"not admissible: {'; '.join(_broken(e, verdict, NO))}"
-    return f"not decided: {'; '.join(_broken(e, verdict, UNDECIDED))}; {_runs(verdict.runs)} would tell"
+        return f"not admissible: {'; '.join(_failed_criteria(e, verdict, NO))}"
+    return f"not decided: {'; '.join(_failed_criteria(e, verdict, UNDECIDED))}; {_runs(verdict.runs)} would tell"
 
 
 def _not_estimated(advice: Advice) -> list[str]:
@@ -230,7 +230,7 @@ def _not_estimated(advice: Advice) -> list[str]:
         ]
         for sensor, triad in triads.items()
     }
-    found = [f"{enumerated(own)} of the {sensor}" for sensor, own in terms.items() if own]
+    found = [f"{join_words(own)} of the {sensor}" for sensor, own in terms.items() if own]
     if not found:
         return []
     return [
@@ -245,7 +245,7 @@ def _sure(advice: Advice) -> str:
     own = (advice.decision.answer, advice.decision.filter)
 
     def text(d: Decision) -> str:
-        return called(d.filter) if d.answer != "undecided" else "not decided"
+        return display_name(d.filter) if d.answer != "undecided" else "not decided"
 
     changed = [
         f"{text(d)} with {name}"
@@ -279,9 +279,9 @@ def _shorter(advice: Advice) -> list[str]:
         return []
     served = [t for t, d in takewhile(lambda each: each[1].answer == "open", advice.through)]
     if not served:
-        first = elapsed(advice.through[0][0])
+        first = duration_text(advice.through[0][0])
         return [f"The open loop is not admissible even for the first {first}."]
-    long = elapsed(served[-1])
+    long = duration_text(served[-1])
     return [f"By the estimates the open loop would do for the first {long} of this mission."]
 
 
@@ -319,7 +319,7 @@ def page(advice: Advice) -> Page:
 
     document = Document(
         f"Open loop, resets or closed loop: {imu_name(advice)}, {flight(advice)}, "
-        f"{elapsed(advice.scenario.duration)}",
+        f"{duration_text(advice.scenario.duration)}",
         _facts(advice),
         FOOTER,
     )
@@ -347,9 +347,11 @@ def _facts(advice: Advice) -> dict[str, object]:
     return {
         "IMU": advice.imu.name,
         "mission": flight(advice),
-        "duration": elapsed(advice.scenario.duration),
+        "duration": duration_text(advice.scenario.duration),
         "condition": _condition(advice).removesuffix(":"),
-        "answer": called(advice.decision.filter) if advice.answer != "undecided" else "not decided",
+        "answer": display_name(advice.decision.filter)
+        if advice.answer != "undecided"
+        else "not decided",
         "runs": advice.found[CLOSED].count,
         "seed": str(advice.seed),
     }
@@ -358,7 +360,9 @@ def _facts(advice: Advice) -> dict[str, object]:
 def _why(advice: Advice) -> str:
     condition, first, about, *rest = [line.strip() for line in sentences(advice)]
     said = [
-        line for line in rest if not line.startswith(tuple(called(label) for label in advice.found))
+        line
+        for line in rest
+        if not line.startswith(tuple(display_name(label) for label in advice.found))
     ]
     answer, _, reason = first.partition(": ")
     decided = Html(f"<b>{escape(answer)}:</b> {escape(reason)}")
@@ -379,7 +383,7 @@ def _evidence(advice: Advice) -> str:
         share = f"{100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %"
         rows.append(
             [
-                called(e.filter),
+                display_name(e.filter),
                 {YES: "yes", NO: "no", UNDECIDED: "open"}[v.admissible],
                 mark(f"{e.lived} of {e.count} ({share})", v.survival),
                 f"{own.lost[e.filter]} / {own.inconsistent[e.filter]}",
@@ -405,7 +409,9 @@ def _evidence(advice: Advice) -> str:
 
 
 def _through(advice: Advice) -> str:
-    rows = [[elapsed(t), ANSWERS[d.answer], called(d.filter)] for t, d in advice.through]
+    rows = [
+        [duration_text(t), ANSWERS[d.answer], display_name(d.filter)] for t, d in advice.through
+    ]
     cut = "From the same runs cut short, by the estimates alone, without intervals."
     return table(["first ... of the mission", "answer", "filter"], rows) + caption(cut)
 
@@ -423,7 +429,9 @@ def _rule(advice: Advice) -> str:
         f"It is not worse: its censored position RMSE is at most {_percent(r.worse)} above the "
         f"closed loop's on the same runs.",
     ]
-    others = [[name, ANSWERS[d.answer], called(d.filter)] for name, d in advice.others.items()]
+    others = [
+        [name, ANSWERS[d.answer], display_name(d.filter)] for name, d in advice.others.items()
+    ]
     asked = "An architecture is admissible if the 95 % interval of each of these says so:"
     chosen = (
         "The answer is the open loop where it is admissible, for it keeps the INS isolated; else the "
@@ -431,6 +439,6 @@ def _rule(advice: Advice) -> str:
         "which of these it is, the answer is “not decided”."
     )
     return (
-        f"{paragraphs([asked])}{numbered(criteria)}{paragraphs([chosen])}"
+        f"{paragraphs([asked])}{numbered_list(criteria)}{paragraphs([chosen])}"
         f"<h3>With one threshold changed</h3>{table(['threshold', 'answer', 'filter'], others)}"
     )

@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 
 from ...checks import DataError
 from ...core.loop.contract import POS, STATES
-from ...evaluation.consistency import SURVIVED, Interval, mean_of_known, paired, proportion
+from ...evaluation.consistency import (
+    SURVIVED,
+    Interval,
+    mean_of_known,
+    paired_comparison,
+    proportion,
+)
 from ...typing import Array
 from ..monte_carlo.scoring import RUN_REASONS
 
@@ -147,7 +153,7 @@ def evidence(runs: Runs) -> dict[str, FilterEvidence]:
         place = runs.filters.index(label)
         own, count = np.log(_mean_square(runs, label)), runs.lasted.shape[1]
         lived = int(np.isinf(runs.lasted[place]).sum())
-        apart = paired(own, reference)
+        apart = paired_comparison(own, reference)
         ratio = Interval(*np.exp(0.5 * np.array([apart.difference, apart.low, apart.high])))
         heading = float(np.degrees(np.sqrt(mean_of_known(runs.heading[place] ** 2))))
         found[label] = FilterEvidence(
@@ -176,7 +182,7 @@ def _worst(nees: Array) -> Interval:
     for part in np.array_split(known, min(STRETCHES, nees.shape[1]), axis=1):
         means = np.nanmean(part[np.isfinite(part).any(axis=1)], axis=1)
         if len(means):
-            value, low, high, *_ = paired(means, np.zeros(len(means)))
+            value, low, high, *_ = paired_comparison(means, np.zeros(len(means)))
             found.append(Interval(value, low if np.isnan(low) else max(low, 0.0), high))
     return max(
         found,
@@ -209,7 +215,7 @@ def kind_of(label: str | None) -> str:
     )
 
 
-def called(label: str | None) -> str:
+def display_name(label: str | None) -> str:
     """A filter's label for people: "open loop", "closed loop", "reset every 60 s"."""
     if label is not None and kind_of(label) == "reset":
         return f"reset every {interval_of(label):g} s"
@@ -225,7 +231,7 @@ def judge(found: FilterEvidence, rules: Rules = DEFAULT_RULES) -> FilterVerdict:
     criteria = (survival, belief, worse)
     if NO in criteria or UNDECIDED not in criteria:
         return FilterVerdict(NO if NO in criteria else YES, *criteria, 0)
-    needed = zip(criteria, _needed(found, rules))
+    needed = zip(criteria, _runs_needed(found, rules))
     return FilterVerdict(
         UNDECIDED, *criteria, max(runs for state, runs in needed if state == UNDECIDED)
     )
@@ -244,7 +250,7 @@ def _between(interval: Interval, least: float, most: float) -> str:
     return YES if least <= interval.low and interval.high <= most else UNDECIDED
 
 
-def _needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
+def _runs_needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
     """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where
     that cannot be said."""
     count, share = found.count, found.survived.value

@@ -9,7 +9,7 @@ from ...core.loop.contract import STATES, FilterState, kernel, matrix
 from ...core.loop.lane_loop import KEEP, KEEP_LANES
 from ...core.mathematics.earth import radii
 from ...core.mathematics.rotation import rotation_between, wrap
-from ...evaluation.nees import normalised
+from ...evaluation.nees import normalised_error
 from ...typing import Array
 from .scoring import Epochs
 
@@ -26,7 +26,7 @@ TRUE_LLA, TRUE_V, TRUE_C, TRUE_RPH = slice(0, 3), slice(3, 6), slice(6, 15), sli
 SCRATCH = (STATES + 2) * STATES
 
 
-def known(at: Epochs) -> Array:
+def truth_array(at: Epochs) -> Array:
     """(n, 18) the truth at the epochs as the kernel takes it."""
     truth = at.truth
     assert truth.v_n is not None
@@ -56,7 +56,7 @@ def keep_errors(
         error[12 + i] = biases[k, 3 + i] - belief.bg[i]
     for i in range(STATES):
         sd[i] = math.sqrt(max(P[i, i], 0.0))
-    row[NEES] = normalised(error, P, matrix(work, 0, STATES + 2, STATES))
+    row[NEES] = normalised_error(error, P, matrix(work, 0, STATES + 2, STATES))
     horizontal = math.sqrt(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0])
     rph[0] = wrap(given[TRUE_RPH][0] - math.atan2(C[2, 1], C[2, 2]))
     rph[1] = wrap(given[TRUE_RPH][1] - math.atan2(-C[2, 0], horizontal))

@@ -185,7 +185,7 @@ class Campaign:
 
     def finish(self) -> None:
         """Write summary.csv and runs.csv, and into the manifest which processors have worked."""
-        self.processors = processors.compared(self)
+        self.processors = processors.compare_processors(self)
         self._write_manifest()
         with together():
             for name, table in (("summary", self.summary), ("runs", self.runs)):
@@ -272,7 +272,7 @@ class Campaign:
         stays in the chunk files until it is used."""
         self.read(cell, ("t",))  # are the files whole, and of this study?
         try:
-            from .labelled import labelled
+            from .labelled import labelled_dataset
         except ImportError:
             raise DataError(
                 "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
@@ -282,7 +282,7 @@ class Campaign:
             return read(path, names, self.manifest, self._identity(path), {}, True)
 
         filters = self.manifest["filters"]
-        return labelled(self._files(cell), load, filters, self.parameters(cell))
+        return labelled_dataset(self._files(cell), load, filters, self.parameters(cell))
 
     @cached_property
     def summary(self) -> pd.DataFrame:

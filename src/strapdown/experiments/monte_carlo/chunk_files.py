@@ -131,8 +131,10 @@ def read(
                 f"{path}: it is the file of another study, cell or chunk, or manifest.json was changed"
             )
         arrays = found.variables
-        schema = {name: _required(name, manifest) for name in ("t", *names) if name in COLUMNS}
-        sizes = _sizes(path, manifest) | _labelled(path, names, arrays)
+        schema = {
+            name: _required_column(name, manifest) for name in ("t", *names) if name in COLUMNS
+        }
+        sizes = _sizes(path, manifest) | _label_sizes(path, names, arrays)
         check_arrays(arrays, schema, path, {**known, **sizes})
     except DataError as error:
         said = str(error).removeprefix(f"{path}: ").removesuffix(f"; {DAMAGED}")
@@ -142,7 +144,7 @@ def read(
     return arrays
 
 
-def _required(name: str, manifest: Mapping[str, Any]) -> Column:
+def _required_column(name: str, manifest: Mapping[str, Any]) -> Column:
     """The Column of an array that must be there."""
     column = COLUMNS[name]
     return column._replace(
@@ -150,7 +152,7 @@ def _required(name: str, manifest: Mapping[str, Any]) -> Column:
     )
 
 
-def _labelled(path: Path, names: Collection[str], arrays: Arrays) -> dict[str, int]:
+def _label_sizes(path: Path, names: Collection[str], arrays: Arrays) -> dict[str, int]:
     """{"parameter": how many it names} where that is wanted. Raises DataError."""
     if LABELS not in names:
         return {}

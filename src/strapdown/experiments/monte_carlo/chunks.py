@@ -31,7 +31,7 @@ from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
 from ...units.quantities import REGISTRY as QUANTITIES
-from ..filter_label import Labelled, parsed
+from ..filter_label import Labelled, parse_label
 from .run_batch import Lanes, kernels_in_lanes
 from .scoring import (
     ERROR_GROUPS,
@@ -43,7 +43,7 @@ from .scoring import (
     score,
     score_parameters,
 )
-from .wrong_installation import Installation, Installed, drawn, parameters_of, start_of
+from .wrong_installation import Installation, Installed, draw_installation, parameters_of, start_of
 
 if TYPE_CHECKING:
     from .study import Study
@@ -128,7 +128,7 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
     cell = study.cells[chunk.cell]
     made = simulator(cell)
     at = epochs(made.truth, max(1, round(study.epoch * cell.scenario.rate)))
-    wanted = [parsed(label) for label in study.filters]
+    wanted = [parse_label(label) for label in study.filters]
     arrays = _empty(study, chunk, at, parameters_of(made.ideal_recording(), study.installation))
     arrays["reason"][:, [run - chunk.first for run in skip if run in range(*chunk[1:])]] = (
         QUARANTINED
@@ -148,7 +148,7 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
             own = record.biases if biases is None else biases[i]
             arrays["bias"][place] = own[arrays["kept"]]
     if chunk.first == 0:
-        arrays["bound"] = _bound(made, cell, at)[arrays["kept"]]
+        arrays["bound"] = _cramer_rao_bound(made, cell, at)[arrays["kept"]]
     return arrays
 
 
@@ -189,7 +189,7 @@ class RunRecord:
             options=options,
             every=at.every,
             covariance=True,
-            estimate=estimated(self.study.installation, label),
+            estimate=estimated_parameters(self.study.installation, label),
         )
         scored = score(solution, at, self.biases[:, :3], self.biases[:, 3:], self.study.limits)
         if installed.parameters:
@@ -197,7 +197,7 @@ class RunRecord:
         return scored
 
 
-def estimated(installation: Installation, label: Labelled) -> Installation | None:
+def estimated_parameters(installation: Installation, label: Labelled) -> Installation | None:
     """Return the parameters that a filter estimates, as `fuse` takes them: those that its label
     names, with the standard deviations from which they are drawn."""
     if label.estimate is None:
@@ -211,10 +211,10 @@ def wrongly_installed(study: Study, cell: Cell, run: int, recording: Recording) 
     if not study.installation:
         return Installed(recording, (), np.empty(0))
     stream = seeds(study, cell, run).named("installation")
-    return drawn(recording, study.installation, stream)
+    return draw_installation(recording, study.installation, stream)
 
 
-def _bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
+def _cramer_rao_bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
     """Posterior Cramer-Rao bound at the scored epochs as variances (n, 15); NaN where the
     filters' Earth is not the scenario's."""
     try:
@@ -291,7 +291,7 @@ def plugins_of(study: Study) -> list[Plugin]:
     found = [
         *(QUANTITIES.brought_by(q) for kind in kinds for q in aiding.find(kind).quantities),
         *(aiding.REGISTRY.brought_by(kind) for kind in kinds),
-        *(filters.REGISTRY.brought_by(parsed(label)[0].name) for label in study.filters),
+        *(filters.REGISTRY.brought_by(parse_label(label)[0].name) for label in study.filters),
     ]
     return list({plugin.where: plugin for plugin in found if plugin}.values())
 
@@ -306,7 +306,7 @@ def compile_for(study: Study, say: Say | None = None) -> None:
     """Compile the kernels that a study needs, before several threads want them."""
     kinds = _kinds(study)
     for label in study.filters:
-        filter = parsed(label)[0]
+        filter = parse_label(label)[0]
         prepare(filter, kinds, say)
         if study.side_by_side and filter.lanes:
             wide = kernels_in_lanes(filter, kinds)

@@ -44,7 +44,7 @@ def run(
         return
     study = campaign.study
     assert study is not None  # it began this campaign
-    needed = _needed(study)
+    needed = _needed_plugins(study)
     if not scheduler:
         compile_for(study, say)  # once, into the cache that the workers load from
     with _client(workers, scheduler) as client:
@@ -58,7 +58,7 @@ def run(
         tried = dict.fromkeys(missing, 0)
         for future in waiting:
             chunk = futures[future]
-            if not _killed(future):
+            if not _is_killed(future):
                 future.result()
                 yield chunk
                 continue
@@ -75,7 +75,7 @@ def run(
             waiting.add(again)  # type: ignore[no-untyped-call]
 
 
-def _needed(study: Study) -> list[tuple[str, str]]:
+def _needed_plugins(study: Study) -> list[tuple[str, str]]:
     """[(name, where)] of the plugins that a worker must have. Raises DataError."""
     needed = [(plugin.name, plugin.where) for plugin in plugins_of(study)]
     if (SESSION, "") in needed:
@@ -93,7 +93,7 @@ def _work(
     return campaign.work(chunk, skip)
 
 
-def _killed(future: Future[Any]) -> bool:
+def _is_killed(future: Future[Any]) -> bool:
     """True where the task killed its worker; any other failure is raised where the result is
     read."""
     from distributed.scheduler import KilledWorker
@@ -121,7 +121,7 @@ def _killers(
             _probe, needed, study, Chunk(chunk.cell, number, number + 1), pure=False
         )
         wait(alone)  # type: ignore[no-untyped-call]
-        if not _killed(alone):
+        if not _is_killed(alone):
             alone.result()
             continue
         killers.append(number)

@@ -19,7 +19,7 @@ from .chunk_files import ABOUT, COLUMNS, RUNS, labels_of
 from .chunks import Arrays
 
 
-def labelled(
+def labelled_dataset(
     files: Sequence[Path],
     load: Callable[[Path, Sequence[str]], Arrays],
     filters: Sequence[str],
@@ -40,7 +40,7 @@ def labelled(
     }
     for name, (axes, values, about) in found.items():
         if "run" in axes:
-            found[name] = axes, _joined(files, load, name, values), about
+            found[name] = axes, _join_arrays(files, load, name, values), about
     labels = labels_of(filters, runs, first["t"], parameters)
     return xarray.Dataset(found, {name: (name, list(values)) for name, values in labels.items()})
 
@@ -52,7 +52,7 @@ def _runs(path: Path) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def _joined(files: Sequence[Path], load: Any, name: str, first: Any) -> Any:
+def _join_arrays(files: Sequence[Path], load: Any, name: str, first: Any) -> Any:
     """The array of that name of all files along its runs, each file a block; `first` is of the first
     file."""
     axis, blocks = COLUMNS[name].axes.split().index("run"), []

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SAME = "the same bits"
 
 
-def compared(campaign: Campaign) -> dict[str, str]:
+def compare_processors(campaign: Campaign) -> dict[str, str]:
     """{processor: SAME, or by how much a run of it differs from the same run here}; that of this
     machine first. A campaign of one processor, this one, has no others to compare."""
     study, here = campaign.study, library.processor()

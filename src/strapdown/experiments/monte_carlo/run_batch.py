@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ...aiding import find
-from ...core.compile.c_calls import aligned
+from ...core.compile.c_calls import aligned_zeros
 from ...core.compile.signatures import LANES
 from ...core.loop import lane_loop
-from ...core.loop.contract import Filter, InitialState, bound
+from ...core.loop.contract import Filter, InitialState, bind_kernel
 from ...core.loop.loop import SAME_TIME
 from ...data.recording import Recording
 from ...engine.batch import begin
@@ -26,7 +26,7 @@ from ...sim.synthesis import OF_IMU, OF_START, Simulator
 from ...typing import Array
 from ..filter_label import Labelled
 from . import batch_scoring
-from .scoring import Epochs, FixRows, Scored, ScoredRows, scored
+from .scoring import Epochs, FixRows, Scored, ScoredRows, score_runs
 
 SAMPLES = 512
 """Samples that are simulated at once: with what a filter works on they stay in the second cache of a
@@ -46,7 +46,7 @@ class Lanes:
     ) -> None:
         self.wanted, self.made, self.imu, self.at, self.limits = wanted, made, imu, at, limits
         self._shared = imu.shared(made.felt(imu))
-        self._true = batch_scoring.known(at)
+        self._true = batch_scoring.truth_array(at)
         self._first: list[Run | None] = []  # by filter, without numbers of its own; None: no lanes
 
     def run(self, streams: Sequence[RandomStream]) -> tuple[list[list[Scored | None]], Array]:
@@ -86,7 +86,9 @@ class Lanes:
             for go in advance:
                 go(first_row, stop)
         none: list[Scored | None] = [None] * runs
-        scores = [_scored(each, runs, self.at, self.limits) if each else none for each in sides]
+        scores = [
+            _score_lanes(each, runs, self.at, self.limits) if each else none for each in sides
+        ]
         return scores, np.moveaxis(simulated.biases[..., :runs], 2, 0)
 
     def _begun(self, label: Labelled, recording: Recording, start: InitialState) -> Run | None:
@@ -120,17 +122,17 @@ class SimulatedSamples:
     ) -> None:
         """`shared` by all runs, as `imu` has it of what it feels. Each run has its stream; `at` are
         the epochs at which the true biases are kept."""
-        self.increments = aligned(SAMPLES, 6, LANES)
+        self.increments = aligned_zeros(SAMPLES, 6, LANES)
         """Those of the present block: rotations, rad, velocity increments, m/s."""
-        self.biases = aligned(len(at.rows), 6, LANES)
+        self.biases = aligned_zeros(len(at.rows), 6, LANES)
         """True ones at the epochs: accelerometer, m/s^2, gyro, rad/s."""
-        self._bias = aligned(SAMPLES, 6, LANES)  # at the samples of the block, gyro first
+        self._bias = aligned_zeros(SAMPLES, 6, LANES)  # at the samples of the block, gyro first
         self._at, self._rows = at, np.zeros(2, np.int64)
         self._count = len(shared.dt)
         self._offset = np.broadcast_to(made.offset(imu), (self._count, 3))
         drawn = [imu.drawn(stream.named(OF_IMU)) for stream in streams]
         self._own = Own(*(alongside(parts) for parts in zip(*drawn)))
-        self._next = bound(
+        self._next = bind_kernel(
             simulate_errors_in_lanes,
             self._rows,
             shared,
@@ -162,7 +164,7 @@ class SimulatedSamples:
             yield first, stop
 
 
-def _scored(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> list[Scored | None]:
+def _score_lanes(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> list[Scored | None]:
     """Scored of the first runs of a filter, None of those that left the lanes."""
     cursor, ended = side.cursor, side.ended[:runs]
     kept, fix = (
@@ -188,7 +190,7 @@ def _scored(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> list[S
     )
     held = np.where(cursor.conditions[:, :runs] < ended, cursor.conditions[:, :runs], np.inf)
     left = [_left_model(side.filter, held[:, lane]) for lane in range(runs)]
-    found = scored(rows, fixes, left, at, limits)
+    found = score_runs(rows, fixes, left, at, limits)
     return [each if np.isinf(t) else None for each, t in zip(found, side.left)]
 
 

@@ -105,10 +105,10 @@ def score(
     seen = solution.innovations
     each = (seen.innovation[None], seen.nis[None], seen.accepted[None])
     fixes = FixRows(seen.t, seen.source, *each, np.array([len(seen.t)]))
-    return scored(rows, fixes, [_left_model(solution)], at, limits)[0]
+    return score_runs(rows, fixes, [_left_model(solution)], at, limits)[0]
 
 
-def scored(
+def score_runs(
     rows: ScoredRows,
     fixes: FixRows,
     left_model: Sequence[float],

@@ -60,7 +60,7 @@ def closure(start: str = CHUNKS) -> tuple[dict[str, Path], set[str]]:
         todo |= {name.rpartition(".")[0]} - {""}  # a package is imported before its modules
         statements = module_code(file).imports
         for statement in statements:
-            todo |= set(_named(name, file, statement))
+            todo |= set(_imported_names(name, file, statement))
         if file.name == "__init__.py" and name != TOP and _looks_around(statements):
             todo |= {
                 ".".join((TOP, *other.relative_to(ROOT).with_suffix("").parts)).removesuffix(
@@ -71,7 +71,7 @@ def closure(start: str = CHUNKS) -> tuple[dict[str, Path], set[str]]:
     return found, packages
 
 
-def _named(name: str, file: Path, statement: Import) -> Iterator[str]:
+def _imported_names(name: str, file: Path, statement: Import) -> Iterator[str]:
     """Modules that a statement of a module imports."""
     if isinstance(statement, ast.Import):
         yield from (alias.name for alias in statement.names)

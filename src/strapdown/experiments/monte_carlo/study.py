@@ -23,13 +23,13 @@ from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario
 from ...typing import File, Progress, Say
-from ..filter_label import parsed
+from ..filter_label import parse_label
 from . import distributed
 from .campaign import Campaign
 from .chunks import SCALARS, Cell, Chunk, cells, compile_for, run_chunk, seeds, simulator
-from .wrong_installation import Installation, checked
+from .wrong_installation import Installation, check_installation
 
-__all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", "simulator"]
+__all__ = ["SCALARS", "Cell", "Chunk", "Study", "parse_label", "run_chunk", "seeds", "simulator"]
 
 
 MANY_STEPS = 400_000
@@ -91,11 +91,11 @@ class Study:
         for name, least in (("runs", 1), ("keep", 1), ("seed", 0), ("chunk_steps", 1)):
             check_number(getattr(self, name), f"study: {name}", least=least, whole=True)
         check_number(self.epoch, "study: epoch", "s", above=0)
-        object.__setattr__(self, "installation", checked(self.installation))
+        object.__setattr__(self, "installation", check_installation(self.installation))
         if not self.scenarios or not self.filters:
             raise DataError("study: it needs a scenario and a filter at least")
         for label in self.filters:
-            parsed(label)
+            parse_label(label)
         names = [cell.name for cell in self.cells]
         for values, what in ((names, "cells (scenario and IMU)"), (self.filters, "filters")):
             if len(set(values)) < len(values):
@@ -104,7 +104,7 @@ class Study:
                     f"study: two {what} have the name {twice!r}; give them different names"
                 )
         for label in self.filters:
-            self._check_attitude(parsed(label)[0])
+            self._check_attitude(parse_label(label)[0])
 
     def _check_attitude(self, filter: Filter) -> None:
         """Raise DataError where `filter` needs an attitude and a scenario has neither an AHRS
@@ -131,7 +131,7 @@ class Study:
     def side_by_side(self) -> bool:
         """True where runs go through filters with lanes eight at a time. A study of a second or so
         runs them one by one, and waits for no other kernels."""
-        lanes = any(parsed(label)[0].lanes for label in self.filters)
+        lanes = any(parse_label(label)[0].lanes for label in self.filters)
         return COMPILED and lanes and not self.installation and self.steps() >= MANY_STEPS
 
     def chunks(self) -> list[Chunk]:
@@ -202,7 +202,7 @@ class Study:
             results = (
                 distributed.run(campaign, missing, workers, scheduler, say)
                 if workers or scheduler
-                else _threaded(campaign, missing, threads, say)
+                else _run_threads(campaign, missing, threads, say)
             )
             for chunk in results:
                 done += self.steps(chunk)
@@ -211,7 +211,7 @@ class Study:
         return campaign
 
 
-def _threaded(
+def _run_threads(
     campaign: Campaign, missing: list[Chunk], threads: int | None, say: Say | None
 ) -> Iterator[Chunk]:
     """Run chunks on threads of this process, yielding each when its file is there."""

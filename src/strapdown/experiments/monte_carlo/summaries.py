@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from ...checks import check_choice
 from ...core.loop.contract import POS, STATES
-from ...evaluation.consistency import SURVIVED, Paired, mean_of_known, paired, proportion, rmse
+from ...evaluation.consistency import (
+    SURVIVED,
+    Paired,
+    mean_of_known,
+    paired_comparison,
+    proportion,
+    rmse,
+)
 from ...typing import Array
 from .scoring import ERROR_GROUPS, RUN_REASONS
 
@@ -196,4 +203,4 @@ def compare(campaign: Campaign, cell: str, first: str, second: str) -> Paired:
     for name in (first, second):
         check_choice(name, "filter of the campaign", filters)
     censored = np.log(campaign.numbers(cell)["censored"])
-    return paired(censored[filters.index(first)], censored[filters.index(second)])
+    return paired_comparison(censored[filters.index(first)], censored[filters.index(second)])

@@ -51,7 +51,7 @@ class Installed(NamedTuple):
         return {p.name: float(e * p.of.factor) for p, e in zip(self.parameters, self.error)}
 
 
-def checked(installation: object) -> dict[str, tuple[float, ...]]:
+def check_installation(installation: object) -> dict[str, tuple[float, ...]]:
     """An Installation with a standard deviation for each component. Raises DataError."""
     if not isinstance(installation, Mapping):
         raise DataError(
@@ -71,7 +71,9 @@ def parameters_of(recording: Recording, installation: Installation) -> tuple[Sta
     return tuple(parameters(wanted.aidings, wanted.meta.get("estimate", {})))
 
 
-def drawn(recording: Recording, installation: Installation, seed: SeedLike) -> Installed:
+def draw_installation(
+    recording: Recording, installation: Installation, seed: SeedLike
+) -> Installed:
     """The recording with each of the parameters wrong by an error drawn from its standard deviation.
     Raises DataError."""
     found = parameters_of(recording, installation)
@@ -147,7 +149,7 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
         if "b_a" in recording.meta:
             b_a, b_g = recording.meta["b_a"], recording.meta["b_g"]
             recording = recording.knowing(b_a=back.apply(b_a), b_g=back.apply(b_g))
-        reference = _turned(reference, back.inv())
+        reference = _rotate_reference(reference, back.inv())
         aidings = tuple(with_the_imu(a, back) for a in aidings)
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
     accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
@@ -159,7 +161,7 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
     )
 
 
-def _turned(reference: Trajectory | None, turn: Rotation) -> Trajectory | None:
+def _rotate_reference(reference: Trajectory | None, turn: Rotation) -> Trajectory | None:
     """The reference with the attitude of axes from which `turn` leads to its own."""
     from scipy.spatial.transform import Rotation
 

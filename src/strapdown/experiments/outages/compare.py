@@ -17,15 +17,15 @@ from ...checks import DataError, check_number
 from ...core.loop.contract import Filter, InitialState, Noise
 from ...data.recording import Recording
 from ...data.solution import Trajectory
-from ...engine.heading_hypotheses import aligned
+from ...engine.heading_hypotheses import align_start
 from ...engine.installation import with_estimates
 from ...engine.options import RunOptions, SourceOptions, run_options, takes
-from ...engine.prepare import assumed_noise, positioned, prepare
+from ...engine.prepare import assumed_noise, has_position, prepare
 from ...engine.source_weights import with_weights
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress
-from ..filter_label import ESTIMATE, NOTHING, parsed, tried
+from ..filter_label import ESTIMATE, NOTHING, labelled_filter, parse_label
 from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
 from .runs import Common, Entrant, FilterWay, Result, through
@@ -128,7 +128,7 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
         wanted = [
             name
             for name in filters.names()
-            if name not in SLOW_FILTERS and positioned(filters.find(name))
+            if name not in SLOW_FILTERS and has_position(filters.find(name))
         ]
     if not isinstance(wanted, Iterable):
         raise DataError(
@@ -137,9 +137,9 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
         )
     made = []
     for each in [wanted] if isinstance(wanted, str) else wanted:
-        found = parsed(each) if isinstance(each, str) else tried(*_pair(each))
+        found = parse_label(each) if isinstance(each, str) else labelled_filter(*_pair(each))
         made.append(Entrant(found.label, *found))
-        if not positioned(found.filter):
+        if not has_position(found.filter):
             raise DataError(
                 f"{made[-1].label} estimates no position, by which outages are scored; leave it out"
             )
@@ -198,14 +198,14 @@ def _check(recording: object, threads: int | None, start: object, noise: object)
 def _check_ahrs(ahrs: str | Filter | None) -> None:
     """Raise DataError where this is no filter of attitude alone; None is fine."""
     name = ahrs.name if isinstance(ahrs, Filter) else ahrs
-    known = [each for each in filters.names() if not positioned(filters.find(each))]
+    known = [each for each in filters.names() if not has_position(filters.find(each))]
     if name is not None and name not in known:
         raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
 
 
 def _aligned_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
     assert spec is not None  # it is, where there is no start
-    return aligned(recording, spec, noise=asked["noise"], say=asked["say"])
+    return align_start(recording, spec, noise=asked["noise"], say=asked["say"])
 
 
 def _hidden_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
@@ -260,7 +260,7 @@ def _comparison(
     notes = [
         *common.recording.meta.get("notes", []),
         *notes,
-        *_said(common, entrants, ways),
+        *_filter_notes(common, entrants, ways),
         *_doubtful(labels, ways),
         *_events(labels, results),
     ]
@@ -293,7 +293,7 @@ def _settings(
         "noise": noise._asdict(),
         "start": common.start._asdict(),
         "kinds": list(common.kinds),
-        "withheld": _withheld(common),
+        "withheld": _withheld_counts(common),
         "kept": {
             a.name or a.kind: a.kind
             for _, run in ran
@@ -302,7 +302,7 @@ def _settings(
             if a.kind not in common.kinds
         },
         "options": {
-            e.label: e.filter.options | (run.options if run else e.options) | _estimated(e)
+            e.label: e.filter.options | (run.options if run else e.options) | _estimate_option(e)
             for e, run in ran
         },
         "sources": {
@@ -313,13 +313,13 @@ def _settings(
     }
 
 
-def _estimated(entrant: Entrant) -> dict[str, str]:
+def _estimate_option(entrant: Entrant) -> dict[str, str]:
     """Return the estimated parameters that a label names, as an option."""
     wanted = entrant.estimate
     return {} if wanted is None else {ESTIMATE: "+".join(wanted) or NOTHING}
 
 
-def _withheld(common: Common) -> dict[str, int]:
+def _withheld_counts(common: Common) -> dict[str, int]:
     """{source: fixes withheld in the outages}, each fix once, also where outages overlap."""
     found: Counter[str] = Counter()
     hidden = common.recording.hidden([each[:2] for each in common.outages], common.kinds)
@@ -329,7 +329,7 @@ def _withheld(common: Common) -> dict[str, int]:
     return dict(found)
 
 
-def _said(common: Common, entrants: list[Entrant], ways: list[FilterWay]) -> list[str]:
+def _filter_notes(common: Common, entrants: list[Entrant], ways: list[FilterWay]) -> list[str]:
     """Notes of the filters on what they run on, each once."""
     known = common.recording.meta.get("notes", [])
     said = {e.label: way.run.recording.meta["notes"] for e, way in zip(entrants, ways) if way.run}
@@ -364,12 +364,12 @@ def _events(labels: list[str], results: list[list[Result]]) -> list[str]:
         return ", ".join(f"{label} {len(seen)}" for label, seen in had.items())
 
     return [
-        f"in the runs with outages: {_ranged(text, numbers)} (runs: {runs(had)})"
+        f"in the runs with outages: {_with_ranges(text, numbers)} (runs: {runs(had)})"
         for text, (numbers, had) in found.items()
     ]
 
 
-def _ranged(text: str, numbers: list[list[str]]) -> str:
+def _with_ranges(text: str, numbers: list[list[str]]) -> str:
     """`text` with each NUL replaced by the smallest and the largest of the texts of numbers,
     [[text per NUL] per event], at its place."""
     ends = [sorted(column, key=float) for column in zip(*numbers)]

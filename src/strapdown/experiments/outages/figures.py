@@ -36,10 +36,10 @@ from ...pages.drawing import (
     ribbon,
     seen_from_above,
 )
-from ...pages.notebook.plots import titled
+from ...pages.notebook.plots import add_title
 from ...typing import Array, Ints, Mask
 from ...units.wording import metres
-from .texts import ErrorRatio, ranked, ratio
+from .texts import ErrorRatio, rank_filters, ratio
 
 if TYPE_CHECKING:
     from .protocols import Window
@@ -101,7 +101,7 @@ def styles(filters: Iterable[str]) -> dict[str, Style]:
     return {name: chosen(i) for i, name in enumerate(filters)}
 
 
-def paired(comparison: Comparison, base: str, length: float) -> go.Figure | None:
+def paired_ratios(comparison: Comparison, base: str, length: float) -> go.Figure | None:
     """Ratio of RMSE of each filter to that of `base` on the same outages, with 95 % intervals:
     horizontal, north, east, down."""
     others = [name for name in comparison.filters if name != base]
@@ -451,7 +451,7 @@ def _beginnings(windows: Iterable[Window], t: Array, path: Array) -> Array:
 def _hard(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> None:
     """A mark where each outage of the longest length begins, in the colour of the horizontal
     RMSE of the best filter: where it is hard."""
-    if not (order := ranked(comparison, comparison.lengths[-1])):
+    if not (order := rank_filters(comparison, comparison.lengths[-1])):
         return
     own = comparison.of_length(comparison.lengths[-1])
     own = own[(own["filter"] == order[0]) & (own["horizontal_rmse_m"] > 0)]
@@ -528,7 +528,9 @@ NAMED = {
 """{name of a figure: how its heading begins}."""
 
 
-def named(comparison: Comparison, what: str, length: float | None, outage: int) -> go.Figure:
+def figure_of_name(
+    comparison: Comparison, what: str, length: float | None, outage: int
+) -> go.Figure:
     """The figure of that name as it stands alone, of the outages of a `length` in s, or of the one of
     that number. Raises DataError."""
     heading = NAMED[check_choice(what, "figure", NAMED)]
@@ -539,11 +541,11 @@ def named(comparison: Comparison, what: str, length: float | None, outage: int) 
     if what == "course":
         count = len(comparison.windows)
         check_number(outage, "outage", least=1, most=count, whole=True)
-    best = [*ranked(comparison, length), *comparison.filters][0]
+    best = [*rank_filters(comparison, length), *comparison.filters][0]
     draw = {
         "growth": lambda: growth(comparison, length),
         "outages": lambda: outages(comparison, length),
-        "paired": lambda: paired(comparison, best, length),
+        "paired": lambda: paired_ratios(comparison, best, length),
         "course": lambda: course(comparison, outage - 1),
         "coverage": lambda: coverage(comparison),
         "track": lambda: track(comparison),
@@ -551,6 +553,6 @@ def named(comparison: Comparison, what: str, length: float | None, outage: int) 
     made = draw[what]()
     if made is None:
         raise DataError(f"figure {what!r}: this comparison has nothing to draw there")
-    return titled(
+    return add_title(
         made, " ".join([heading, *{"course": [str(outage)], "paired": [best]}.get(what, [])])
     )

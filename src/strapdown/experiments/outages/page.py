@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...pages.parts import around, caption, listing, paragraphs, remarks
+from ...pages.parts import around, bullet_list, caption, paragraphs, remarks
 from ...pages.shell import Document, Page
 from ...pages.verdict_block import verdict_block
-from ...units.wording import counted
+from ...units.wording import count_text
 from . import figures, tables
-from .texts import answers, failures, ranked, unlike
+from .texts import answers, failures, rank_filters, unlike
 
 if TYPE_CHECKING:
     from .result import Comparison
@@ -59,9 +59,9 @@ DRAWN_IN_FULL = 6
 
 def page(comparison: Comparison) -> Page:
     """The Page of a Comparison."""
-    outages = counted(len(comparison.windows), "outage")
+    outages = count_text(len(comparison.windows), "outage")
     document = Document(
-        f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {outages}",
+        f"{comparison.name or 'A recording'}: {count_text(len(comparison.filters), 'filter')} in {outages}",
         {
             "recording": comparison.name,
             "outages": comparison.words,
@@ -89,7 +89,7 @@ def page(comparison: Comparison) -> Page:
     ]
     single = [
         place(figures.course(comparison, i), heading, "True − estimate.")
-        for i, heading in _chosen(comparison)
+        for i, heading in _chosen_outages(comparison)
     ]
     covered = place(
         figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE
@@ -104,7 +104,7 @@ def page(comparison: Comparison) -> Page:
     document.add("Coverage", around("narrow", covered))
     document.add("Track", around("narrow", track))
     document.add("How it was done", tables.how(comparison))
-    document.add("Notes", listing(comparison.notes))
+    document.add("Notes", bullet_list(comparison.notes))
     return document.page()
 
 
@@ -116,15 +116,15 @@ def _summary(comparison: Comparison) -> str:
 
 def _pairs(comparison: Comparison, document: Document, length: float, of: str) -> str:
     """The ratios to the best filter, and of all pairs."""
-    best = ranked(comparison, length)[:1]
-    drawn = figures.paired(comparison, best[0], length) if best else None
+    best = rank_filters(comparison, length)[:1]
+    drawn = figures.paired_ratios(comparison, best[0], length) if best else None
     if drawn is None:
         return ""
     every = f"<details><summary>All pairs{of}</summary>{tables.pairs(comparison, length)}</details>"
     return document.place(drawn, f"Ratio to {best[0]}{of}", RATIOS) + every
 
 
-def _chosen(comparison: Comparison) -> list[tuple[int, str]]:
+def _chosen_outages(comparison: Comparison) -> list[tuple[int, str]]:
     """[(index, heading)] of the outages that are drawn in full: all of a few, else a median and
     the worst one by the filters' mean log error."""
 

@@ -51,18 +51,18 @@ def protocol(
     empty, too long, outside the recording or overlapping.
     """
     if not isinstance(outages, str):
-        made = _listed(outages)
+        made = _list_protocol(outages)
     elif "@" in outages:
         made = _sweep(outages, span, end, settled)
     elif "/" in outages:
         made = _periodic(outages, span)
     else:
-        made = _listed([_window(part, end, outages) for part in outages.split(",")], outages)
+        made = _list_protocol([_window(part, end, outages) for part in outages.split(",")], outages)
     _check(made, span)
     return made
 
 
-def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
+def _list_protocol(windows: Iterable[Window], text: str | None = None) -> Protocol:
     """A Protocol of windows that are withheld in one run, in order."""
     try:
         windows = tuple(islice(windows, MAX_WINDOWS + 1))
@@ -79,7 +79,7 @@ def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
     count = (
         f"{len(found)} outages of a list, all in one run"
         if len(found) > 1
-        else f"one outage, {named(found[0])}"
+        else f"one outage, {window_text(found[0])}"
     )
     return Protocol(
         text or ",".join(f"{start:.10g}:{stop:.10g}" for start, stop in found), found, False, count
@@ -178,7 +178,7 @@ def _positive(text: str, name: str, part: str) -> float:
     return check_number(_number(text, part), f"outages {text!r}: the {name}", "s", above=0)
 
 
-def named(window: Window) -> str:
+def window_text(window: Window) -> str:
     """A window as text: "100 to 130 s"."""
     return "{:.10g} to {:.10g} s".format(*window)
 
@@ -194,7 +194,7 @@ def _check(made: Protocol, span: Window) -> None:
     """Raise DataError for the first window that cannot be one, or that overlaps the next in a
     protocol of one run."""
     for start, stop in made.windows:
-        window = named((start, stop))
+        window = window_text((start, stop))
         if not (math.isfinite(start) and math.isfinite(stop)):
             raise DataError(f"outage {window}: start and stop must be finite numbers, s")
         if stop - start > span[1] - span[0] + ROUNDING:
@@ -209,7 +209,7 @@ def _check(made: Protocol, span: Window) -> None:
     for one, after in zip(made.windows, made.windows[1:] if not made.sweep else ()):
         if after[0] < one[1] - ROUNDING:
             raise DataError(
-                f"outages {named(one)} and {named(after)} overlap, which in one run they must "
+                f"outages {window_text(one)} and {window_text(after)} overlap, which in one run they must "
                 f"not; "
                 "give others, or a sweep (30@240:575/5), in which each is a run of its own"
             )
@@ -220,6 +220,6 @@ def before_start(made: Protocol, start: InitialState) -> None:
     window = min(made.windows, key=lambda window: window[0])
     if window[0] <= start.t + ROUNDING:
         raise DataError(
-            f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; "
+            f"outage {window_text(window)} begins before the alignment is done, at {start.t:.10g} s; "
             "give later outages (or, in Python, a start= before them)"
         )

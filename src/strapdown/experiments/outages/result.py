@@ -18,7 +18,7 @@ from ...fileio.files import together, write_table
 from ...typing import File
 from .protocols import Window
 from .scores import ErrorTrack
-from .summaries import PAIR_COLUMNS, curves, pooled, ratio
+from .summaries import PAIR_COLUMNS, curves, pool_scores, ratio
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -67,7 +67,7 @@ class Comparison:
         """pandas DataFrame, a row per filter and length: means, medians, 90 % and largest of the
         scores, coverage, failures."""
         return pd.DataFrame(
-            {"filter": name, "length_s": length, **pooled(own[own["filter"] == name])}
+            {"filter": name, "length_s": length, **pool_scores(own[own["filter"] == name])}
             for name in self.filters
             for length in self.lengths
             for own in [self.of_length(length)]
@@ -162,9 +162,9 @@ class Comparison:
         length: of the outages, s, where there are several (default: the longest); outage: number of
         that of "course". Raises DataError.
         """
-        from .figures import named
+        from .figures import figure_of_name
 
-        return named(self, what, length, outage)
+        return figure_of_name(self, what, length, outage)
 
     def to_pandas(self) -> pd.DataFrame:
         """The scores, a row per filter and outage; `attrs` has the units."""

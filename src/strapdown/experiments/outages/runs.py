@@ -25,7 +25,7 @@ from ...engine.finish import solution
 from ...engine.options import RunOptions
 from ...engine.prepare import Run, new_output
 from ...typing import Progress
-from .scores import ErrorTrack, ScoredOutage, scored
+from .scores import ErrorTrack, ScoredOutage, score_outage
 
 KEPT_INTERVAL = 1.0
 """s between the rows that are kept of a filter's way, for its verdict."""
@@ -109,7 +109,7 @@ def through(
     return ways, [[results[i, k] for k in range(len(common.outages))] for i in range(len(entrants))]
 
 
-def _begun(common: Common, entrant: Entrant, recording: Recording) -> Run:
+def _begin_run(common: Common, entrant: Entrant, recording: Recording) -> Run:
     """The Run of a filter on `recording`, which keeps a row per second on the way."""
     asked: RunOptions = {
         **common.given,
@@ -125,16 +125,16 @@ def _way(common: Common, entrant: Entrant) -> FilterWay:
     """The Way of a filter."""
     base = common.recording if common.sweep else common.hidden
     try:
-        run = _begun(common, entrant, base)
+        run = _begin_run(common, entrant, base)
     except DataError as error:
         return FilterWay(None, {}, False, str(error))
-    if common.sweep and not _fed_alike(common, entrant, _fed(run, base)):
-        return FilterWay(run, {}, True, "", *_judged(run))
+    if common.sweep and not _fed_alike(common, entrant, _ahrs_sources(run, base)):
+        return FilterWay(run, {}, True, "", *_judge_run(run))
     stands = _stands(run, {each.branch for each in common.outages})
-    return FilterWay(run, stands, False, _stopped(run), *_judged(run))
+    return FilterWay(run, stands, False, _stop_reason(run), *_judge_run(run))
 
 
-def _judged(run: Run) -> tuple[Verdict | None, float]:
+def _judge_run(run: Run) -> tuple[Verdict | None, float]:
     """(the Verdict on a run, which goes on to its end, s of doubtful rows); (None, 0) where it has
     no solution."""
     run.complete()
@@ -149,7 +149,9 @@ def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
     """True where the AHRS attitudes `fed` to a filter stay the same in a run without the fixes of
     any outage."""
     try:
-        other = _fed(_begun(common, entrant, common.hidden), common.hidden) if fed else []
+        other = (
+            _ahrs_sources(_begin_run(common, entrant, common.hidden), common.hidden) if fed else []
+        )
     except DataError:
         return False
     return len(fed) == len(other) and all(
@@ -159,7 +161,7 @@ def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
     )
 
 
-def _fed(run: Run, recording: Recording) -> list[Aiding]:
+def _ahrs_sources(run: Run, recording: Recording) -> list[Aiding]:
     """The sources of a Run that are none of the recording's: the attitude of an AHRS that ran
     first."""
     return [a for a in run.recording.aidings if not _is_of(a, recording)]
@@ -170,7 +172,7 @@ def _is_of(a: Aiding, recording: Recording) -> bool:
     return any(a.y is own.y for own in recording.aidings)
 
 
-def _copied(belief: FilterState, cursor: Cursor) -> Stand:
+def _copy_stand(belief: FilterState, cursor: Cursor) -> Stand:
     """The same with arrays of their own, so that a run that goes on does not change them."""
     return (
         FilterState._make(part.copy() for part in belief),
@@ -186,11 +188,11 @@ def _stands(run: Run, rows: Iterable[int]) -> dict[int, Stand]:
         run.advance(row)
         if run.cursor.state[0].fault:
             break
-        stands[row] = _copied(run.belief, run.cursor)
+        stands[row] = _copy_stand(run.belief, run.cursor)
     return stands
 
 
-def _stopped(run: Run) -> str:
+def _stop_reason(run: Run) -> str:
     """Why `run` stopped, "" where it did not."""
     if not run.cursor.state[0].fault:
         return ""
@@ -207,19 +209,21 @@ def _in_outage(common: Common, entrant: Entrant, way: FilterWay, outage: ScoredO
         return said
     try:
         if way.alone:
-            run = _begun(common, entrant, common.recording.hidden([outage[:2]], common.kinds))
-            stands, said = _stands(run, {outage.branch}), _stopped(run)
+            run = _begin_run(common, entrant, common.recording.hidden([outage[:2]], common.kinds))
+            stands, said = _stands(run, {outage.branch}), _stop_reason(run)
         if outage.branch not in stands:
             return said
-        made = solution(_branched(run, stands[outage.branch], outage, _withheld(common, run)))
+        made = solution(
+            _run_branch(run, stands[outage.branch], outage, _withheld_sources(common, run))
+        )
         if "stopped" in made.meta:
             return made.meta["stopped"]
-        return *scored(made, outage), made.events
+        return *score_outage(made, outage), made.events
     except DataError as error:
         return str(error)
 
 
-def _withheld(common: Common, run: Run) -> list[int]:
+def _withheld_sources(common: Common, run: Run) -> list[int]:
     """Numbers of the sources of `run` whose fixes are still to be withheld: the recording's own,
     whole, of such a kind."""
     return [
@@ -229,10 +233,10 @@ def _withheld(common: Common, run: Run) -> list[int]:
     ]
 
 
-def _branched(run: Run, stand: Stand, outage: ScoredOutage, sources: list[int]) -> Run:
+def _run_branch(run: Run, stand: Stand, outage: ScoredOutage, sources: list[int]) -> Run:
     """The Run of an outage to its end: from where it branches off, without its fixes; only its
     scored rows are kept."""
-    belief, cursor = _copied(*stand)
+    belief, cursor = _copy_stand(*stand)
     rows, fixes = slice(outage.branch, outage.last), run.fixes
     samples = Imu(*(column[rows] for column in run.samples))
     near = slice(

@@ -18,10 +18,10 @@ from ...core.loop.loop import SAME_TIME
 from ...data.recording import Recording
 from ...data.solution import Solution, Trajectory
 from ...evaluation.consistency import coverage
-from ...evaluation.metrics import EULER, NED_AXES, interpolated
+from ...evaluation.metrics import EULER, NED_AXES, interpolate_reference
 from ...geometry.geodesy import displacement, wrap
 from ...typing import Array, Mask
-from .protocols import Protocol, Window, named
+from .protocols import Protocol, Window, window_text
 
 HARDLY = 10.0
 """m: over a shorter way the drift is no percentage of it."""
@@ -132,11 +132,11 @@ def outages_of(
     for one, other in zip(found, found[1:] if not made.sweep else ()):
         if not ((scene.times >= one.stop) & (scene.times < other.start)).any():
             raise DataError(
-                f"outages {named(one[:2])} and {named(other[:2])} have no fix of {scene.kinds} "
+                f"outages {window_text(one[:2])} and {window_text(other[:2])} have no fix of {scene.kinds} "
                 f"between them: give one window"
             )
     notes = [
-        f"{len(windows)} of {len(made.windows)} windows left out, such as {named(windows[0])}: "
+        f"{len(windows)} of {len(made.windows)} windows left out, such as {window_text(windows[0])}: "
         f"{why}"
         for why, windows in left_out.items()
     ]
@@ -166,7 +166,7 @@ def _scene(
         t,
         t + SAME_TIME,
         least,
-        interpolated(reference, t[inside]),
+        interpolate_reference(reference, t[inside]),
         times,
         " or ".join(kinds),
         *steps,
@@ -179,12 +179,12 @@ def _outage(window: Window, scene: _Scene) -> ScoredOutage:
     missing, again = (int(np.searchsorted(scene.times, edge)) for edge in window)
     if missing >= again:
         raise DataError(
-            f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give "
+            f"outage {window_text(window)}: there is no fix of {scene.kinds} in it to withhold; give "
             f"another window or other kinds"
         )
     if stop - begin < 2 * scene.sample - SAME_TIME:
         raise DataError(
-            f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; "
+            f"outage {window_text(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; "
             f"give a longer window"
         )
     first = int(np.searchsorted(scene.t, begin - SAME_TIME))
@@ -195,7 +195,7 @@ def _outage(window: Window, scene: _Scene) -> ScoredOutage:
     branch, first, last = (max(row, scene.least) for row in (branch, first, last))
     if last - first < 2:
         raise DataError(
-            f"outage {named(window)}: there are fewer than two IMU samples in it; give another "
+            f"outage {window_text(window)}: there are fewer than two IMU samples in it; give another "
             f"window"
         )
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
@@ -203,7 +203,7 @@ def _outage(window: Window, scene: _Scene) -> ScoredOutage:
     known = np.isfinite(truth.lla).all(axis=1)
     if not known.any():
         raise DataError(
-            f"outage {named(window)}: the reference covers no time of it; give another window"
+            f"outage {window_text(window)}: the reference covers no time of it; give another window"
         )
     path = truth.lla[known]
     way = float(np.hypot(*displacement(path[1:], path[:-1])[:, :2].T).sum())
@@ -255,7 +255,7 @@ def _outages(numbers: list[int]) -> str:
     return f"outage{'s' * (len(numbers) > 1)} {text}"
 
 
-def scored(solution: Solution, outage: ScoredOutage) -> tuple[dict[str, float], ErrorTrack]:
+def score_outage(solution: Solution, outage: ScoredOutage) -> tuple[dict[str, float], ErrorTrack]:
     """({column: value}, Track) of a Solution of the rows of an ScoredOutage. Raises DataError where
     its position is no number."""
     estimate, truth = solution.trajectory, outage.truth

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...evaluation.consistency import Paired, paired
+from ...evaluation.consistency import Paired, paired_comparison
 from ...evaluation.metrics import EULER, NED_AXES
 from ...typing import Array, Ints
 from .protocols import ROUNDING
@@ -40,7 +40,7 @@ PAIR_COLUMNS = [
 ]
 
 
-def pooled(own: pd.DataFrame) -> dict[str, Any]:
+def pool_scores(own: pd.DataFrame) -> dict[str, Any]:
     """A row of the summary, of the scores of one filter; see `Comparison.summary`."""
     got = own[np.isfinite(own["horizontal_rmse_m"])]
     row = {"n": len(got), "failures": len(own) - len(got)}
@@ -92,7 +92,7 @@ def ratio(a: Array, b: Array, starts: Array, lengths: Array) -> dict[str, float]
     known = np.isfinite(a) & np.isfinite(b) & (np.nan_to_num(a) > 0) & (np.nan_to_num(b) > 0)
     a, b, starts, lengths = a[known], b[known], starts[known], lengths[known]
     block = blocks(starts, lengths)
-    found = over_blocks(np.log(a / b), block, widening(starts, lengths, block))
+    found = over_blocks(np.log(a / b), block, overlap_factor(starts, lengths, block))
     return {
         "ratio": float(np.exp(found.difference)),
         "low": float(np.exp(found.low)),
@@ -110,14 +110,14 @@ def over_blocks(
     """Paired of the mean of `values` (n,), averaged within each `block` (n,) first: Student's t
     over the blocks, its half width times `wider`."""
     means = np.array([values[block == number].mean() for number in np.unique(block)])
-    found = paired(means, np.zeros(len(means)), probability)
+    found = paired_comparison(means, np.zeros(len(means)), probability)
     low, high = (
         found.difference + wider * (end - found.difference) for end in (found.low, found.high)
     )
     return found._replace(low=float(low), high=float(high))
 
 
-def widening(starts: Array, lengths: Array, block: Ints) -> float:
+def overlap_factor(starts: Array, lengths: Array, block: Ints) -> float:
     """Factor by which the interval of Student's t over blocks is too narrow, because windows of one
     block overlap some of the next; 1 where none do.
 

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from ...evaluation.metrics import NED_AXES
-from ...pages.parts import Html, Ruled, TableCell, around, caption, paragraphs, split, table
+from ...pages.parts import Html, Ruled, TableCell, around, caption, paragraphs, split_cells, table
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY
 from ...units.wording import number
-from .texts import ranked, unlike
+from .texts import rank_filters, unlike
 
 if TYPE_CHECKING:
     from .result import Comparison
@@ -50,7 +50,8 @@ def in_order(comparison: Comparison) -> pd.DataFrame:
     """The summary, one length after the other, in each the filters as they are ranked and then
     those that are not."""
     order = {
-        length: [*ranked(comparison, length), *comparison.filters] for length in comparison.lengths
+        length: [*rank_filters(comparison, length), *comparison.filters]
+        for length in comparison.lengths
     }
     place = [
         (length, order[length].index(name))
@@ -101,11 +102,11 @@ def of_outages(comparison: Comparison) -> str:
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
     above = [TableCell("outage", rows=2), TableCell("time [s]", rows=2)]
     above += [TableCell(f"{axis.capitalize()} [m]", "split", n) for axis in NED_AXES]
-    head = split([*map(_breakable, comparison.filters)] * len(NED_AXES), n)
+    head = split_cells([*map(_breakable, comparison.filters)] * len(NED_AXES), n)
 
     def cells(row: Array) -> list[TableCell]:
         marks = map(_smallest, np.split(row, len(NED_AXES)))
-        return split(_cells(row, chain.from_iterable(marks)), n)
+        return split_cells(_cells(row, chain.from_iterable(marks)), n)
 
     body = [
         [i, f"{start:.10g}–{stop:.10g}", *cells(row)]

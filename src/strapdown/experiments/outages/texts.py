@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...units.wording import counted, enumerated, number
+from ...units.wording import count_text, join_words, number
 
 if TYPE_CHECKING:
     from .result import Comparison
@@ -45,7 +45,7 @@ def ratio(
     return ErrorRatio(np.nan, np.nan, np.nan, 0, 0, 0)
 
 
-def ranked(comparison: Comparison, length: float) -> list[str]:
+def rank_filters(comparison: Comparison, length: float) -> list[str]:
     """The filters that were scored in most outages of a length, the one with the smallest mean
     logarithm of the horizontal RMSE first."""
     own = comparison.of_length(length)
@@ -77,8 +77,13 @@ def answers(comparison: Comparison) -> list[str]:
 
 
 def _answer(comparison: Comparison, length: float) -> str:
-    order, count = ranked(comparison, length), comparison.of_length(length)["outage"].nunique()
-    where = counted(count, "outage") + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
+    order, count = (
+        rank_filters(comparison, length),
+        comparison.of_length(length)["outage"].nunique(),
+    )
+    where = count_text(count, "outage") + (
+        f" of {length:g} s" if len(comparison.lengths) > 1 else ""
+    )
     if not order:
         return f"Nothing was scored in {where}."
     if len(order) < 2:
@@ -100,13 +105,13 @@ def _answer(comparison: Comparison, length: float) -> str:
         return (
             f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE "
             f"{within}, but there may be no difference to "
-            f"{enumerated(alike)}: {_times(best, found, alike)}."
+            f"{join_words(alike)}: {_times(best, found, alike)}."
         )
     rest = [name for name in found if name not in alike]
     return (
         f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from "
-        f"{enumerated(alike)}: "
-        f"{_times(best, found, alike)}; {enumerated(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
+        f"{join_words(alike)}: "
+        f"{_times(best, found, alike)}; {join_words(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
         f"more."
     )
 
@@ -127,7 +132,7 @@ def _times(best: str, found: dict[str, ErrorRatio], names: Iterable[str]) -> str
         f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}"
         for name in names
     ]
-    return f"{best}'s horizontal RMSE is " + enumerated(ratios)
+    return f"{best}'s horizontal RMSE is " + join_words(ratios)
 
 
 def unlike(comparison: Comparison) -> list[str]:
@@ -144,8 +149,8 @@ def unlike(comparison: Comparison) -> list[str]:
                 else "mind this where errors are compared"
             )
             said.append(
-                f"In the outages {enumerated(having)} also used {source}, which "
-                f"{enumerated([name for name in used if name not in having])} "
+                f"In the outages {join_words(having)} also used {source}, which "
+                f"{join_words([name for name in used if name not in having])} "
                 f"did not, so {so}."
             )
     return said
@@ -162,6 +167,6 @@ def failures(comparison: Comparison) -> list[str]:
             said[2:] = [f"and {len(said) - 2} more"] if len(said) > 2 else []
             where = len(missing) if len(missing) < len(own) else "any"
             lines.append(
-                f"{name} was not scored in {where} of {counted(len(own), 'outage')}: {'; '.join(said)}"
+                f"{name} was not scored in {where} of {count_text(len(own), 'outage')}: {'; '.join(said)}"
             )
     return lines

@@ -32,12 +32,12 @@ from .known_attitude import (
     WITH_ANGLES,
     add_angles,
     correct_angles,
-    corrected,
     euler_rates,
     fade_shared,
     gentle,
     inflate_attitude_noise,
     know,
+    learn_from_fix,
     predict_fed,
     rate_of_body,
     read_angles,
@@ -151,7 +151,7 @@ def correct(
     inflate_attitude_noise(belief, sd, kind)
     nis = correct_angles(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
-        corrected(belief, y, sd, kind)
+        learn_from_fix(belief, y, sd, kind)
     return nis
 
 

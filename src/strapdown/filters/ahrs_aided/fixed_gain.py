@@ -32,8 +32,16 @@ from ...core.loop.contract import (
     matrix,
 )
 from ...core.mathematics.earth import displace
-from ...core.mathematics.error_state import bias_free, observed, publish_rates
-from ...core.mathematics.joseph import JOSEPH, SECONDS, await_step, carry, changed, spread, test
+from ...core.mathematics.error_state import bias_free, observe_innovation, publish_rates
+from ...core.mathematics.joseph import (
+    JOSEPH,
+    SECONDS,
+    await_step,
+    carry,
+    has_new_noise,
+    joseph_update,
+    test,
+)
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
@@ -149,7 +157,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, since = belief.workspace, belief.workspace[SINCE]
     r, a = bias_free(u, belief.ba, belief.bg, dt)
-    if changed(workspace[OWN], noise):
+    if has_new_noise(workspace[OWN], noise):
         _step(belief)
     mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[FORCE])
     for i in range(6):
@@ -185,7 +193,7 @@ def correct(
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
     H, own, change = matrix(workspace, JACOBIAN, 3, n), workspace[OWN], workspace[CHANGE]
     _step(belief)
-    rows = observed(belief, y, observe, source, innovation, H)
+    rows = observe_innovation(belief, y, observe, source, innovation, H)
     nis = test(belief.P, own, H, innovation, sd, rows)
     if not nis <= gate:
         return nis
@@ -238,7 +246,7 @@ def _account(belief: FilterState, sd: Array, kind: int, innovation: Array, H: Ar
             a[row, 9 + j] = C[axis, j] * K[6 + axis]
         for j in range(STATES):
             b[row, j] = H[row, j]
-    spread(belief.P, workspace[OWN], a, b, r)
+    joseph_update(belief.P, workspace[OWN], a, b, r)
 
 
 @helper
@@ -253,7 +261,7 @@ def _renew(belief: FilterState, y: Array, sd: Array) -> None:
     )
     _clear(workspace)
     ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
-    more, new = _renewed(workspace, SINCE_TILT)
+    more, new = _renew_error(workspace, SINCE_TILT)
     r[0, 0], r[1, 1] = (
         more * (ch * ch * forward + sh * sh * right),
         more * (sh * sh * forward + ch * ch * right),
@@ -262,13 +270,13 @@ def _renew(belief: FilterState, y: Array, sd: Array) -> None:
     a[0, 6] = a[1, 7] = -new
     b[0, 6] = b[1, 7] = b[2, 8] = 1.0
     if not math.isnan(y[2]):
-        more, new = _renewed(workspace, SINCE_HEADING)
+        more, new = _renew_error(workspace, SINCE_HEADING)
         a[2, 8], r[2, 2] = -new, more * sd[2] * sd[2]
-    spread(belief.P, workspace[OWN], a, b, r)
+    joseph_update(belief.P, workspace[OWN], a, b, r)
 
 
 @helper
-def _renewed(workspace: Array, since: int) -> tuple[float, float]:
+def _renew_error(workspace: Array, since: int) -> tuple[float, float]:
     """(factor of its variance, share) of what is new in the error of an attitude after the time
     since the last, which begins anew: it becomes `1 - share` of what it was."""
     T, correlation = workspace[since], workspace[CORRELATION]

@@ -18,10 +18,10 @@ from ...core.mathematics.rotation import rotate_left, rotate_right
 from ...typing import Array
 from .known_attitude import (
     KNOWN_ATTITUDE,
-    corrected,
     fade_shared,
     inflate_attitude_noise,
     know,
+    learn_from_fix,
     predict_fed,
 )
 
@@ -64,7 +64,7 @@ def correct(
     nis = measure(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         inject_all(belief, belief.workspace[DX])
-        corrected(belief, y, sd, kind)
+        learn_from_fix(belief, y, sd, kind)
     return nis
 
 

@@ -40,10 +40,10 @@ from ..ins.open_loop import (
 from .known_attitude import (
     KNOWN,
     KNOWN_ATTITUDE,
-    corrected,
     fade_shared,
     inflate_attitude_noise,
     know,
+    learn_from_fix,
     move,
 )
 
@@ -112,7 +112,7 @@ def correct(
         rotate_left(x[6], x[7], x[8], attitude)
         orthonormalise(attitude)
         x[6] = x[7] = x[8] = 0.0
-        corrected(belief, y, sd, kind)
+        learn_from_fix(belief, y, sd, kind)
     return nis
 
 

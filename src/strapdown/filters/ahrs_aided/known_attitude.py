@@ -234,13 +234,13 @@ def move(
             workspace[WORK],
         )
     _consider(S, workspace, f0, f1, f2, dt)
-    _spread(belief, S, f0, f1, f2, dt)
+    _add_attitude_noise(belief, S, f0, f1, f2, dt)
     _consider(S, workspace, f0, f1, f2, dt)
     _carry(belief, dt, noise)
 
 
 @helper
-def _shortening(
+def _mean_shortening(
     workspace: Array, n: int, f0: float, f1: float, f2: float
 ) -> tuple[float, float, float]:
     """(tr S I - S) / 2 f of the velocity increment f, m/s: what errors of the known attitude, of
@@ -280,7 +280,7 @@ def _consider(S: Array, workspace: Array, f0: float, f1: float, f2: float, dt: f
     )
     for k, x, y, z in ((0, nn, ne, 0.0), (1, ne, ee, 0.0), (2, 0.0, 0.0, dd)):
         _move(S[k], y * f2 - z * f1, z * f0 - x * f2, x * f1 - y * f0, dt)
-    m0, m1, m2 = _shortening(workspace, S.shape[1], f0, f1, f2)
+    m0, m1, m2 = _mean_shortening(workspace, S.shape[1], f0, f1, f2)
     _move(S[3], 0.5 * m0, 0.5 * m1, 0.5 * m2, dt)
 
 
@@ -296,7 +296,9 @@ def _move(row: Array, v0: float, v1: float, v2: float, dt: float) -> None:
 
 
 @helper
-def _spread(belief: FilterState, S: Array, f0: float, f1: float, f2: float, dt: float) -> None:
+def _add_attitude_noise(
+    belief: FilterState, S: Array, f0: float, f1: float, f2: float, dt: float
+) -> None:
     """Add to P what the errors of the known attitude, of covariance S with the states, do over dt;
     further, as white noise, what they do beyond the record where those of several records are
     alike.
@@ -304,7 +306,7 @@ def _spread(belief: FilterState, S: Array, f0: float, f1: float, f2: float, dt: 
     workspace, P, n, half = belief.workspace, belief.P, S.shape[1], 0.5 * dt
     # covariance of the velocity that is gained with the states
     G = matrix(workspace, JACOBIAN, 3, n)
-    m0, m1, m2 = _shortening(workspace, n, f0, f1, f2)
+    m0, m1, m2 = _mean_shortening(workspace, n, f0, f1, f2)
     for j in range(n):
         s0, s1, s2, s = S[0, j], S[1, j], S[2, j], S[3, j]
         G[0, j] = s1 * f2 - s2 * f1 + m0 * s
@@ -366,7 +368,7 @@ def tilt_variances(workspace: Array) -> tuple[float, float, float]:
 
 
 @helper
-def corrected(belief: FilterState, y: Array, sd: Array, kind: int) -> None:
+def learn_from_fix(belief: FilterState, y: Array, sd: Array, kind: int) -> None:
     """After a fix that was used: what it tells of the known attitude; a measured attitude is
     that one from now on."""
     learn(belief)

@@ -10,7 +10,7 @@ import math
 from ...core.compile.jit import helper, inlined
 from ...core.loop.contract import FilterState, Noise, Slots
 from ...core.mathematics.kalman import MIN_NOISE, decay
-from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned
+from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, rotate_vector
 from ...typing import Array
 
 SIX = (6, 7, 8, 12, 13, 14)
@@ -109,7 +109,7 @@ def off_vertical(C: Array, f: Array) -> tuple[float, float]:
 
     It is the exact one, so that an attitude that is upside down finds its way too.
     """
-    n0, n1, n2 = turned(C, f[0], f[1], f[2])
+    n0, n1, n2 = rotate_vector(C, f[0], f[1], f[2])
     across = math.sqrt(n0 * n0 + n1 * n1)
     if across < 1e-12 * abs(n2):
         return (0.0 if n2 < 0 else math.pi), 0.0
@@ -169,7 +169,7 @@ def propagate(P: Array, C: Array, w0: float, w2: float, q: float, dt: float, noi
 
 
 @inlined
-def measured(
+def scalar_update(
     P: Array,
     h0: float,
     h1: float,
@@ -217,7 +217,7 @@ def measured(
 
 
 @helper
-def pulled(P: Array, K: Array, h0: float, h1: float, h2: float, variance: float) -> float:
+def gain_update(P: Array, K: Array, h0: float, h1: float, h2: float, variance: float) -> float:
     """P after a correction by gains K (6,), whatever they are, and a scalar h . attitude error +
     noise: (I - K h) P (I - K h)' + K variance K'. Returns the variance of the innovation."""
     k0 = h0 * P[6, 6] + h1 * P[6, 7] + h2 * P[6, 8]
@@ -291,8 +291,8 @@ def absorb_bias(
 
 
 @helper
-def unmeasured(record: Array, lam: Array, Lam: Array, work: Array) -> None:
-    """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six
+def adjoint_scalar_update(record: Array, lam: Array, Lam: Array, work: Array) -> None:
+    """The adjoint of `scalar_update`: what the scalar in `record` adds to lam and Lam (of the six
     states, seen from before it)."""
     K, h, scale, q = record[GAIN], record[ROW], record[INVERSE], work[0:6]
     if scale == 0:
@@ -315,7 +315,7 @@ def unmeasured(record: Array, lam: Array, Lam: Array, work: Array) -> None:
 
 
 @helper
-def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
+def adjoint_propagate_attitude(step: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `propagate`, whose transition is in `step` (of TRANSITION):
     lam <- Phi' lam, Lam <- Phi' Lam Phi."""
     w0, w2, keep = step[NORTH], step[DOWN], step[KEEP]

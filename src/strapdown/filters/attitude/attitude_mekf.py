@@ -35,9 +35,9 @@ from ...core.loop.contract import (
     matrix,
 )
 from ...core.mathematics.earth import GRAVITY_EQUATOR, RATE, gravity
-from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
+from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observe_innovation
 from ...core.mathematics.kalman import MIN_NOISE, decay, of_estimates
-from ...core.mathematics.rotation import turned
+from ...core.mathematics.rotation import rotate_vector
 from ...typing import Array
 from .attitude_error_state import (
     DOWN,
@@ -52,16 +52,16 @@ from .attitude_error_state import (
     TURNED,
     UNAIDED,
     absorb_bias,
+    adjoint_propagate_attitude,
+    adjoint_scalar_update,
     carry_bias,
     count_bias,
     inject,
     low_passed,
-    measured,
     off_vertical,
     propagate,
+    scalar_update,
     turn,
-    unmeasured,
-    unpropagated,
 )
 
 CALL = Slots()
@@ -247,11 +247,11 @@ def predict_attitude(belief: FilterState, u: Array, dt: float, noise: Noise) -> 
     _write_step(workspace, belief.C, w0, w2, keep, dt)
     turned_square = r0 * r0 + r1 * r1 + r2 * r2
     q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * turned_square / dt
-    q += lost(workspace) * dt
+    q += attitude_noise_growth(workspace) * dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
     keep = decay(of_estimates(noise).gyro_decay * dt)
     carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
-    clocked(belief, r0, r1, r2, dt)
+    count_time(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
@@ -265,16 +265,16 @@ def predict_attitude(belief: FilterState, u: Array, dt: float, noise: Noise) -> 
     else:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
     count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], 1.0)
-    workspace[HOLDS] = holding(belief)
+    workspace[HOLDS] = active_condition(belief)
 
 
 @helper
-def clocked(belief: FilterState, r0: float, r1: float, r2: float, dt: float) -> None:
+def count_time(belief: FilterState, r0: float, r1: float, r2: float, dt: float) -> None:
     """Count the time and what the body turns in it, the rotation vector r (body, rad). The sum is
     taken in n, where noise and swings to and fro cancel; corrections of the attitude are no
     turns."""
     belief.workspace[CLOCK] += dt
-    total, part = belief.workspace[TURN], turned(belief.C, r0, r1, r2)
+    total, part = belief.workspace[TURN], rotate_vector(belief.C, r0, r1, r2)
     for i in range(3):
         total[i] += part[i]
 
@@ -319,8 +319,8 @@ def _level(belief: FilterState, dt: float, q: float) -> None:
     variance = density / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
     for i in range(6):
         dx[i] = 0.0
-    measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, last[FIRST_RECORD])
-    measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, last[SECOND_RECORD])
+    scalar_update(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, last[FIRST_RECORD])
+    scalar_update(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, last[SECOND_RECORD])
     level_bias(belief, last[FIRST_RECORD][GAIN], last[SECOND_RECORD][GAIN])
     workspace[LEAN_N] -= dx[0]
     workspace[LEAN_E] -= dx[1]
@@ -387,7 +387,7 @@ def _unseen(workspace: Array, q: float) -> float:
 
 
 @helper
-def lost(workspace: Array) -> float:
+def attitude_noise_growth(workspace: Array) -> float:
     """Growth of the attitude's variance, rad^2/s, while the specific force contradicts it: within
     RISE_TIME by the tilt that would explain the contradiction."""
     rise = abs(workspace[RISE])
@@ -395,7 +395,7 @@ def lost(workspace: Array) -> float:
 
 
 @helper
-def holding(belief: FilterState) -> float:
+def active_condition(belief: FilterState) -> float:
     """Which of CONDITIONS holds, counted from 1; 0 for none."""
     workspace = belief.workspace
     clock, reason = workspace[CLOCK], 0.0
@@ -433,15 +433,15 @@ def correct(
     if kind == Kind.MAGNETIC_FIELD:
         return _field(belief, y, sd, source, gate, innovation)
     H = matrix(workspace, JACOBIAN, 3, n)
-    observed(belief, y, observe, source, innovation, H)
-    nis = _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
+    observe_innovation(belief, y, observe, source, innovation, H)
+    nis = _update_row(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
     if nis <= gate:
         workspace[HEADED] = workspace[CLOCK]
     return nis
 
 
 @helper
-def _used(
+def _update_row(
     belief: FilterState,
     h0: float,
     h1: float,
@@ -470,7 +470,7 @@ def _used(
         known += row * (h0 if k == 0 else (h1 if k == 1 else h2))
     # the biases widen what is expected of the innovation, but make no gains
     wider, record = 1 + (by_bias / known if known > 0 else 0.0), last[FIRST_RECORD]
-    nis = measured(P, h0, h1, h2, e, variance, gate * wider, dx, record) / wider
+    nis = scalar_update(P, h0, h1, h2, e, variance, gate * wider, dx, record) / wider
     if record[INVERSE] > 0:
         absorb_bias(sensitivity, record[GAIN], h0, h1, h2, (0.0, 0.0, 0.0))
     count_bias(P, sensitivity, biases, 1.0)
@@ -490,7 +490,7 @@ def _field(
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
     C, workspace = belief.C, belief.workspace
-    north, east, down = turned(C, y[0], y[1], y[2])
+    north, east, down = rotate_vector(C, y[0], y[1], y[2])
     square = north * north + east * east
     for i in range(innovation.size):
         innovation[i] = math.nan
@@ -504,7 +504,7 @@ def _field(
         return math.nan
     # of two fields at one time the second is another magnetometer's
     seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
-    if refused(belief, y, sd, source, square, down):
+    if is_field_rejected(belief, y, sd, source, square, down):
         workspace[SINCE] = 0.0
         _write_nothing(workspace)
         return math.nan
@@ -516,7 +516,7 @@ def _field(
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (
         density / seconds if seconds > 0 else 0.0
     )
-    nis = _used(
+    nis = _update_row(
         belief, -north * down / square, -east * down / square, 1.0, innovation, variance, gate
     )
     if nis <= gate:
@@ -540,7 +540,7 @@ def _magnetometer(source: SourceRow) -> int:
 
 
 @helper
-def _known(source: SourceRow) -> tuple[float, float]:
+def _reference_field(source: SourceRow) -> tuple[float, float]:
     """Strength (T) and dip (rad) of the reference field."""
     horizontal = math.sqrt(
         source.parameters[0] * source.parameters[0] + source.parameters[1] * source.parameters[1]
@@ -551,14 +551,14 @@ def _known(source: SourceRow) -> tuple[float, float]:
 
 
 @helper
-def refused(
+def is_field_rejected(
     belief: FilterState, y: Array, sd: Array, source: SourceRow, square: float, down: float
 ) -> bool:
     """True where a field y (T) of that horizontal square (T^2) and downward part (T) is rejected as
     disturbed; updates the counts of its magnetometer."""
     workspace, P, s = belief.workspace, belief.P, _magnetometer(source)
     turn = _turn_since(workspace, s, y)
-    strength, dip = _known(source)
+    strength, dip = _reference_field(source)
     noise = SURELY * math.sqrt((sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3)
     tilt = SURELY * math.sqrt(P[6, 6] + P[7, 7])
     size = math.sqrt(square + down * down)
@@ -609,7 +609,7 @@ def field_density(
     workspace, omega, s = belief.workspace, belief.omega, _magnetometer(source)
     strength, dip = workspace[STRENGTH][s], workspace[DIP][s]
     if strength == 0:
-        strength, dip = _known(source)
+        strength, dip = _reference_field(source)
     off, strength, dip = _departure(strength, dip, square, down, seconds)
     density = workspace[HEADING] + workspace[DISTURBANCE] * off
     density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
@@ -648,7 +648,7 @@ def save_step(belief: FilterState, record: Array) -> None:
                 considered[i, j] += variance[k] * sensitivity[i, k] * sensitivity[j, k]
 
 
-def considered(record: Array) -> Array:
+def considered_covariance(record: Array) -> Array:
     """(calls, 15, 15): what of P is the accelerometer biases' in a record of `save_step`."""
     P = np.zeros((len(record), STATES, STATES))
     P[:, np.array(SIX)[:, None], SIX] = record[:, CONSIDERED : CONSIDERED + 36].reshape(-1, 6, 6)
@@ -659,11 +659,11 @@ def considered(record: Array) -> Array:
 def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `predict` or `correct`, from what it left in its record."""
     if call[LAST_CALL] == PREDICTED:
-        unmeasured(call[SECOND_RECORD], lam, Lam, work)
-        unmeasured(call[FIRST_RECORD], lam, Lam, work)
-        unpropagated(call[STEP], lam, Lam, work)
+        adjoint_scalar_update(call[SECOND_RECORD], lam, Lam, work)
+        adjoint_scalar_update(call[FIRST_RECORD], lam, Lam, work)
+        adjoint_propagate_attitude(call[STEP], lam, Lam, work)
     else:
-        unmeasured(call[FIRST_RECORD], lam, Lam, work)
+        adjoint_scalar_update(call[FIRST_RECORD], lam, Lam, work)
 
 
 CONTRADICTION = Condition(
@@ -720,7 +720,7 @@ ATTITUDE_MEKF = Filter(
     slots=SLOTS,
     conditions=CONDITIONS,
     condition=HOLDS,
-    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered),
+    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered_covariance),
     bias=DECAYING,
     good_for="attitude without GNSS, from a 6- or 9-axis IMU",
     poor_for="aircraft in long turns: it knows no velocity",

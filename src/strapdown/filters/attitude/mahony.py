@@ -34,7 +34,7 @@ from ...core.loop.contract import (
 )
 from ...core.mathematics.earth import GRAVITY_EQUATOR
 from ...core.mathematics.kalman import decay, of_estimates
-from ...core.mathematics.rotation import orthonormalise, rotate_left, turned, wrap
+from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_vector, wrap
 from ...typing import Array
 from . import attitude_mekf
 from .attitude_error_state import (
@@ -44,10 +44,10 @@ from .attitude_error_state import (
     absorb_bias,
     carry_bias,
     count_bias,
+    gain_update,
     low_passed,
     off_vertical,
     propagate,
-    pulled,
     turn,
 )
 from .attitude_mekf import (
@@ -67,14 +67,14 @@ from .attitude_mekf import (
     SECONDS,
     SENSITIVITY,
     TOLD,
-    clocked,
+    active_condition,
+    attitude_noise_growth,
+    count_time,
     field_density,
     field_used,
-    holding,
+    is_field_rejected,
     level_bias,
     level_density,
-    lost,
-    refused,
 )
 
 SLOTS = Slots(after=attitude_mekf.ATTITUDE)
@@ -152,8 +152,8 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     keep = decay(of_estimates(noise).gyro_decay * dt)
-    _spread(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
-    clocked(belief, r0, r1, r2, dt)
+    _propagate_covariance(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
+    count_time(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     for i in range(3):
         bg[i] *= keep
@@ -168,12 +168,12 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     else:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
     count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE], 1.0)
-    workspace[HOLDS] = holding(belief)
+    workspace[HOLDS] = active_condition(belief)
     orthonormalise(C)
 
 
 @helper
-def _spread(
+def _propagate_covariance(
     belief: FilterState, turned_square: float, keep: float, dt: float, noise: Noise
 ) -> None:
     """P without accelerometer biases, and the sensitivity to them, over dt; turned_square: of the
@@ -181,7 +181,7 @@ def _spread(
     workspace, P, C = belief.workspace, belief.P, belief.C
     sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
-    q = (noise.gyro * noise.gyro + lost(workspace)) * dt + workspace[
+    q = (noise.gyro * noise.gyro + attitude_noise_growth(workspace)) * dt + workspace[
         RATE_ERROR
     ] * turned_square / dt
     count_bias(P, sensitivity, workspace[BIAS_VARIANCE], -1.0)
@@ -206,8 +206,8 @@ def _level(belief: FilterState, dt: float, q: float) -> None:
         return
     variance = workspace[LEVEL] / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
     gain = _gains(belief, workspace[K1], dt)
-    pulled(P, workspace[K_NORTH], 1.0, 0.0, 0.0, variance)
-    pulled(P, workspace[K_EAST], 0.0, 1.0, 0.0, variance)
+    gain_update(P, workspace[K_NORTH], 1.0, 0.0, 0.0, variance)
+    gain_update(P, workspace[K_EAST], 0.0, 1.0, 0.0, variance)
     level_bias(belief, workspace[K_NORTH], workspace[K_EAST])
     workspace[LEAN_N] += gain * n1
     workspace[LEAN_E] -= gain * n0
@@ -233,7 +233,7 @@ def _gains(belief: FilterState, k: float, seconds: float) -> float:
 @helper
 def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
     """The unit vector of the specific force f of that size, in n."""
-    return turned(C, f[0] / size, f[1] / size, f[2] / size)
+    return rotate_vector(C, f[0] / size, f[1] / size, f[2] / size)
 
 
 @helper
@@ -254,7 +254,7 @@ def _heading_pulled(belief: FilterState, variance: float, innovation: Array) -> 
     biases, sensitivity = workspace[BIAS_VARIANCE], matrix(workspace, SENSITIVITY, 6, 3)
     known = belief.P[8, 8]
     count_bias(belief.P, sensitivity, biases, -1.0)
-    pulled(belief.P, K, 0.0, 0.0, 1.0, variance)
+    gain_update(belief.P, K, 0.0, 0.0, 1.0, variance)
     absorb_bias(sensitivity, K, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0))
     count_bias(belief.P, sensitivity, biases, 1.0)
     if innovation.size > 3 and known + variance > 0:
@@ -302,7 +302,7 @@ def _field(belief: FilterState, y: Array, sd: Array, source: SourceRow, innovati
     if not size > FREE_FALL_FORCE:
         return
     u0, u1, u2 = _upwards(C, f, size)
-    m0, m1, m2 = turned(C, y[0], y[1], y[2])
+    m0, m1, m2 = rotate_vector(C, y[0], y[1], y[2])
     along = m0 * u0 + m1 * u1 + m2 * u2
     m0, m1, m2 = m0 - along * u0, m1 - along * u1, m2 - along * u2
     size, level = (
@@ -316,7 +316,7 @@ def _field(belief: FilterState, y: Array, sd: Array, source: SourceRow, innovati
         return
     seconds = min(workspace[SINCE_FIELD], MAX_GAP)
     workspace[SINCE_FIELD] = 0.0
-    if refused(belief, y, sd, source, size * size, -along):
+    if is_field_rejected(belief, y, sd, source, size * size, -along):
         return
     n0, n1 = source.parameters[0] / level, source.parameters[1] / level
     innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)

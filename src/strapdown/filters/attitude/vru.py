@@ -29,9 +29,9 @@ from ...core.loop.contract import (
     matrix,
 )
 from ...core.mathematics.earth import gravity
-from ...core.mathematics.error_state import DX, JACOBIAN, WORK, inject_tail, observed
+from ...core.mathematics.error_state import DX, JACOBIAN, WORK, inject_tail, observe_innovation
 from ...core.mathematics.kalman import decay, of_estimates, update
-from ...core.mathematics.rotation import turned
+from ...core.mathematics.rotation import rotate_vector
 from ...typing import Array
 from . import attitude_mekf
 from .attitude_error_state import DOWN, GAIN, KEEP, NORTH, SIX, count_bias
@@ -123,7 +123,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     if dt > 0:
         workspace = belief.workspace
         _fall(belief, u, dt, noise)
-        _spread(belief, dt, noise)
+        _propagate_vertical(belief, dt, noise)
         predict_attitude(belief, u, dt, noise)
         _follow(belief.P, workspace[LAST])
         workspace[SINCE_LEVEL] += dt
@@ -150,7 +150,7 @@ def _fall(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     C, ba, bg, row = belief.C, belief.ba, belief.bg, belief.workspace[ERRS]
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
-    north, east, gained = turned(
+    north, east, gained = rotate_vector(
         C, a0 + r1 * a2 - r2 * a1, a1 + r2 * a0 - r0 * a2, a2 + r0 * a1 - r1 * a0
     )
     row[0], row[1] = east, -north
@@ -165,7 +165,7 @@ def _fall(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 
 
 @helper
-def _spread(belief: FilterState, dt: float, noise: Noise) -> None:
+def _propagate_vertical(belief: FilterState, dt: float, noise: Noise) -> None:
     """P of the vertical channel over dt: p' = v, v' = the row ERRS of tilt and accelerometer bias;
     its covariances with the attitude and with the augmented states."""
     P, workspace, n = belief.P, belief.workspace, belief.P.shape[0]
@@ -223,14 +223,14 @@ def _follow(P: Array, last: Array) -> None:
         P[a, 8] = x2 - w0 * x1 - (step[6] * b0 + step[7] * b1 + step[8] * b2)
         for i in range(12, 15):
             P[a, i] *= keep
-        _levelled(P, a, P[a, 6], first[GAIN])
-        _levelled(P, a, P[a, 7], second[GAIN])
+        _level_row(P, a, P[a, 6], first[GAIN])
+        _level_row(P, a, P[a, 7], second[GAIN])
         for i in SIX:
             P[i, a] = P[a, i]
 
 
 @helper
-def _levelled(P: Array, a: int, seen: float, gain: Array) -> None:
+def _level_row(P: Array, a: int, seen: float, gain: Array) -> None:
     """Row a after a levelling that sees the tilt with which its covariance is `seen`."""
     for i in range(6):
         P[a, SIX[i]] -= gain[i] * seen
@@ -279,7 +279,7 @@ def correct(
         gate,
         0.0,
     )
-    rows = observed(belief, y, observe, source, innovation, H)
+    rows = observe_innovation(belief, y, observe, source, innovation, H)
     if math.isnan(innovation[0]):
         return math.nan
     a, b, known = H[0, 6], H[0, 7], P[2, 2]

@@ -13,7 +13,7 @@ from ...core.mathematics.error_state import (
     ERROR_STATE,
     HEIGHT,
     X,
-    added,
+    add_error,
     linearised_step,
 )
 from ...core.mathematics.mechanization import mechanize
@@ -42,7 +42,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         belief.workspace[DX],
         belief.workspace[HEIGHT],
     )
-    added(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v, belief.C, x)
 
 
 CLOSED_LOOP_ERROR_BIAS = Filter(

@@ -40,7 +40,7 @@ from ...core.mathematics.error_state import (
     bias_free,
     decay_biases,
     inject_all,
-    observed,
+    observe_innovation,
     publish_rates,
     turn_half,
 )
@@ -178,7 +178,7 @@ def correct(
         workspace[USED],
         workspace[VARIANCE],
     )
-    rows = observed(belief, y, observe, source, innovation, H)
+    rows = observe_innovation(belief, y, observe, source, innovation, H)
     used, measured = 0, 0.0
     for i in range(rows):
         missing = math.isnan(innovation[i])

@@ -38,7 +38,7 @@ from ...core.mathematics.error_state import (
     ERROR_STATE,
     HEIGHT,
     X,
-    added,
+    add_error,
     allocate,
     bias_free,
     decay_biases,
@@ -189,7 +189,7 @@ def compose(belief: FilterState) -> None:
         belief.ba[i], belief.bg[i] = b[i] + xa[i], b[3 + i] + xg[i]
         for j in range(3):
             belief.C[i, j] = raw[i, j]
-    added(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v, belief.C, x)
 
 
 @helper

@@ -66,11 +66,11 @@ def sample(
         for i in range(3):
             a[i, j] -= dt * (C[i, 0] * g[0, j] + C[i, 1] * g[1, j] + C[i, 2] * g[2, j])
         s0, s1, s2 = k * (f1 * x2 - f2 * x1), k * (f2 * x0 - f0 * x2), k * (f0 * x1 - f1 * x0)
-        turned(own, j, C, f0, f1, f2, s0, s1, s2, ki)
+        turn_column(own, j, C, f0, f1, f2, s0, s1, s2, ki)
 
 
 @inlined
-def turned(
+def turn_column(
     own: Array,
     j: int,
     C: Array,
@@ -104,7 +104,7 @@ def heading(
     a = matrix(own, U_TILT, 3, COUNT)
     for j in range(COUNT):
         s = share * (a[2, j] + across(own, C, j, by_wind))
-        turned(own, j, C, f0, f1, f2, 0.0, 0.0, s, ki)
+        turn_column(own, j, C, f0, f1, f2, 0.0, 0.0, s, ki)
 
 
 @helper

@@ -23,11 +23,11 @@ from ...core.mathematics.joseph import (
     SECONDS,
     await_step,
     carry,
-    changed,
-    spread,
+    has_new_noise,
+    joseph_update,
 )
 from ...core.mathematics.kalman import decay
-from ...core.mathematics.rotation import turned
+from ...core.mathematics.rotation import rotate_vector
 from ...typing import Array
 from . import adaptive_law
 from .equations import (
@@ -85,7 +85,7 @@ def clear(workspace: Array) -> None:
 def after_sample(belief: FilterState, dt: float, noise: Noise) -> None:
     """A sample that the observer took, for the next step of P."""
     own = belief.workspace[OWN]
-    if changed(own, noise):
+    if has_new_noise(own, noise):
         step(belief)
     if await_step(own, belief.omega, belief.f, dt, noise):
         step(belief)
@@ -120,7 +120,7 @@ def step(belief: FilterState) -> None:
         k = where(acts, (1 - decay(gain(workspace, K1) * dt)) / square, 0.0)
         adapted = workspace[ADAPTATION] * (1 - min(workspace[FADE], 1.0)) * dt / square
         adapted = where(acts & (workspace[LAW] == BY_NORM), adapted, 0.0)
-        f0, f1, f2 = turned(C, f[0], f[1], f[2])
+        f0, f1, f2 = rotate_vector(C, f[0], f[1], f[2])
         # sigma = -k f x e_xi, a column for each component of e_xi
         turn(a, 0, C, (f0, f1, f2), (0.0, -k * f2, k * f1), ki)
         turn(a, 1, C, (f0, f1, f2), (k * f2, 0.0, -k * f0), ki)
@@ -131,7 +131,7 @@ def step(belief: FilterState) -> None:
                 -adapted * f1 * f[j],
                 -adapted * f2 * f[j],
             )
-    spread(P, workspace[OWN], a, b, r)
+    joseph_update(P, workspace[OWN], a, b, r)
     copy_leading(P, belief.P)
 
 
@@ -175,7 +175,7 @@ def after_fix(belief: FilterState, sd: Array, kind: int, source: SourceRow, H: A
             _field(belief, sd, source, a, b, r)
         else:
             _heading(belief, sd[0], kind == Kind.VELOCITY, a, b, r)
-        spread(P, workspace[OWN], a, b, r)
+        joseph_update(P, workspace[OWN], a, b, r)
     K = workspace[GAIN]
     clear(workspace)
     used = False
@@ -192,7 +192,7 @@ def after_fix(belief: FilterState, sd: Array, kind: int, source: SourceRow, H: A
             for j in range(15):
                 b[row, j] = H[row, j]
     if used:
-        spread(P, workspace[OWN], a, b, r)
+        joseph_update(P, workspace[OWN], a, b, r)
         if int(workspace[LAW]) == BY_XI and kind != Kind.ALTITUDE:
             _learnt(belief, P, a, b, r)
     copy_leading(P, belief.P)
@@ -211,7 +211,7 @@ def _learnt(belief: FilterState, P: Array, a: Array, b: Array, r: Array) -> None
     _move(own, C, a, 0)
     b[0, 8], b[0, CRAB] = left, left
     r[0, 0] = left * left * workspace[COURSE_SD] * workspace[COURSE_SD]
-    spread(P, workspace[OWN], a, b, r)
+    joseph_update(P, workspace[OWN], a, b, r)
     clear(workspace)
     x = matrix(own, adaptive_law.U_XI, 3, adaptive_law.COUNT)
     for row in range(3):
@@ -220,7 +220,7 @@ def _learnt(belief: FilterState, P: Array, a: Array, b: Array, r: Array) -> None
         adaptive_law.solve(own, K)
         _move(own, C, a, row)
         b[row, XI + row] = 1.0
-    spread(P, workspace[OWN], a, b, r)
+    joseph_update(P, workspace[OWN], a, b, r)
 
 
 @helper
@@ -249,7 +249,7 @@ def _heading(belief: FilterState, sd: float, course: bool, a: Array, b: Array, r
     r[0, 0] = sd * sd
     if course:
         r[0, 0], b[0, CRAB] = workspace[COURSE_SD] * workspace[COURSE_SD], 1.0
-    turn(a, 0, C, turned(C, f[0], f[1], f[2]), (0.0, 0.0, share), workspace[LEARNT])
+    turn(a, 0, C, rotate_vector(C, f[0], f[1], f[2]), (0.0, 0.0, share), workspace[LEARNT])
 
 
 @helper
@@ -266,7 +266,7 @@ def _field(belief: FilterState, sd: Array, source: SourceRow, a: Array, b: Array
         workspace[SHARE],
         workspace[LEARNT],
     )
-    force = turned(C, f[0], f[1], f[2])
+    force = rotate_vector(C, f[0], f[1], f[2])
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3
     if int(workspace[FIELD]) == ACROSS:
         h = (force[0] + xi[0], force[1] + xi[1], force[2] + xi[2])
@@ -276,8 +276,8 @@ def _field(belief: FilterState, sd: Array, source: SourceRow, a: Array, b: Array
         for j in range(3):
             b[0, 6 + j], b[1, XI + j] = along[j], u[j]
         r[0, 0] = variance * square
-        turn(a, 0, C, force, scaled(each, h), ki)
-        turn(a, 1, C, force, scaled(each, m), ki)
+        turn(a, 0, C, force, scale_vector(each, h), ki)
+        turn(a, 1, C, force, scale_vector(each, m), ki)
     else:
         square = dot(m, m)
         for i in range(3):
@@ -305,6 +305,6 @@ def dot(a: Three, b: Three) -> float:
 
 
 @helper
-def scaled(k: float, a: Three) -> Three:
+def scale_vector(k: float, a: Three) -> Three:
     """k a."""
     return k * a[0], k * a[1], k * a[2]

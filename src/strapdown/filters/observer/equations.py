@@ -11,7 +11,7 @@ A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does 
 large it is.
 
 Helpers act on a FilterState whose `workspace` is the observer's own, of OBSERVER: that of the filter, or
-the view that `embedded` gives.
+the view that `embedded_observer` gives.
 """
 
 import math
@@ -22,13 +22,19 @@ from ...core.loop.contract import MAX_STATES, FilterState, Kind, Noise, Observe,
 from ...core.mathematics.earth import displace, place
 from ...core.mathematics.elementary import arctangent, arctangent2, tangent
 from ...core.mathematics.embedded import NAVIGATION, navigation
-from ...core.mathematics.error_state import bias_free, observed, publish_rates
+from ...core.mathematics.error_state import bias_free, observe_innovation, publish_rates
 from ...core.mathematics.kalman import decay
 from ...core.mathematics.mechanization import mechanize
-from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
+from ...core.mathematics.rotation import (
+    orthonormalise,
+    rotate_left,
+    rotate_right,
+    rotate_vector,
+    wrap,
+)
 from ...typing import Array
 from . import adaptive_law
-from .translation_gains import AGE, SPREAD, TRANSLATION, VELOCITY_AGE, pulled
+from .translation_gains import AGE, SPREAD, TRANSLATION, VELOCITY_AGE, fix_gains
 
 OBSERVER = Slots()
 EXCITATION = OBSERVER.output("excitation")  # smallest eigenvalue of MOMENT
@@ -100,7 +106,7 @@ FREE_FALL_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 
 @inlined
-def embedded(belief: FilterState, first: int) -> FilterState:
+def embedded_observer(belief: FilterState, first: int) -> FilterState:
     """The observer whose numbers (EMBEDDED) begin at belief.workspace[first], as a FilterState of its
     own; P and tail are those of `belief` and none of its business."""
     own = belief.workspace[first : first + EMBEDDED_SIZE]
@@ -160,7 +166,7 @@ def advance(bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def _answer_sample(bar: FilterState, k: float, dt: float, free: bool) -> None:
     """Update the adaptive law for a sample in which the attitude was turned by k f x xi."""
     C, workspace, f, own = bar.C, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
-    f0, f1, f2 = turned(C, f[0], f[1], f[2])
+    f0, f1, f2 = rotate_vector(C, f[0], f[1], f[2])
     ki = where(free, gain(workspace, KI), 0.0)
     adaptive_law.sample(own, C, f0, f1, f2, where(free, k, 0.0), ki, dt)
     own[adaptive_law.SINCE] += where(free, dt, 0.0)
@@ -225,18 +231,18 @@ def turn(bar: FilterState, s0: float, s1: float, s2: float) -> None:
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
     outside an outage the gyro bias by - ki s, bounded. Zeros turn nothing."""
     C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI], bar.workspace
-    b0, b1, b2 = turned(C, f[0], f[1], f[2])
+    b0, b1, b2 = rotate_vector(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
-    n0, n1, n2 = turned(C, f[0], f[1], f[2])
+    n0, n1, n2 = rotate_vector(C, f[0], f[1], f[2])
     xi[0] += b0 - n0
     xi[1] += b1 - n1
     xi[2] += b2 - n2
     ki = workspace[LEARNT] = where(outage(workspace), 0.0, gain(workspace, KI))
-    bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
+    add_projected(bar.bg, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
 
 
 @helper
-def bounded(b: Array, d0: float, d1: float, d2: float, bound: float) -> None:
+def add_projected(b: Array, d0: float, d1: float, d2: float, bound: float) -> None:
     """b += Proj(d): what leads out of the ball of radius `bound` fades away up to OUTER times
     it, smoothly (Grip et al. 2015)."""
     along, square, limit = (
@@ -304,7 +310,7 @@ def _adapt(bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted:
         / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
     )
     workspace[SQUARE] = min(max(workspace[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
-    bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
+    add_projected(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
     share = where(wanted, dt / FORGETTING, 0.0)
     moment, phi, k = workspace[MOMENT], workspace[WORK], 0
     phi[0], phi[1] = 1.0, m0 / NOMINAL_GRAVITY
@@ -328,7 +334,7 @@ def inject(
 ) -> None:
     """Inject a measurement where it is wanted, without a gate."""
     H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
-    observed(bar, y, observe, source, innovation, H)
+    observe_innovation(bar, y, observe, source, innovation, H)
     take(bar, y, sd, kind, source, innovation, wanted)
 
 
@@ -394,7 +400,7 @@ def _translate(bar: FilterState, kind: int, innovation: Array, sd: Array, wanted
         axis, e = 2 if kind == Kind.ALTITUDE else row, innovation[row]
         measured = (e == e) & wanted
         if any_of(measured):
-            pulled(
+            fix_gains(
                 workspace[MOTION],
                 axis,
                 kind == Kind.VELOCITY,
@@ -431,7 +437,7 @@ def _assess_excitation(workspace: Array, value: float, enough: float, wanted: bo
 def _answer_heading(bar: FilterState, by_wind: float) -> None:
     """Update the adaptive law for the last turn about the vertical."""
     C, workspace, f = bar.C, bar.workspace, bar.f
-    f0, f1, f2 = turned(C, f[0], f[1], f[2])
+    f0, f1, f2 = rotate_vector(C, f[0], f[1], f[2])
     share, ki = workspace[SHARE], workspace[LEARNT]
     adaptive_law.heading(workspace[ADAPTIVE], C, f0, f1, f2, share, ki, by_wind)
 
@@ -451,7 +457,7 @@ def _learn(bar: FilterState, wanted: bool) -> None:
         change[i] = own[adaptive_law.SUM][i]
         own[adaptive_law.SUM][i] = 0.0
     adaptive_law.solve(own, change)
-    bounded(
+    add_projected(
         ba, scale[0] * change[0], scale[1] * change[1], scale[2] * change[2], workspace[ACCEL_BOUND]
     )
     displace(
@@ -469,7 +475,7 @@ def _learn(bar: FilterState, wanted: bool) -> None:
     for i in range(3):
         bar.v[i] += adaptive_law.answer(own, adaptive_law.U_V, i)
         xi[i] -= adaptive_law.answer(own, adaptive_law.U_XI, i)
-    bounded(
+    add_projected(
         bar.bg,
         adaptive_law.answer(own, adaptive_law.U_GYRO, 0),
         adaptive_law.answer(own, adaptive_law.U_GYRO, 1),
@@ -544,14 +550,14 @@ def _towards_heading(bar: FilterState, heading: float, seconds: float, wanted: b
         return
     C, workspace = bar.C, bar.workspace
     angle = where(wanted, wrap(heading - arctangent2(C[1, 0], C[0, 0])), 0.0)
-    left = _left(angle, gain(workspace, K2) * seconds)
+    left = _remaining_angle(angle, gain(workspace, K2) * seconds)
     workspace[SHARE] = where(angle != 0, 1 - left / where(angle != 0, angle, 1.0), 0.0)
     angle -= left
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
 
 
 @helper
-def _left(angle: float, time: float) -> float:
+def _remaining_angle(angle: float, time: float) -> float:
     """Return the remainder of an angle (rad) whose rate is - sin(angle), after that (scaled)
     time."""
     return 2 * arctangent(tangent(0.5 * angle) * decay(time))
@@ -621,7 +627,7 @@ def _towards(
         return
     sine = where(wanted, sine, 1.0)
     angle = arctangent2(sine, cosine)
-    share = (angle - _left(angle, gain(bar.workspace, K2) * seconds)) / sine
+    share = (angle - _remaining_angle(angle, gain(bar.workspace, K2) * seconds)) / sine
     bar.workspace[SHARE] = where(wanted, share * sine / angle, 0.0)
     share = where(wanted, share, 0.0)
     c0, c1, c2 = where(wanted, c0, 0.0), where(wanted, c1, 0.0), where(wanted, c2, 0.0)
@@ -643,7 +649,7 @@ def follow(bar: FilterState, belief: FilterState) -> None:
     for i in range(3):
         own[i] = where(lost, 0.0, own[i])
     b0, b1, b2 = where(lost, b[0], 0.0), where(lost, b[1], 0.0), where(lost, b[2], 0.0)
-    bounded(own, b0, b1, b2, workspace[GYRO_BOUND])
+    add_projected(own, b0, b1, b2, workspace[GYRO_BOUND])
 
 
 @helper

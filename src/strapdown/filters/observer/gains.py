@@ -106,7 +106,7 @@ def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> No
 
     Raises ValueError where an option or the start's biases are out of bounds.
     """
-    o = checked(options)
+    o = check_gain_options(options)
     _check_bias("gyro", start.bg, o["gyro_bound"])
     _check_bias("accel", start.ba, o["accel_bound"])
     at = equations
@@ -136,7 +136,7 @@ def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> No
     own["DESIGN"][...] = translation_gains.DESIGNS[_design(o)]
     own["LOST"][...] = block[at.OUTAGE_AFTER]
     own["POLE"][...], own["PAIR"][:] = np.split(np.array(_as_numbers(o)), [1])
-    own["GAINS"][:], own["VELOCITY_GAINS"][:] = _given(o)
+    own["GAINS"][:], own["VELOCITY_GAINS"][:] = _given_gains(o)
     own["P"].reshape(3, 6)[:, [0, 3, 5]] = [
         (start.sd[axis] ** 2, start.sd[3 + axis] ** 2, FORCE_SD**2) for axis in range(3)
     ]
@@ -153,12 +153,12 @@ def _check_bias(name: str, bias: ArrayLike, bound: float) -> None:
 
 def implant(workspace: Array, start: InitialState, noise: Noise, **options: Any) -> None:
     """An observer of its own in `workspace`, numbers of EMBEDDED, beginning at `start`: what
-    `embedded` gives a view of. Raises as `begin`."""
+    `embedded_observer` gives a view of. Raises as `begin`."""
     workspace[equations.STATE] = as_numbers(start.belief(np.empty(0)))
     begin(workspace[equations.BLOCK], start, noise, **options)
 
 
-def checked(options: dict[str, Any]) -> dict[str, Any]:
+def check_gain_options(options: dict[str, Any]) -> dict[str, Any]:
     """DEFAULTS with these options in. Raises ValueError naming the first that is out of bounds."""
     printed = options.get("course") == "printed"
     law = options.get("bias_law", "norm" if printed else DEFAULTS["bias_law"])
@@ -206,7 +206,7 @@ def _design(o: dict[str, Any]) -> str:
     return "given" if any(o[name] for name in GAINS) else o["design"]
 
 
-def _given(o: dict[str, Any]) -> Array:
+def _given_gains(o: dict[str, Any]) -> Array:
     """The gains as given, (2, 3): of a position and of a velocity on p, v, xi."""
     t = o["theta"]
     return np.array(
@@ -259,7 +259,7 @@ def configure(
     Raises ValueError where nothing measures position, or heading or course, or the gains are not
     stable at the intervals of these fixes.
     """
-    o = checked({name: value for name, value in options.items() if name in DEFAULTS})
+    o = check_gain_options({name: value for name, value in options.items() if name in DEFAULTS})
     kinds = {a.kind for a in aidings}
     if "position" not in kinds:
         raise ValueError(
@@ -291,7 +291,7 @@ def configure(
         name: value if isinstance(value, str) else float(value)
         for name, value in (o | decided).items()
     }
-    lowered, notes = _designed(tuple(plain_numbers.items()), axes, free)
+    lowered, notes = _design_gains(tuple(plain_numbers.items()), axes, free)
     said = [
         f"{name}: fewer than two fixes of position; the observer's gains are not checked there"
         for name in unchecked
@@ -316,7 +316,7 @@ def _axes(aidings: Sequence[Source]) -> tuple[tuple[ObserverAxis, ...], list[str
     ]
 
 
-def _measured(aiding: Source, axis: int | None = None) -> Mask:
+def _is_axis_measured(aiding: Source, axis: int | None = None) -> Mask:
     """(n,) Whether each fix measures that axis, or any: missing numbers are NaN."""
     y, sd = (
         np.asarray(values, float).reshape(len(aiding.t), -1) for values in (aiding.y, aiding.sd)
@@ -328,7 +328,7 @@ def _measured(aiding: Source, axis: int | None = None) -> Mask:
 def _deviation(aidings: Sequence[Source], kind: str, axis: int) -> float:
     """Median standard deviation of the fixes of that kind on an axis, 0 without any."""
     of_all = [
-        np.asarray(a.sd, float).reshape(len(a.t), -1)[_measured(a, axis), axis]
+        np.asarray(a.sd, float).reshape(len(a.t), -1)[_is_axis_measured(a, axis), axis]
         for a in aidings
         if a.kind == kind and len(a.t)
     ]
@@ -336,7 +336,7 @@ def _deviation(aidings: Sequence[Source], kind: str, axis: int) -> float:
 
 
 @lru_cache(maxsize=256)
-def _designed(
+def _design_gains(
     options: tuple[tuple[str, Any], ...], axes: tuple[ObserverAxis, ...], free: tuple[str, ...]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
     """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals,
@@ -407,7 +407,9 @@ def fix_interval(aidings: Sequence[Source], kind: str, axis: int | None = None) 
     make other options of the same receiver.
     """
     found = [
-        np.asarray(a.t, float)[_measured(a, axis)] for a in aidings if a.kind == kind and len(a.t)
+        np.asarray(a.t, float)[_is_axis_measured(a, axis)]
+        for a in aidings
+        if a.kind == kind and len(a.t)
     ]
     times = np.unique(np.concatenate(found)) if found else np.empty(0)
     median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
@@ -447,7 +449,7 @@ def schedule(
         times[-1] = (0.0, times[-1][1])
     design = _design(o)
     if design == "given":
-        return [(T, kind, _given(o)[int(kind == "velocity")]) for T, kind in times]
+        return [(T, kind, _given_gains(o)[int(kind == "velocity")]) for T, kind in times]
     if design == "poles":
         return [
             (
@@ -487,7 +489,7 @@ def transition(T: float) -> Array:
     return np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
 
 
-def driving(T: float, q: float) -> Array:
+def driving_noise(T: float, q: float) -> Array:
     """Q (3, 3) over T seconds of a force driven by density q, (m/s^2)^2/s."""
     return q * np.array(
         [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
@@ -503,7 +505,7 @@ def _riccati(
         gains = []
         for T, kind in times:
             Phi, row = transition(T), int(kind == "velocity")
-            P = Phi @ P @ Phi.T + driving(T, wander**2)
+            P = Phi @ P @ Phi.T + driving_noise(T, wander**2)
             K = P[:, row] / (P[row, row] + max(sd[kind], translation_gains.MIN_SD) ** 2)
             P = P - np.outer(K, P[row])
             gains.append(K)

@@ -25,7 +25,7 @@ from ...core.loop.contract import (
     kernel,
     matrix,
 )
-from ...core.mathematics.error_state import observed
+from ...core.mathematics.error_state import observe_innovation
 from ...core.mathematics.joseph import test
 from ...typing import Array
 from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
@@ -86,7 +86,7 @@ def correct(
     workspace = belief.workspace
     H = matrix(workspace, JACOBIAN, 3, 15)
     step(belief)
-    rows = observed(belief, y, observe, source, innovation, H)
+    rows = observe_innovation(belief, y, observe, source, innovation, H)
     nis, P = test(belief.P, workspace[OWN], H, innovation, sd, rows), belief.P
     unknown = (kind == Kind.MAGNETIC_FIELD) & (P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN)
     if any_of(unknown):

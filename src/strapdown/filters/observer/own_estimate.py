@@ -70,7 +70,7 @@ def turn_tilts(P: Array, z: float) -> None:
 
 
 @helper
-def rotated(x: float, y: float, z: float) -> tuple[float, float]:
+def rotate_plane(x: float, y: float, z: float) -> tuple[float, float]:
     """The vector (x, y) turned by z (rad)."""
     s, c = sine_cosine(z)
     return c * x - s * y, s * x + c * y

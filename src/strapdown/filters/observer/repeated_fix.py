@@ -16,7 +16,7 @@ FORGOTTEN = -1.0
 
 
 @helper
-def repeated(memory: Array, y: Array, kind: int, gate: float, nis: float) -> bool:
+def is_repeated(memory: Array, y: Array, kind: int, gate: float, nis: float) -> bool:
     """True where this call hands over the measurement of the call before again. Stores it in
     `memory` (of MEMORY), for the next call, where its `nis` is above `gate`.
 

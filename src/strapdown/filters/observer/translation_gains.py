@@ -34,7 +34,7 @@ MIN_SD = 1e-4  # m, m/s
 
 
 @helper
-def pulled(
+def fix_gains(
     own: Array,
     axis: int,
     velocity: bool,

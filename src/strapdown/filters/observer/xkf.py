@@ -40,13 +40,13 @@ from ...core.mathematics.error_state import (
     JACOBIAN,
     WORK,
     X,
-    added,
+    add_error,
     allocate,
     bias_free,
     decay_biases,
     inject_tail,
     linearised_step,
-    observed,
+    observe_innovation,
     turn_half,
 )
 from ...core.mathematics.kalman import update, used_rows
@@ -54,7 +54,16 @@ from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import orthonormalise, rotation_between, wrap
 from ...typing import Array
 from . import nlo
-from .equations import BLOCK, CONDITION, EMBEDDED, OBSERVER, advance, embedded, follow, inject
+from .equations import (
+    BLOCK,
+    CONDITION,
+    EMBEDDED,
+    OBSERVER,
+    advance,
+    embedded_observer,
+    follow,
+    inject,
+)
 from .gains import configure, implant, takes_options
 from .own_estimate import (
     DOUBT,
@@ -63,12 +72,12 @@ from .own_estimate import (
     OWN,
     SHARE,
     TURN,
-    rotated,
+    rotate_plane,
     take_heading,
     turn_heading,
     turn_tilts,
 )
-from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
+from .repeated_fix import FORGOTTEN, KIND, MEMORY, is_repeated
 
 SLOTS = Slots(after=ERROR_STATE)
 # estimate - observer
@@ -110,7 +119,7 @@ def start(
     belief = start.belief(allocate(SLOTS))
     slots = SLOTS.named(belief.workspace)
     slots["ITSELF"][...], slots["NEAR"][...] = JACOBIANS[jacobian], near
-    slots["CLOSE"][...] = known(belief.P, near) if slots["ITSELF"] else near > 0
+    slots["CLOSE"][...] = is_tilt_known(belief.P, near) if slots["ITSELF"] else near > 0
     slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C.ravel()
     implant(belief.workspace[INSIDE], start, noise, **observer)
     return belief
@@ -156,7 +165,7 @@ def model_point(belief: FilterState, bar: FilterState, itself: bool, z: float) -
 def compose(belief: FilterState, x: Array) -> None:
     """The belief becomes belief (+) x."""
     a, g = x[BA], x[BG]
-    added(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v, belief.C, x)
     for i in range(3):
         belief.ba[i] += a[i]
         belief.bg[i] += g[i]
@@ -223,13 +232,13 @@ def switch(belief: FilterState, angle: float) -> None:
         workspace[CLOSE] = where(angle < near, 1.0, 0.0)
         return
     stays = close & ((angle < near) | (own[DOUBT] <= LOST))
-    back = (not close) & (angle < BACK * near) & known(belief.P, near)
+    back = (not close) & (angle < BACK * near) & is_tilt_known(belief.P, near)
     workspace[CLOSE] = where(stays | back, 1.0, 0.0)
     own[TURN], own[DOUBT] = where(close, own[TURN], 0.0), where(close, own[DOUBT], 1.0)
 
 
 @helper
-def known(P: Array, angle: float) -> bool:
+def is_tilt_known(P: Array, angle: float) -> bool:
     """True where the standard deviation of the tilt is below that angle, rad."""
     return P[6, 6] + P[7, 7] < angle * angle
 
@@ -295,7 +304,7 @@ def correct_around(
         x[i] = where(itself, 0.0, x[i])
     x[8] += z
     shift_rates(belief, x, 1.0)  # to those of the point, for the while
-    rows = observed(point, y, observe, source, innovation, H)
+    rows = observe_innovation(point, y, observe, source, innovation, H)
     shift_rates(belief, x, -1.0)
     for i in range(rows):
         for j in range(STATES):
@@ -303,10 +312,10 @@ def correct_around(
         if kind == Kind.HEADING or kind == Kind.COURSE or kind == Kind.ATTITUDE:
             innovation[i] = wrap(innovation[i])
         if any_of(z != 0):
-            H[i, 6], H[i, 7] = rotated(H[i, 6], H[i, 7], 0.5 * z)
+            H[i, 6], H[i, 7] = rotate_plane(H[i, 6], H[i, 7], 0.5 * z)
     if int(workspace[ITSELF]) == 0:
         seen, unused = workspace[INNOVATION], matrix(workspace, WORK.start, 3, n)
-        observed(belief, y, observe, source, seen, unused)
+        observe_innovation(belief, y, observe, source, seen, unused)
         for i in range(rows):
             innovation[i] = where(workspace[CLOSE] > 0, seen[i], innovation[i])
     nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
@@ -333,7 +342,7 @@ def move(belief: FilterState, point: FilterState, itself: bool, z: float, taken:
     workspace, P, mine = belief.workspace, belief.P, belief.workspace[MINE]
     x, dx, ahead = workspace[X], workspace[DX], z != 0
     if any_of(ahead):
-        dx[6], dx[7] = rotated(dx[6], dx[7], -0.5 * z)
+        dx[6], dx[7] = rotate_plane(dx[6], dx[7], -0.5 * z)
         mine[TURN] += where(ahead, dx[8], 0.0)
     if any_of(itself):
         level = itself & (not ahead)
@@ -362,7 +371,7 @@ def shift_rates(belief: FilterState, x: Array, sign: float) -> None:
 @kernel(PREDICT)
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief on, then the observer; the difference is what is between them."""
-    bar, itself = embedded(belief, INSIDE.start), at_estimate(belief)
+    bar, itself = embedded_observer(belief, INSIDE.start), at_estimate(belief)
     carry(belief, bar, u, dt, noise)
     advance(bar, u, dt, noise)
     relate(belief, bar)
@@ -384,7 +393,7 @@ def correct(
 ) -> float:
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
-    bar, workspace = embedded(belief, INSIDE.start), belief.workspace
+    bar, workspace = embedded_observer(belief, INSIDE.start), belief.workspace
     nis = correct_around(belief, bar, y, sd, kind, observe, source, gate, innovation)
     if (
         kind == Kind.POSITION
@@ -393,7 +402,7 @@ def correct(
         or kind == Kind.HEADING
         or kind == Kind.MAGNETIC_FIELD
     ):
-        new = not repeated(workspace[RECENT], y, kind, gate, nis)
+        new = not is_repeated(workspace[RECENT], y, kind, gate, nis)
         if any_of(new):
             inject(bar, y, sd, kind, observe, source, workspace[INNOVATION], new)
             follow(bar, belief)

@@ -14,7 +14,13 @@ from ...core.compile.signatures import LANES
 from ...core.loop.contract import MAX_STATES, STATES, FilterState, Kind, Observe, Slots, SourceRow
 from ...core.mathematics.earth import place
 from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
-from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
+from ...core.mathematics.error_state import (
+    DX,
+    ERROR_STATE,
+    JACOBIAN,
+    inject_all,
+    observe_innovation,
+)
 from ...core.mathematics.kalman import MIN_NOISE
 from ...core.mathematics.rotation import rotation_between, wrap
 from ...core.mathematics.threefry import STREAM
@@ -262,7 +268,7 @@ def carry(belief: FilterState, m: Mixture) -> None:
                 deviate(own, belief, north, east, x)
                 for i in range(n):
                     x[i] *= math.sqrt(factor)
-                put(own, belief, x)
+                set_component(own, belief, x)
             for i in range(n):
                 for j in range(n):
                     own.P[i, j] = factor * own.P[i, j] + (now[i, j] - factor * left[i, j])
@@ -272,7 +278,7 @@ def carry(belief: FilterState, m: Mixture) -> None:
 
 
 @inlined
-def put(own: FilterState, belief: FilterState, x: Array) -> None:
+def set_component(own: FilterState, belief: FilterState, x: Array) -> None:
     """The component whose error about the belief is x."""
     copy_motion(own, belief)
     for i in range(own.extra_states.size):
@@ -298,7 +304,7 @@ def foresee(
     """
     n, s, workspace = m.mean.size, belief.workspace[FORESEEN], m.workspace
     H, eight, total = matrix(workspace, JACOBIAN, 3, n), workspace[FORESEEN_LANES], 0.0
-    observed(belief, y, observe, source, innovation, H)
+    observe_innovation(belief, y, observe, source, innovation, H)
     wrapped = kind == Kind.HEADING or kind == Kind.COURSE
     clear(eight)
     for g in range(m.groups):
@@ -340,7 +346,7 @@ def _observed_one(
             extra[i] = numbers[LANES * (TAIL + i) + k]
         for i in range(n * n):
             flat[i] = numbers[LANES * (P + i) + k]
-        observed(navigation(one, own, workspace, extra), y, observe, source, mine, H)
+        observe_innovation(navigation(one, own, workspace, extra), y, observe, source, mine, H)
         if not same_rows(innovation, mine):
             weight = 0.0
     counted = P + n * n + n

@@ -75,8 +75,8 @@ from .ins_mixture import (
     group,
     metres,
     places,
-    put,
     recentre,
+    set_component,
     settle,
     take_in,
 )
@@ -267,7 +267,7 @@ def _draw_anew(belief: FilterState, m: Mixture) -> None:
                 numbers[LANES * (first + n * n + j) + k] = m.drawn[i, j]
         for side in sides():
             of = group(m, g, side)
-            put(of.own, belief, of.x)
+            set_component(of.own, belief, of.x)
             P, Phi = flatten(of.own.P), flatten(m.Phi)
             for k in range(Phi.size):
                 P[k] = Phi[k]
@@ -316,7 +316,7 @@ def _replace_lost(m: Mixture) -> None:
                 m.components[to + LANES * i] = m.components[from_ + LANES * i]
 
 
-def lost(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
+def mixture_events(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where components had to be drawn together or a covariance mended, and where a
     fix told them nothing."""
     texts = {
@@ -341,9 +341,9 @@ PKF = Filter(
     predict,
     correct,
     slots=SLOTS,
-    diagnose=lost,
+    diagnose=mixture_events,
     start_kernels=(normal_rows,),
     bias=DECAYING,
-    good_for="multimodal problems: unknown heading, ranging to beacons",
+    good_for="multimodal problems: unknown heading, beacons",
     poor_for="daily use: 500 closed loops for the result of one",
 )

@@ -31,11 +31,11 @@ from ...core.loop.contract import (
 from ...core.mathematics.earth import place
 from ...core.mathematics.embedded import LLA, NAVIGATION, C as NAVIGATION_C, F, V, navigation
 from ...core.mathematics.error_state import (
-    added,
+    add_error,
     bias_free,
     decay_biases,
     inject_all,
-    observed,
+    observe_innovation,
     publish_rates,
     turn_half,
 )
@@ -43,7 +43,7 @@ from ...core.mathematics.kalman import MIN_NOISE, decay
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import Three, nearest_turn, rotation_between, wrap
 from ...typing import Array
-from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
+from .sigma_points import correct_root, covariance, deviations, downdate, factor, triangle
 
 
 @inlined
@@ -80,7 +80,7 @@ LEFT = SLOTS.array("LEFT", MAX_STATES * MAX_STATES)  # P as it was left: a chang
 ERROR = SLOTS.array("ERROR", MAX_LANES)  # of a point; of the mean
 JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MAX_STATES)  # H of a fix
 SEEN = SLOTS.matrix("SEEN", 2 * MAX_STATES + 1, 3)  # innovations at the points
-WORK = SLOTS.array("WORK", 3 * (MAX_STATES + 8))  # of `corrected` and `downdate`
+WORK = SLOTS.array("WORK", 3 * (MAX_STATES + 8))  # of `correct_root` and `downdate`
 TABLE = SLOTS.array("TABLE", MAX_ROWS * MAX_LANES)  # of propagated errors
 MAX_TURN = 0.5 * math.pi
 """How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
@@ -110,14 +110,14 @@ def _point(belief: FilterState) -> FilterState:
 
 
 @inlined
-def _copied(belief: FilterState, lla: Array, v: Array, C: Array) -> None:
+def _copy_navigation(belief: FilterState, lla: Array, v: Array, C: Array) -> None:
     for i in range(3):
         lla[i], v[i] = belief.lla[i], belief.v[i]
         C[i, 0], C[i, 1], C[i, 2] = belief.C[i, 0], belief.C[i, 1], belief.C[i, 2]
 
 
 @helper
-def _refreshed(belief: FilterState, n: int, lanes: int) -> None:
+def _refresh_root(belief: FilterState, n: int, lanes: int) -> None:
     """The square root of P, anew where P is not what was left."""
     workspace, numbers, left = belief.workspace, flatten(belief.P), belief.workspace[LEFT]
     changed = False
@@ -147,7 +147,7 @@ def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple
 
 
 @helper
-def _published(belief: FilterState, n: int, lanes: int) -> None:
+def _publish_covariance(belief: FilterState, n: int, lanes: int) -> None:
     """P from its square root, and the copy by which a change is noticed."""
     workspace, numbers, left = belief.workspace, flatten(belief.P), belief.workspace[LEFT]
     if n == 15:  # here and below the same code with constant lengths
@@ -159,7 +159,7 @@ def _published(belief: FilterState, n: int, lanes: int) -> None:
 
 
 @helper
-def _reduced(
+def _reduce_rows(
     A: Array,
     pairs: int,
     still: int,
@@ -186,11 +186,11 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     added, to first order in dt."""
     workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
     lanes, augmented = width(n), workspace[AUGMENTED] > 0
-    _refreshed(belief, n, lanes)
+    _refresh_root(belief, n, lanes)
     centre = navigation(workspace[CENTRE], belief.P, workspace, belief.extra_states)
     lla, v, C = centre.lla, centre.v, centre.C
     r, a = bias_free(u, ba, bg, dt)
-    _copied(belief, lla, v, C)
+    _copy_navigation(belief, lla, v, C)
     mechanize(lla, v, C, r, a, dt, workspace[FORCE])
     A, factored, pairs = workspace[TABLE], workspace[ROOT], STATES + (6 if augmented else 0)
     spread, rest = _drawn_in(workspace, lanes, workspace[STEP_SPREAD], workspace[STEP_REST])
@@ -211,7 +211,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         decay(noise.gyro_decay * dt),
     )
     rows = _noise_rows(n, lanes, 2 * pairs + 1, augmented, belief, dt, root, noise)
-    take = _reduced(
+    take = _reduce_rows(
         A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean
     )
     for i in range(n * lanes):
@@ -227,8 +227,8 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         belief.C[i, 0], belief.C[i, 1], belief.C[i, 2] = C[i, 0], C[i, 1], C[i, 2]
     publish_rates(belief, r, a, dt)
     decay_biases(ba, bg, dt, noise)
-    added(belief.lla, belief.v, belief.C, mean)
-    _published(belief, n, lanes)
+    add_error(belief.lla, belief.v, belief.C, mean)
+    _publish_covariance(belief, n, lanes)
 
 
 @helper
@@ -254,13 +254,13 @@ def _spread_out(
     for first in range(0, 2 * pairs, LANES):
         count = min(LANES, 2 * pairs - first)
         for k in range(count):
-            _begun(first + k, k, lanes, pairs, spread, workspace, gyro, accel, keep_a, keep_g)
+            _begin_point(first + k, k, lanes, pairs, spread, workspace, gyro, accel, keep_a, keep_g)
         for side in sides():
             eight = lanes_of(numbers, 0, EIGHT_NUMBERS, side)
             error, point = eight[:ERRORS], eight[ERRORS:]
             lla, v, C = point[LLA], point[V], matrix(point, NAVIGATION_C, 3, 3)
-            _copied(belief, lla, v, C)
-            added(lla, v, C, error)
+            _copy_navigation(belief, lla, v, C)
+            add_error(lla, v, C, error)
             mechanize(
                 lla,
                 v,
@@ -293,7 +293,7 @@ def _spread_out(
 
 
 @inlined
-def _begun(
+def _begin_point(
     k: int,
     place: int,
     lanes: int,
@@ -385,14 +385,14 @@ def correct(
     """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
     workspace, n = belief.workspace, belief.P.shape[0]
     lanes = width(n)
-    _refreshed(belief, n, lanes)
+    _refresh_root(belief, n, lanes)
     factored, point, dx, H = (
         workspace[ROOT],
         _point(belief),
         workspace[ERROR],
         matrix(workspace, JACOBIAN, 3, n),
     )
-    rows = observed(belief, y, observe, source, innovation, H)
+    rows = observe_innovation(belief, y, observe, source, innovation, H)
     spread, rest = _drawn_in(workspace, lanes, workspace[SPREAD], workspace[REST])
     E, variance = (
         matrix(workspace, SEEN, 2 * n + 1, rows),
@@ -407,10 +407,10 @@ def correct(
         j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):
             dx[lane] = scale * factored[lanes * j + lane]
-        _moved(belief, point, dx)
-        observed(point, y, observe, source, innovation, H)
-        _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
-    nis, repaired = corrected(
+        _move_point(belief, point, dx)
+        observe_innovation(point, y, observe, source, innovation, H)
+        _unwrap_innovation(kind, rows, E, 1 + k, dx, H, innovation)
+    nis, repaired = correct_root(
         workspace[ROOT],
         n,
         lanes,
@@ -427,7 +427,7 @@ def correct(
     workspace[REPAIRED] += repaired
     if nis <= gate:
         inject_all(belief, dx)
-        _published(belief, n, lanes)
+        _publish_covariance(belief, n, lanes)
         theta = dx[ATT]
         # the square root follows when it is used next
         turn_half(belief.P, theta[0], theta[1], theta[2])
@@ -435,11 +435,11 @@ def correct(
 
 
 @helper
-def _moved(belief: FilterState, point: FilterState, dx: Array) -> None:
+def _move_point(belief: FilterState, point: FilterState, dx: Array) -> None:
     """The point at an error dx from the belief, with the rate and specific force that its biases
     leave."""
-    _copied(belief, point.lla, point.v, point.C)
-    added(point.lla, point.v, point.C, dx)
+    _copy_navigation(belief, point.lla, point.v, point.C)
+    add_error(point.lla, point.v, point.C, dx)
     for i in range(3):
         point.ba[i], point.bg[i] = belief.ba[i] + dx[9 + i], belief.bg[i] + dx[12 + i]
         point.f[i], point.omega[i] = belief.f[i] - dx[9 + i], belief.omega[i] - dx[12 + i]
@@ -448,7 +448,7 @@ def _moved(belief: FilterState, point: FilterState, dx: Array) -> None:
 
 
 @helper
-def _unwrapped(
+def _unwrap_innovation(
     kind: int, rows: int, E: Array, row: int, dx: Array, H: Array, innovation: Array
 ) -> None:
     """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an

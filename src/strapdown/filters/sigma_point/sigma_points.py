@@ -231,7 +231,7 @@ def deviations(
 
 
 @inlined
-def corrected(
+def correct_root(
     A: Array,
     n: int,
     lanes: int,
@@ -259,10 +259,10 @@ def corrected(
     """
     own, repaired = rows * n + rows * rows, 0
     share, c = own + rows, own + 2 * rows
-    used = _measured(n, E, rows, spread, innovation, work)
-    if not _whitened(n, E, rows, used, spread, rest, variance, work):
+    used = _innovation_statistics(n, E, rows, spread, innovation, work)
+    if not _whiten_rows(n, E, rows, used, spread, rest, variance, work):
         repaired = 1
-        _whitened(n, E, rows, used, spread, math.nan, variance, work)
+        _whiten_rows(n, E, rows, used, spread, math.nan, variance, work)
     nis = _gains(n, rows, used, work)
     for a in range(used):
         if innovation.size > 3:
@@ -323,7 +323,9 @@ def _gains(n: int, rows: int, used: int, work: Array) -> float:
 
 
 @helper
-def _measured(n: int, E: Array, rows: int, spread: float, innovation: Array, work: Array) -> int:
+def _innovation_statistics(
+    n: int, E: Array, rows: int, spread: float, innovation: Array, work: Array
+) -> int:
     """The weighted mean of the innovations; of the measured ones the rows G, the mean, the mean
     of the outer points less the centre, and their index."""
     own, used = rows * n + rows * rows, 0
@@ -345,7 +347,7 @@ def _measured(n: int, E: Array, rows: int, spread: float, innovation: Array, wor
 
 
 @helper
-def _whitened(
+def _whiten_rows(
     n: int, E: Array, rows: int, used: int, spread: float, rest: float, variance: Array, work: Array
 ) -> bool:
     """Divide rows G and innovations by the square root of their noise: `variance` and, unless

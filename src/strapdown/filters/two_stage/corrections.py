@@ -10,7 +10,7 @@ import math
 from ...core.compile.jit import helper, inlined, matrix
 from ...core.loop.contract import FilterState, Kind, Noise, Observe, SourceRow
 from ...core.mathematics.earth import RATE, gravity
-from ...core.mathematics.error_state import DV, DX, JACOBIAN, WORK, observed
+from ...core.mathematics.error_state import DV, DX, JACOBIAN, WORK, observe_innovation
 from ...core.mathematics.kalman import update_fifteen
 from ...core.mathematics.rotation import wrap
 from ...typing import Array
@@ -313,10 +313,10 @@ def see(
     """
     workspace, n, C, used = belief.workspace, belief.P.shape[0], bar.C, belief.workspace[DV]
     H = matrix(workspace, JACOBIAN, 3, n)
-    rows = observed(bar, y, observe, source, innovation, H)
+    rows = observe_innovation(bar, y, observe, source, innovation, H)
     for i in range(rows):
         used[i] = sd[i]
-        if not oriented(kind):
+        if not is_stage_one(kind):
             for j in range(3):
                 H[i, 6 + j] = H[i, 12 + j] = 0.0
     if kind == Kind.VELOCITY and workspace[DOWN] > 0:  # the third component of C' (y - v)
@@ -333,15 +333,15 @@ def see(
 
 
 @inlined
-def oriented(kind: int) -> bool:
+def is_stage_one(kind: int) -> bool:
     """True where a kind of measurement belongs to stage 1."""
     return kind == Kind.HEADING or kind == Kind.MAGNETIC_FIELD
 
 
 @helper
-def used(workspace: Array, kind: int) -> None:
+def note_fix_used(workspace: Array, kind: int) -> None:
     """A fix of that kind was used."""
-    if oriented(kind):
+    if is_stage_one(kind):
         workspace[SINCE_HEADING] = workspace[SLOW] = workspace[CONDITION] = 0.0
 
 
@@ -358,7 +358,7 @@ def steer(
     """Correct stage 1 by a velocity: the direction of gravity by the change of velocity, and the
     course. Writes the innovation at `bar`."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    observed(bar, y, observe, source, innovation, matrix(workspace, JACOBIAN, 3, n))
+    observe_innovation(bar, y, observe, source, innovation, matrix(workspace, JACOBIAN, 3, n))
     v0, v1, v2, since = (
         bar.v[0] + innovation[0],
         bar.v[1] + innovation[1],

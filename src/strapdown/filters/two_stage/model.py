@@ -23,7 +23,7 @@ from ...core.compile.jit import helper, inlined
 from ...core.loop.contract import STATES, Condition, FilterState, Noise, Slots, Source
 from ...core.mathematics.error_state import ERROR_STATE
 from ...core.mathematics.kalman import decay, of_estimates
-from ...core.mathematics.rotation import turned
+from ...core.mathematics.rotation import rotate_vector
 from ...typing import Array
 from ..ahrs_aided.known_attitude import BEYOND_COLUMN
 from ..attitude import attitude_error_state
@@ -217,7 +217,7 @@ def propagate(
     told, own = workspace[SINCE_VELOCITY] < MAX_WITHOUT_VELOCITY, workspace[OWN_ATTITUDE]
     x, known = workspace[ERROR], 0.0 if told or own > 0 else 1.0
     d = (known * x[6], known * x[7], known * x[8])
-    _tilted(P, d, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
+    _add_tilt_noise(P, d, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
     _drift(P, 0.5 * dt)
     mean = of_estimates(noise)
     keep_a, keep_g = decay(mean.accel_decay * dt), decay(mean.gyro_decay * dt)
@@ -265,7 +265,7 @@ def _accelerate(P: Array, C: Array, dt: float) -> None:
 
 
 @helper
-def _tilted(
+def _add_tilt_noise(
     P: Array, d: tuple[float, float, float], f0: float, f1: float, f2: float, scale: float
 ) -> None:
     """Add to the variance of v what errors theta of the known attitude, which the estimate has d
@@ -374,7 +374,7 @@ def _relative(before: Array, C: Array) -> Columns:
 def _column(C: Array, before: Array, j: int) -> tuple[float, float, float]:
     """Column j of C before'."""
     x, y, z = before[j, 0], before[j, 1], before[j, 2]
-    return turned(C, x, y, z)
+    return rotate_vector(C, x, y, z)
 
 
 @helper

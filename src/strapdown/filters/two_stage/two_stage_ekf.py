@@ -38,12 +38,12 @@ from ...core.mathematics.rotation import (
     matrix_to_euler,
     orthonormalise,
     rotate_left,
-    turned,
+    rotate_vector,
     wrap,
 )
 from ...typing import Array
 from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
-from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
+from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, note_fix_used, see, steer
 from .model import (
     BEFORE,
     BEYOND,
@@ -172,7 +172,7 @@ def correct(
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         _inject(belief)
-        used(workspace, kind)
+        note_fix_used(workspace, kind)
     return nis
 
 
@@ -213,7 +213,7 @@ def _inject_attitude(belief: FilterState, x: float, y: float, z: float) -> None:
         rotate_left(x, y, z, C)
         orthonormalise(C)
     turn_velocity(P, before, C)
-    v0, v1, v2 = turned(C, v0, v1, v2)
+    v0, v1, v2 = rotate_vector(C, v0, v1, v2)
     moved = belief.workspace[MOVED]
     moved[0], moved[1], moved[2] = v0 - v[0], v1 - v[1], v2 - v[2]
     inflate_velocity(P, moved)

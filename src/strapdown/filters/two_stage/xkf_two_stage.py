@@ -36,13 +36,27 @@ from ...core.mathematics.earth import displace, place
 from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import DV, DX, MID, allocate, bias_free, decay_biases
 from ...core.mathematics.mechanization import mechanize
-from ...core.mathematics.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
+from ...core.mathematics.rotation import (
+    euler_to_matrix,
+    matrix_to_euler,
+    rotate_left,
+    rotate_vector,
+    wrap,
+)
 from ...typing import Array
 from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
-from ..observer.equations import EMBEDDED, EXCITATION, OBSERVER, XI, advance, embedded, inject
+from ..observer.equations import (
+    EMBEDDED,
+    EXCITATION,
+    OBSERVER,
+    XI,
+    advance,
+    embedded_observer,
+    inject,
+)
 from ..observer.gains import DEFAULTS, configure as configure_observer, implant, takes_options
-from ..observer.repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
-from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
+from ..observer.repeated_fix import FORGOTTEN, KIND, MEMORY, is_repeated
+from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, note_fix_used, see, steer
 from .model import (
     BEYOND,
     CONDITION,
@@ -141,7 +155,7 @@ def configure(
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the estimate on, linearised at the observer, then the observer."""
     if dt > 0:
-        bar = embedded(belief, INSIDE.start)
+        bar = embedded_observer(belief, INSIDE.start)
         carry(belief, bar, u, dt, noise)
         advance(bar, u, dt, noise)
         arrive(belief, bar, dt, noise)
@@ -210,7 +224,7 @@ def correct(
 ) -> float:
     """Correct P and the estimate around the observer, then let that take the fix, whatever the
     gate."""
-    workspace, bar = belief.workspace, embedded(belief, INSIDE.start)
+    workspace, bar = belief.workspace, embedded_observer(belief, INSIDE.start)
     nis = correct_around(belief, bar, y, sd, kind, observe, source, gate, innovation)
     if (
         kind == Kind.POSITION
@@ -219,7 +233,7 @@ def correct(
         or kind == Kind.HEADING
         or kind == Kind.MAGNETIC_FIELD
     ):
-        if not repeated(workspace[RECENT], y, kind, gate, nis):
+        if not is_repeated(workspace[RECENT], y, kind, gate, nis):
             leave(belief, bar)
             inject(bar, y, sd, kind, observe, source, workspace[UNUSED])
             relate(belief, bar)
@@ -261,7 +275,7 @@ def correct_around(
         rows = see(belief, bar, y, sd, kind, observe, source, workspace[UNUSED])
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
-        used(workspace, kind)
+        note_fix_used(workspace, kind)
         swing(belief, bar, before)
     return nis
 
@@ -330,7 +344,7 @@ def _relate_turned(
     v0, v1, v2 = v[0] + x[3], v[1] + x[4], v[2] + x[5]
     n0, n1, n2 = v0, v1, v2
     if not own:
-        n0, n1, n2 = turned(C, *to_body(before, v0, v1, v2))
+        n0, n1, n2 = rotate_vector(C, *to_body(before, v0, v1, v2))
         turn_velocity(P, before, C)
     moved[0], moved[1], moved[2] = moved[0] + n0 - v0, moved[1] + n1 - v1, moved[2] + n2 - v2
     x[3], x[4], x[5] = n0 - new_v[0], n1 - new_v[1], n2 - new_v[2]

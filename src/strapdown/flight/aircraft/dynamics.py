@@ -196,7 +196,7 @@ def _ahead(x: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 
 
 @helper
-def _actuated(
+def _actuator_position(
     low: float, high: float, rate: float, lag: float, position: float, command: float, h: float
 ) -> float:
     """Where an actuator is after h s: first-order lag towards the command within its end stops,
@@ -213,21 +213,23 @@ def _actuated(
 
 
 @helper
-def actuated(
+def actuator_positions(
     parameters: Parameters, c: tuple[float, ...], commands: Array, h: float
 ) -> tuple[float, float, float, float]:
     """Positions of the four controls after h s, from positions `c` (a tuple) towards `commands`
     (4,)."""
     p = parameters
     return (
-        _actuated(
+        _actuator_position(
             p.elevator_min, p.elevator_max, p.elevator_rate, p.elevator_lag, c[0], commands[0], h
         ),
-        _actuated(
+        _actuator_position(
             p.aileron_min, p.aileron_max, p.aileron_rate, p.aileron_lag, c[1], commands[1], h
         ),
-        _actuated(p.rudder_min, p.rudder_max, p.rudder_rate, p.rudder_lag, c[2], commands[2], h),
-        _actuated(
+        _actuator_position(
+            p.rudder_min, p.rudder_max, p.rudder_rate, p.rudder_lag, c[2], commands[2], h
+        ),
+        _actuator_position(
             p.throttle_min, p.throttle_max, p.throttle_rate, p.throttle_lag, c[3], commands[3], h
         ),
     )
@@ -288,8 +290,8 @@ def step(
     )
     c0 = (state[13], state[14], state[15], state[16])
     for _ in range(pieces):
-        c1 = actuated(parameters, c0, commands, 0.5 * h)
-        c2 = actuated(parameters, c1, commands, 0.5 * h)
+        c1 = actuator_positions(parameters, c0, commands, 0.5 * h)
+        c2 = actuator_positions(parameters, c1, commands, 0.5 * h)
         k1 = _derivative(parameters, x, c0, wind)
         k2 = _derivative(parameters, _ahead(x, k1, 0.5 * h), c1, wind)
         k3 = _derivative(parameters, _ahead(x, k2, 0.5 * h), c1, wind)

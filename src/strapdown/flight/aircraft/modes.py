@@ -86,7 +86,7 @@ def linearise(aircraft: Aircraft | File, trim: Trim) -> Modes:
     In a steep turn, where motions along and across the plane of symmetry mix, each mode has the
     name of the one it is most like. Raises DataError.
     """
-    aircraft, trim = find(aircraft), _checked(trim)
+    aircraft, trim = find(aircraft), _check_trim(trim)
     parameters = aircraft.parameters("flat", trim.origin)
     x0, c0 = deviation_point(trim)
 
@@ -95,7 +95,7 @@ def linearise(aircraft: Aircraft | File, trim: Trim) -> Modes:
 
     A = np.stack([(f(x0 + h, c0) - f(x0 - h, c0)) / 2e-4 for h in 1e-4 * np.eye(8)], axis=1)
     B = np.stack([(f(x0, c0 + h) - f(x0, c0 - h)) / 2e-4 for h in 1e-4 * np.eye(4)], axis=1)
-    return Modes(A, B, _named(A))
+    return Modes(A, B, _name_modes(A))
 
 
 def deviation_point(trim: Trim) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ def check_step(trim: Trim, dt: float) -> None:
     """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts
     are held over it. Raises DataError naming the longest."""
     check_number(dt, "time step of the aircraft", "s", above=0)
-    fastest = max(abs(np.linalg.eigvals(linearise(_checked(trim).aircraft, trim).A)))
+    fastest = max(abs(np.linalg.eigvals(linearise(_check_trim(trim).aircraft, trim).A)))
     if dt > _RESOLVED / fastest:
         raise DataError(
             f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at "
@@ -123,7 +123,7 @@ def check_step(trim: Trim, dt: float) -> None:
         )
 
 
-def _checked(trim: Trim) -> Trim:
+def _check_trim(trim: Trim) -> Trim:
     """It, if it is a Trim. Raises DataError."""
     if not isinstance(trim, Trim):
         raise DataError(f"{trim!r} is no Trim; the function trim makes one")
@@ -154,7 +154,7 @@ def _rates(
     ]
 
 
-def _named(A: Array) -> tuple[Mode, ...]:
+def _name_modes(A: Array) -> tuple[Mode, ...]:
     """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of
     symmetry, and the four that move it across.
 
@@ -183,7 +183,7 @@ def _named(A: Array) -> tuple[Mode, ...]:
     )
 
 
-def _parted(values: Eigenvalues) -> tuple[list[complex], list[complex]]:
+def _split_eigenvalues(values: Eigenvalues) -> tuple[list[complex], list[complex]]:
     """Eigenvalues with their conjugates -> (those of pairs, one pair after the other; the real
     ones); each from fast to slow."""
     turning = sorted(
@@ -197,7 +197,7 @@ def _parted(values: Eigenvalues) -> tuple[list[complex], list[complex]]:
 
 def _along(values: Eigenvalues) -> list[Mode]:
     """Short period and phugoid of four eigenvalues."""
-    turning, straight = _parted(values)
+    turning, straight = _split_eigenvalues(values)
     twos = [
         *(turning[i : i + 2] for i in range(0, len(turning), 2)),
         *(straight[i : i + 2] for i in range(0, len(straight), 2)),
@@ -208,7 +208,7 @@ def _along(values: Eigenvalues) -> list[Mode]:
 
 def _across(values: Eigenvalues) -> list[Mode]:
     """Roll, Dutch roll and spiral of four eigenvalues."""
-    turning, straight = _parted(values)
+    turning, straight = _split_eigenvalues(values)
     if len(turning) == 2:
         return [
             *_modes("Dutch roll", turning),

@@ -24,7 +24,7 @@ from ...checks import (
 from ...core.compile.records import row_of, rows
 from ...core.mathematics.earth import E2, A
 from ...fileio.files import read_toml
-from ...fileio.toml_keys import Key, made, read_table, scaled, section, text
+from ...fileio.toml_keys import Key, in_unit, read_table, section, table_reader, text
 from ...geometry.geodesy import gravity
 from ...typing import Array, ArrayLike, File
 
@@ -388,10 +388,10 @@ KEYS: dict[str, Key] = {
         section_name: Key(
             section_name,
             section(
-                made(
+                table_reader(
                     dict,
                     {
-                        key(name): Key(name, scaled(_FACTOR.get(unit, 1.0)))
+                        key(name): Key(name, in_unit(_FACTOR.get(unit, 1.0)))
                         for name, unit, *_ in each
                     },
                 )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...checks import DataError, check_array, check_number
-from ...core.compile.records import copied, rows
+from ...core.compile.records import copy_row, rows
 from ...typing import Array, File
 from .dynamics import CONTROLS, LLA, OMEGA, QUATERNION, STATE, VELOCITY, Loads, evaluate
 from .parameters import Aircraft, Parameters, aircraft as find, checked_origin
@@ -102,7 +102,7 @@ def trim(
     )
     _refuse(balance, aircraft, z, residual, where)
     state, (roll, pitch, _) = balance.state(z)
-    loads: Loads = copied(balance.loads)
+    loads: Loads = copy_row(balance.loads)
     state[VELOCITY] += wind
     if earth != "flat":
         state[OMEGA] += _frame_rate(aircraft.parameters(earth, origin), state)

@@ -69,11 +69,13 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     magnetometer, of_field = magnetometer_section(
         columns, clock.keys, imu.keys.get("axes", "FRD").removesuffix(GUESS) if imu else "FRD"
     )
-    taken = [name for section in (imu, magnetometer) if section for name in named(section.keys)]
+    taken = [
+        name for section in (imu, magnetometer) if section for name in column_names(section.keys)
+    ]
     fixes = fix_sections(columns.without(taken), clock.keys, t, is_imu)
     attitude, of_attitude = attitude_section(columns, clock.keys)
     sections = [
-        _told(section, clock.assumed, name)
+        _with_table(section, clock.assumed, name)
         for section in (imu, *fixes.sections, magnetometer, attitude)
         if section is not None
     ]
@@ -86,7 +88,11 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     if fixes.made:
         table = table._replace(content=table.frame.assign(**fixes.made))
     facts += [*more, *fixes.facts, *of_field, *of_attitude]
-    used = [*named([each.keys for each in sections]), *named(clock.keys), *fixes.sources]
+    used = [
+        *column_names([each.keys for each in sections]),
+        *column_names(clock.keys),
+        *fixes.sources,
+    ]
     left = _not_taken(columns.without(used), label if name else "")
     return Log({"": table}, tuple(sections), tuple(facts), left, tuple(asked))
 
@@ -112,16 +118,16 @@ NO_COLUMN = ("kind", "table", "unit", "axes", "form", "clock", "format", "equals
 """Keys whose text is no column."""
 
 
-def named(keys: Any) -> list[str]:
+def column_names(keys: Any) -> list[str]:
     """The columns that a section names, or one of its values."""
     if isinstance(keys, Mapping):
-        return [name for key in keys if key not in NO_COLUMN for name in named(keys[key])]
+        return [name for key in keys if key not in NO_COLUMN for name in column_names(keys[key])]
     if isinstance(keys, (list, tuple)):
-        return [name for value in keys for name in named(value)]
+        return [name for value in keys for name in column_names(value)]
     return [keys] if isinstance(keys, str) else []
 
 
-def _told(section: Section, clock_assumed: str, table: str | None) -> Section:
+def _with_table(section: Section, clock_assumed: str, table: str | None) -> Section:
     """The section with the name of its table and what is assumed of its clock."""
     assumed = dict(section.assumed) | ({"time": clock_assumed} if clock_assumed else {})
     keys: dict[str, Any] = {key: section.keys[key] for key in section.keys if key != "table"}

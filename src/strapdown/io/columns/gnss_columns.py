@@ -305,7 +305,7 @@ NO_FIX = re.compile(r"no(ne|[ _-]?fix|t .*)?|invalid|v|false|0|2d?|time.*", re.I
 def conditions(columns: ColumnNames, is_imu: bool) -> list[tuple[dict[str, Any], str]]:
     """[(condition of the key `where`, why)]; beside an IMU fixes may be held from row to row."""
     fix = _where(columns)
-    found = [fix, _zeros(columns, fix[0]), _held(columns) if is_imu else (None, "")]
+    found = [fix, _zeros(columns, fix[0]), _arrival_condition(columns) if is_imu else (None, "")]
     return [(where, why) for where, why in found if where]
 
 
@@ -357,7 +357,7 @@ def _zeros(columns: ColumnNames, where: dict[str, Any] | None) -> tuple[dict[str
     return {"column": alone[0], "unequal": 0}, f"{count} rows of {len(zero)} are zeros, no fix"
 
 
-def _held(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
+def _arrival_condition(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
     """(Condition on the rows where a fix arrived, or None; why) of fixes that most rows repeat."""
     patterns = [*POSITION.values(), *VELOCITY.values()]
     if not columns.find(POSITION["latitude"]):

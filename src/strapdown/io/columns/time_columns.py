@@ -76,7 +76,7 @@ def find_clock(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
         keys = {"column": name, "format": form} | _scale(name)
         why = "" if "%d/%m" not in form else "days before months"
         return ColumnClock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
-    return _counted(columns, name, is_imu)
+    return _number_clock(columns, name, is_imu)
 
 
 def _by_content(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
@@ -111,7 +111,7 @@ def _unix_unit(t: Array, units: Iterable[str], is_imu: bool) -> str | None:
     return None
 
 
-def _counted(columns: ColumnNames, name: str, is_imu: bool) -> ColumnClock:
+def _number_clock(columns: ColumnNames, name: str, is_imu: bool) -> ColumnClock:
     """The Clock of a column of numbers."""
     week = columns.find(WEEK_NUMBER)
     of_week = columns.find(OF_WEEK) if week else None

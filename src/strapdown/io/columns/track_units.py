@@ -32,7 +32,7 @@ def units_of_course(
         return units, "; ".join(told)
     fast, way = _of_positions(t, track)
     values = columns.numbers(speed)
-    fits = _fitting(values, fast) if named[0] is None else None
+    fits = _best_unit(values, fast) if named[0] is None else None
     if fits:
         units[0], told = fits, [f"{speed!r} in {fits} fits the positions", *told[1:]]
     sure = (fast > 2.0) & np.isfinite(angles)
@@ -57,13 +57,13 @@ def unit_of_velocity(
         return named, ""
     if track is not None:
         values = np.hypot(columns.numbers(north), columns.numbers(east))
-        fits = _fitting(values, _of_positions(t, track)[0])
+        fits = _best_unit(values, _of_positions(t, track)[0])
         if fits:
             return fits, f"the name says none; {fits} fits the positions"
     return "m/s", "the name says none"
 
 
-def _fitting(values: Array, fast: Array) -> str | None:
+def _best_unit(values: Array, fast: Array) -> str | None:
     """The unit in which speeds (n,) are those of the positions (n,), m/s; None where none is."""
     moving = (fast > 2.0) & np.isfinite(values)
     if not moving.any():
@@ -131,7 +131,7 @@ def angles_of(columns: ColumnNames, lat: str, lon: str) -> Angles:
         return Angles((lat, lon), unit, scale, values * (scale * UNITS["angle"][unit]), {})
     in_deg = values if minutes else values * (scale * UNITS["angle"][unit] / DEG)
     made = {
-        f"{name} in deg": _signed(each, sign, minutes)
+        f"{name} in deg": _signed_degrees(each, sign, minutes)
         for name, each, sign in zip((lat, lon), in_deg.T, signs)
     }
     first, second = made
@@ -161,7 +161,7 @@ def _negative(columns: ColumnNames, name: str | None, letters: str, values: Arra
     return cells.eq(letters[1]).to_numpy(bool)
 
 
-def _signed(values: Array, negative: Mask | None, minutes: bool) -> Array:
+def _signed_degrees(values: Array, negative: Mask | None, minutes: bool) -> Array:
     size = np.abs(values)
     degrees = np.floor(size / 100) + size % 100 / 60 if minutes else size
     return np.where(np.signbit(values) if negative is None else negative, -degrees, degrees)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...units.wording import counted
+from ...units.wording import count_text
 from ..tables.table_file import FileTable
 
 Bytes = NDArray[np.uint8]
@@ -30,7 +30,7 @@ def side_by_side(data: Bytes, starts: NDArray[np.int64], size: int) -> Bytes:
     return np.lib.stride_tricks.sliding_window_view(data, size)[starts]
 
 
-def structured(data: Bytes, starts: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
+def structured_records(data: Bytes, starts: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
     """(n,) records of a structured type that begin at each start."""
     return side_by_side(data, starts, kind.itemsize).view(kind)[:, 0]
 
@@ -115,7 +115,7 @@ class Walked(ABC):
         lines = []
         if self.unread:
             lines.append(
-                f"{counted(self.damages, 'damaged place')}, {self.unread} bytes passed over"
+                f"{count_text(self.damages, 'damaged place')}, {self.unread} bytes passed over"
             )
         if self.cut:
             lines.append(f"the last record is cut short ({self.cut} bytes)")

@@ -11,7 +11,7 @@ from ...core.loop.contract import Imu
 from ...data.recording import RecordingMeta
 from ...data.solution import Aiding
 from ...typing import Array
-from ...units.wording import counted
+from ...units.wording import count_text
 from ..calibration_file import HEATED, NONE, Correction, read_corrections
 from .schema import Description, ImuPart, Temperature
 from .source_files import Files
@@ -35,7 +35,7 @@ def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:
     return found
 
 
-def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list[str]]:
+def calibrate_imu(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list[str]]:
     """(increments of the gyro, of the accelerometer (n, 3) in the axes of the columns, notes): an
     Imu with the calibration of [imu].
 
@@ -56,7 +56,7 @@ def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list
                     temperature[outside],
                 )
                 notes.append(
-                    f"{name}: {counted(len(beyond), 'sample')} at {beyond.min():.1f} to "
+                    f"{name}: {count_text(len(beyond), 'sample')} at {beyond.min():.1f} to "
                     f"{beyond.max():.1f} degC, "
                     f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end "
                     f"is used there"

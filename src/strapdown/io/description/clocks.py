@@ -36,7 +36,7 @@ def table_of(log: Log, section: Section) -> FileTable | None:
     return log.tables.get(name) if name else next(iter(log.tables.values()), None)
 
 
-def timed(path: Path, log: Log, section: Section) -> Timed | None:
+def timed_section(path: Path, log: Log, section: Section) -> Timed | None:
     """The section with its times; None where it has none, or reading refuses them."""
     keys, table = section.keys.get("time"), table_of(log, section)
     if keys is None or table is None:
@@ -67,7 +67,9 @@ def one_clock(
 ) -> OneClock:
     """The clock of sections with their files; `head` has the epoch of the recording."""
     found = [
-        each for path, section in taken if (each := timed(path, logs[path], section)) is not None
+        each
+        for path, section in taken
+        if (each := timed_section(path, logs[path], section)) is not None
     ]
     loose = [each for each in found if each.kind == "own"]
     zeros = {each.path: logs[each.path].head.get("epoch") for each in loose}
@@ -104,7 +106,7 @@ def _later(section: Section, seconds: float, clock: str = "") -> Section:
         time = {**keys["time"], "offset": keys["time"].get("offset", 0.0) + seconds}
         return {**keys, "time": {**time, "clock": clock} if clock else time}
 
-    keys = _changed(section.keys, moved)
+    keys = _change_times(section.keys, moved)
     told = {"time": "to the clock of the IMU, by the UTC of both logs"}
     return section._replace(keys=keys, assumed={**section.assumed, **told})
 
@@ -152,7 +154,7 @@ def _with_week(section: Section, week: int | None, why: str) -> Section:
         time = {key: value for key, value in time.items() if key not in ("week", "clock")}
         return {**keys, "time": time if week is None else {**time, "clock": "gps", "week": week}}
 
-    keys = _changed(section.keys, said)
+    keys = _change_times(section.keys, said)
     if keys == section.keys:
         return section
     told = " and ".join(filter(None, [section.assumed.get("time", ""), why]))
@@ -160,7 +162,7 @@ def _with_week(section: Section, week: int | None, why: str) -> Section:
     return section._replace(keys=keys, assumed=assumed)
 
 
-def _changed(
+def _change_times(
     keys: Mapping[str, Any], change: Callable[[Mapping[str, Any]], dict[str, Any]]
 ) -> dict[str, Any]:
     """The keys of a section with a change of the time, also that of a gyro or an accelerometer."""

@@ -20,7 +20,7 @@ class Edit(NamedTuple):
         return self.of.key
 
 
-def told(edit: Edit) -> str:
+def edit_text(edit: Edit) -> str:
     """Return an edit in words, with the digits of the file."""
     of, least = edit.of, min(sd for sd in edit.sd if sd)
     own = edit.sd if of is LEVER_ARM else [least] * len(edit.value)
@@ -42,7 +42,7 @@ def deviations(edit: Edit) -> str:
     """The standard deviations of the components that were estimated, by name."""
     of = edit.of
     return ", ".join(
-        f"{name} +- {rounded(sd * of.factor)} {of.unit}"
+        f"{name} +- {round_std(sd * of.factor)} {of.unit}"
         for name, sd in zip(of.components, edit.sd)
         if sd
     )
@@ -55,7 +55,7 @@ def number(value: float, sd: float, least: int) -> str:
     return text if float(text) else text.lstrip("-")
 
 
-def rounded(sd: float) -> str:
+def round_std(sd: float) -> str:
     """A standard deviation with the digits that count."""
     return f"{sd:.{_digits(sd)}f}"
 

@@ -7,11 +7,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ...alignment.location import known
+from ...alignment.location import has_location
 from ...checks import DataError, located
 from ...data.solution import Aiding
 from ...preprocessing.attitude_record import quaternions
-from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix, turned
+from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix, permute_axes
 from ...preprocessing.origin import Origin
 from ...preprocessing.other_forms import (
     attitudes,
@@ -56,7 +56,7 @@ class Whereabouts(NamedTuple):
     def at(self, t: Array) -> Array:
         """(m, 3) geodetic positions at the times t (m,), s. Raises DataError."""
         for aiding in self.aidings:
-            whole = known(aiding) & np.isfinite(aiding.y[:, :2]).all(axis=1)
+            whole = has_location(aiding) & np.isfinite(aiding.y[:, :2]).all(axis=1)
             if aiding.kind == "position" and whole.any():
                 return places(t, aiding.t[whole], aiding.y[whole])
         if self.place is None:
@@ -215,4 +215,4 @@ def _velocity(part: Vector, values: Array, here: Array, origin: Origin) -> tuple
         return v_n, notes
     if part.ecef:
         return vectors(values, here), []
-    return turned(values, axes_matrix(part.axes or "NED", NAVIGATION_AXES, False)), []
+    return permute_axes(values, axes_matrix(part.axes or "NED", NAVIGATION_AXES, False)), []

@@ -10,9 +10,9 @@ from ...checks import DataError
 from ...data.recording import Recording
 from ...fileio.file_access import settings_text
 from ...typing import File
-from .installed import difference, installed
+from .installed import difference, installation_numbers
 from .messages import load
-from .rewriting import Keyed, change_installation, check_sections, rewrite, rewritten
+from .rewriting import Keyed, change_installation, check_sections, rewrite, rewrite_text
 
 
 class Change(NamedTuple):
@@ -30,7 +30,7 @@ class Change(NamedTuple):
         differs = (
             "the recording was not read as a recording.toml has it"
             if read is None
-            else difference(installed(load(path)), read)
+            else difference(installation_numbers(load(path)), read)
         )
         if differs:
             raise DataError(f"{path}: {differs}; read that file and {self.command.split()[0]} it")
@@ -38,7 +38,7 @@ class Change(NamedTuple):
     def lines(self, path: File, edits: Iterable[Keyed]) -> list[str]:
         """The lines that the edits change, with their numbers: - as they are, + as they would be.
         Raises DataError."""
-        new = rewritten(path, edits, self._kinds, self._mark, self.section).splitlines()
+        new = rewrite_text(path, edits, self._kinds, self._mark, self.section).splitlines()
         old, lines = settings_text(path).splitlines(), []
         matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
         for step, i, j, k, m in matcher.get_opcodes():

@@ -43,8 +43,8 @@ class ShownGrade(NamedTuple):
 
 def nearest_grade(imu: Imu) -> tuple[str, str]:
     """(name of the best grade that allows the noise and the biases of `imu`, why)."""
-    seen = shown(imu)
-    found = next((name for name in CLASSES if _allowed(name, seen)), CLASSES[-1])
+    seen = shown_grade(imu)
+    found = next((name for name in CLASSES if _is_allowed(name, seen)), CLASSES[-1])
     gyro = in_units(seen.gyro, "rad/sqrt(s)")
     accel = in_units(seen.accel, "m/s/sqrt(s)")
     rest = f", mean rate at rest {np.degrees(seen.rate):.2g} deg/s"
@@ -54,7 +54,7 @@ def nearest_grade(imu: Imu) -> tuple[str, str]:
     )
 
 
-def _allowed(name: str, seen: ShownGrade) -> bool:
+def _is_allowed(name: str, seen: ShownGrade) -> bool:
     """Return True where a grade allows all that was seen; NaN is allowed."""
     spec = grade(name)
     accel_sd, gyro_sd = spec.bias_sd()
@@ -66,7 +66,7 @@ def _allowed(name: str, seen: ShownGrade) -> bool:
     )
 
 
-def shown(imu: Imu) -> ShownGrade:
+def shown_grade(imu: Imu) -> ShownGrade:
     """The noise and biases that the samples show."""
     dt = float(np.median(imu.dt))
     rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]

@@ -24,10 +24,10 @@ from ..reader import Findings
 from ..unfelt_tilt import fixes_confirm
 from .calibrations import kept_temperatures
 from .fix_columns import Whereabouts
-from .logs import Take, join, opened
+from .logs import Take, join, open_logs
 from .messages import complaints, parse
 from .read import (
-    assumed,
+    assumption_notes,
     height_column,
     level_notes,
     read_field,
@@ -45,7 +45,7 @@ def inspect_description(path: Path) -> Findings:
     """Findings on a description and all that it names. Raises DataError where it is no TOML."""
     found, description = Findings.of(), complaints(path)
     if isinstance(description, Description):
-        found.add(assumed(description.imu))
+        found.add(assumption_notes(description.imu))
         notes = _parts(path, description, found, Files(path, description.epoch))
         found.add(f"note: {note}" for note in notes if note not in found.problems)
         return found
@@ -61,7 +61,7 @@ def inspect_description(path: Path) -> Findings:
 def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
     """Findings on the files of devices that make one recording together, also where they do not
     make one. Raises DataError where one of them cannot be read."""
-    joined = join(opened(paths), take).graded()
+    joined = join(open_logs(paths), take).graded()
     found = Findings.of(fact for path in paths for fact in joined.logs[path].facts)
     found.add(joined.told, joined.asked)
     if joined.without_imu:

@@ -14,7 +14,7 @@ LOOK_THE_SAME = 1e-9
 """By which numbers may differ that are the same."""
 
 
-def installed(description: Description) -> dict[str, list[float]]:
+def installation_numbers(description: Description) -> dict[str, list[float]]:
     """{"[section] key": numbers}: offsets of time, s; lever arms, m; mounting, roll, pitch, heading,
     rad; scales; standard deviations, or the scales of their columns; correlated errors, sd and time.
     In plain values, each as it is or, where it is not given, as it is taken."""
@@ -28,7 +28,7 @@ def installed(description: Description) -> dict[str, list[float]]:
         where = f"[[aiding]] {number} ({part.kind})"
         found[f"{where} lever_arm"] = list(part.lever_arm or [0.0] * 3)
         found[f"{where} sd"] = [_size(entry) for entry, _, _ in part.deviations]
-        found[f"{where} correlated"] = _lasting(part)
+        found[f"{where} correlated"] = _correlated_numbers(part)
         if part.time is not None:
             found[f"{where} time offset"] = [part.time.offset]
             found[f"{where} scale"] = [float(scale) for scale in part.scales]
@@ -42,7 +42,7 @@ def _size(entry: Any) -> float:
     return float(entry) if is_number(entry) else 1.0
 
 
-def _lasting(part: AidingPart) -> list[float]:
+def _correlated_numbers(part: AidingPart) -> list[float]:
     """Standard deviations and time of its correlated errors, SI; none: []."""
     errors = part.correlated_errors
     return [] if errors is None else [*errors.sd, errors.time]
@@ -53,7 +53,7 @@ def difference(there: dict[str, Any], read: dict[str, Any]) -> str:
     for key in [*read, *there]:
         one, other = there.get(key), read.get(key)
         if one is None or other is None or len(one) != len(other) or not _same(one, other):
-            return f"{key} is {_shown(one)}, and {_shown(other)} where the recording was read"
+            return f"{key} is {_numbers_text(one)}, and {_numbers_text(other)} where the recording was read"
     return ""
 
 
@@ -61,7 +61,7 @@ def _same(one: Sequence[float], other: Sequence[float]) -> bool:
     return bool(np.allclose(one, other, 0.0, LOOK_THE_SAME))
 
 
-def _shown(numbers: Sequence[float] | None) -> str:
+def _numbers_text(numbers: Sequence[float] | None) -> str:
     if numbers is None:
         return "missing"
     text = ", ".join(f"{x:.10g}" for x in numbers)

@@ -110,7 +110,7 @@ class Joined(NamedTuple):
             for each in self.taken
         ]
         assumed = [
-            f"assumed: {_called(each.section)} {key} = {_value(each.section.keys[key])}: {why}"
+            f"assumed: {_role_name(each.section)} {key} = {_value(each.section.keys[key])}: {why}"
             for each in self.taken
             for key, why in each.section.assumed.items()
         ]
@@ -179,7 +179,7 @@ class Joined(NamedTuple):
         return self.paths[0].name.partition(".")[0] or self.paths[0].name
 
 
-def opened(paths: Iterable[File]) -> dict[Path, Log]:
+def open_logs(paths: Iterable[File]) -> dict[Path, Log]:
     """{path: Log} of files that may make one recording together. Raises DataError."""
     logs: dict[Path, Log] = {}
     for path in map(Path, paths):
@@ -205,7 +205,7 @@ def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
     left: list[tuple[Taken, str]] = []
     for role in ROLES:
         of_role = [each for each in every if each.section.role == role]
-        chosen = _chosen(role, of_role, take)
+        chosen = _choose_sections(role, of_role, take)
         taken += [each for each in of_role if each in chosen]
         left += [(each, _why(each, role, take)) for each in of_role if each not in chosen]
     head: dict[str, Any] = {}
@@ -227,7 +227,7 @@ def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
     )
 
 
-def _chosen(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:
+def _choose_sections(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:
     """Those of one role that are taken."""
     wanted = take.get(role)
     if role in take and wanted is None:
@@ -273,7 +273,7 @@ def _why(each: Taken, role: str, take: Take) -> str:
     return why if how in why else f"{why}; {how} takes it"
 
 
-def _called(section: Section) -> str:
+def _role_name(section: Section) -> str:
     """The role, of a receiver with the kind of its fixes."""
     return f"gnss {section.keys['kind']}" if section.role == "gnss" else section.role
 
@@ -333,7 +333,7 @@ def _value(value: Any) -> str:
 
 def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
     """The Recording that files of devices make together. Raises DataError of one line."""
-    joined = join(opened(paths), take)
+    joined = join(open_logs(paths), take)
     if joined.asked:
         raise DataError(joined.asked[0])
     joined = joined.graded()

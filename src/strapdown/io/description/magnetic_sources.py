@@ -11,7 +11,7 @@ from ...data.solution import Aiding
 from ...sensor_models.geomagnetism import geomagnetic_field
 from ...typing import Array
 from ...units.conversion import UNITS
-from ...units.wording import counted
+from ...units.wording import count_text
 from ..calibration_file import read_calibration
 from ..magnetic_record import facts_and_reasons, vertical
 from .schema_aiding import AidingPart
@@ -22,7 +22,7 @@ MAX_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
 mistaken unit."""
 
 
-def calibrated(part: AidingPart, files: Files, raw: Array) -> Array:
+def calibrate_field(part: AidingPart, files: Files, raw: Array) -> Array:
     """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias)
     of the calibration file. Raises DataError.
 
@@ -143,7 +143,7 @@ def _field_of_the_record(
     )
     note = (
         f"{aiding.name}: the field is that of the record, medians over "
-        f"{counted(int(quiet.sum()), 'quiet sample')}: "
+        f"{count_text(int(quiet.sum()), 'quiet sample')}: "
         f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}"
     )
     return (horizontally * np.cos(angle), horizontally * np.sin(angle), vertically), [note]

@@ -15,10 +15,10 @@ from ...data.recording import Recording, RecordingMeta
 from ...data.solution import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
-from ...preprocessing.axes import turned
+from ...preprocessing.axes import permute_axes
 from ...preprocessing.fixes import clean, clean_reference, little_overlap, overlap
 from ...preprocessing.imu_samples import increments
-from ...preprocessing.joined_imu import joined
+from ...preprocessing.joined_imu import join_imu
 from ...preprocessing.origin import Origin
 from ...preprocessing.other_forms import attitudes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
@@ -29,11 +29,11 @@ from ...units.time_scales import iso, utc
 from ..magnetic_record import sound
 from ..reader import Made
 from ..tables.table_file import FileTable
-from ..unfelt_tilt import accusation, decided
-from .calibrations import corrected, frames, kept_temperatures
+from ..unfelt_tilt import accusation, decide_accusation
+from .calibrations import calibrate_imu, frames, kept_temperatures
 from .fix_columns import FixColumns, Whereabouts, read_columns, read_fixes
-from .installed import installed
-from .magnetic_sources import calibrated, with_field
+from .installed import installation_numbers
+from .magnetic_sources import calibrate_field, with_field
 from .messages import load
 from .schema import Description, ImuPart, ReferencePart, Vector
 from .schema_aiding import AidingPart
@@ -56,11 +56,11 @@ def read_description(path: File) -> Recording:
     """The Recording that a `recording.toml` describes. Raises DataError of one line."""
     description = load(Path(path))
     recording = recording_of(description, Files(path, description.epoch))
-    told = assumed(description.imu)
+    told = assumption_notes(description.imu)
     return recording.knowing(read=told) if told else recording
 
 
-def assumed(part: ImuPart) -> list[str]:
+def assumption_notes(part: ImuPart) -> list[str]:
     """Lines on what a description marks as assumed of its IMU."""
     remedies = {key: "take it out of [imu] assumed" for key in part.assumed}
     if part.guessed_axes:
@@ -84,7 +84,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     notes += more
     for number, aiding in sorted(found.items()):
         others = [other.name for other in aidings]
-        aidings.append(aiding if aiding.name not in others else _renamed(aiding, number))
+        aidings.append(aiding if aiding.name not in others else _number_aiding(aiding, number))
     meta = read_meta(description, files, float(imu.t[0]))
     notes += level_notes(aidings, meta)
     for k, part in enumerate(description.aiding):
@@ -100,8 +100,8 @@ def recording_of(description: Description, files: Files) -> Recording:
     recording = recording.knowing(**kept_temperatures(description.imu, files))
     if sensors := frames(description, files, aidings):
         recording = recording.knowing(sensors=sensors)
-    recording = recording.knowing(installed=installed(description), notes=notes)
-    return decided(recording, accused)
+    recording = recording.knowing(installed=installation_numbers(description), notes=notes)
+    return decide_accusation(recording, accused)
 
 
 def _surely(function: Callable[..., Made], *arguments: Any) -> Made | None:
@@ -131,7 +131,7 @@ def in_order(description: Description) -> list[tuple[int, AidingPart]]:
     return sorted(parts, key=lambda each: (not each[1].sensor.recorded, each[1].needs_place))
 
 
-def _renamed(aiding: Aiding, number: int) -> Aiding:
+def _number_aiding(aiding: Aiding, number: int) -> Aiding:
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
@@ -208,12 +208,12 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
         of_gyro, more = increments(t, gyro, gyro, part.kind, origin)
         of_accel, of_its_own = increments(t_accel, accel, accel, part.kind, own)
         with located(f"{files.path}: [imu]"):
-            imu, joining = joined(of_gyro, of_accel)
+            imu, joining = join_imu(of_gyro, of_accel)
         more += of_its_own + [f"imu: {note}" for note in joining]
     notes += [note for note in left_out if note not in notes] + more
-    gyro, accel, more = corrected(part, files, imu)
+    gyro, accel, more = calibrate_imu(part, files, imu)
     C = part.matrix
-    turn = turned if part.mounting is None else _rotated
+    turn = permute_axes if part.mounting is None else _rotate_rows
     return Imu(imu.t, imu.dt, turn(gyro, C), turn(accel, C)), notes + more
 
 
@@ -250,9 +250,9 @@ def read_aiding(
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not part.sensor.recorded:
         t, y, sd, notes = _constraint(part, imu, others, where)
-        return _made(part, imu_lever_arm, t, y, sd), notes
+        return _make_aiding(part, imu_lever_arm, t, y, sd), notes
     fixes = _of_the_body(part, imu, files, Whereabouts(others, place), where)
-    made = _made(part, imu_lever_arm, fixes.t, fixes.y, fixes.sd)
+    made = _make_aiding(part, imu_lever_arm, fixes.t, fixes.y, fixes.sd)
     aiding, more = clean(made, part.sensor, fixes.origin)
     overlap(imu, aiding.t, where, files.epoch)
     notes = [*fixes.notes, *more, *(each.line for each in little_overlap(imu, aiding))]
@@ -262,7 +262,9 @@ def read_aiding(
     return aiding, notes
 
 
-def _made(part: AidingPart, imu_lever_arm: list[float], t: Array, y: Array, sd: Array) -> Aiding:
+def _make_aiding(
+    part: AidingPart, imu_lever_arm: list[float], t: Array, y: Array, sd: Array
+) -> Aiding:
     """The Aiding of these rows, with what its section says beside them."""
     arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
@@ -298,7 +300,9 @@ def _of_the_body(
     matrix = part.matrix
     if matrix is None:
         return fixes
-    return fixes._replace(y=turned(fixes.y, matrix), sd=turned(fixes.sd, np.abs(matrix)))
+    return fixes._replace(
+        y=permute_axes(fixes.y, matrix), sd=permute_axes(fixes.sd, np.abs(matrix))
+    )
 
 
 def _attitude(
@@ -324,7 +328,7 @@ def _field(part: AidingPart, fixes: FixColumns, imu: Imu, files: Files) -> FixCo
     name = part.name or part.kind
     keep, notes = sound(fixes.t, fixes.y, imu, name, fixes.origin, part.vector_matrix)
     fixes = fixes.kept(keep, notes)
-    return fixes._replace(y=calibrated(part, files, fixes.y))
+    return fixes._replace(y=calibrate_field(part, files, fixes.y))
 
 
 def read_field(
@@ -351,7 +355,7 @@ def read_field(
         ) from None
 
 
-def _rotated(vectors: Array, matrix: Array) -> Array:
+def _rotate_rows(vectors: Array, matrix: Array) -> Array:
     return np.require(vectors @ matrix.T, float, ["C", "W"])
 
 

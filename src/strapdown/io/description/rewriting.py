@@ -18,7 +18,7 @@ from ...fileio.file_access import open_file, toml_of
 from ...fileio.files import replacing, together
 from ...typing import File
 from ...units.conversion import DEG
-from .edits import Edit, deviations, number, rounded
+from .edits import Edit, deviations, number, round_std
 
 TIME = CLOCK.key
 ASSUMED = "assumed"  # key of [imu]; what is written anew is no longer assumed, but for a clock
@@ -41,10 +41,10 @@ def change_installation(section: Any, edit: Edit, mark: str) -> None:
     key = edit.key
     if edit.of is CLOCK:
         time, sd = section[TIME], edit.sd[0]
-        put(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, edit), TIME)
+        set_key(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, edit), TIME)
         inline = isinstance(time, InlineTable)
         where, key = (section, TIME) if inline else (section[TIME], "offset")
-        said = f"{'offset ' if where is section else ''}+- {rounded(sd)} s"
+        said = f"{'offset ' if where is section else ''}+- {round_std(sd)} s"
     elif edit.of is MOUNTING:
         where, said = section, deviations(edit)
         _set_mounting(section, edit)
@@ -52,12 +52,12 @@ def change_installation(section: Any, edit: Edit, mark: str) -> None:
         where, said = section, deviations(edit)
         _set_arm(section, edit)
     else:
-        where, said = section, f"+- {rounded(edit.sd[0])} of it"
+        where, said = section, f"+- {round_std(edit.sd[0])} of it"
         _set_scale(section, edit)
     say(where[key], f"{said}, {mark}", mark)
 
 
-def rewritten(
+def rewrite_text(
     path: File,
     edits: Iterable[Keyed],
     kinds: Sequence[str],
@@ -104,9 +104,9 @@ def rewrite(
     mark: str,
     change: Callable[[Any, Any, str], None] = change_installation,
 ) -> Path:
-    """Change a description on disk (see `rewritten`); the path of the copy of the old one beside
+    """Change a description on disk (see `rewrite_text`); the path of the copy of the old one beside
     it, NAME.before or NAME.before-2, ... Raises DataError, and then nothing is changed."""
-    new = rewritten(path, edits, kinds, mark, change)
+    new = rewrite_text(path, edits, kinds, mark, change)
     check_writable(path)
     target = Path(os.path.realpath(path))
     copy = _free_name(target)
@@ -181,14 +181,14 @@ def _unable(path: File, edits: Iterable[Keyed]) -> DataError:
 
 def _set_mounting(section: Any, edit: Edit) -> None:
     if edit.key not in section:
-        put(section, edit.key, tomlkit.value('{ unit = "deg" }'))
+        set_key(section, edit.key, tomlkit.value('{ unit = "deg" }'))
     given = section[edit.key]
     unit = DEG if given["unit"] == "deg" else 1.0
     sd = min(each for each in edit.sd if each) / unit
     for name, angle in zip(MOUNTING.components, edit.value):
         item = _number(angle / unit, sd, edit)
         if name in given or float(item.as_string()):
-            put(section, name, item, edit.key)
+            set_key(section, name, item, edit.key)
 
 
 def _set_arm(section: Any, edit: Edit) -> None:
@@ -196,7 +196,7 @@ def _set_arm(section: Any, edit: Edit) -> None:
     items = [_number(x, sd or least, edit) for x, sd in zip(edit.value, edit.sd)]
     if edit.key not in section:
         texts = ", ".join(item.as_string() for item in items)
-        put(section, edit.key, tomlkit.value(f"[{texts}]"))
+        set_key(section, edit.key, tomlkit.value(f"[{texts}]"))
         return
     for axis, (item, sd) in enumerate(zip(items, edit.sd)):
         if sd:
@@ -210,10 +210,10 @@ def _set_scale(section: Any, edit: Edit) -> None:
         for i, each in enumerate(old):
             old[i] = _number(each * by, abs(each) * sd, edit)
     else:
-        put(section, edit.key, _number(old * by, abs(old) * sd, edit))
+        set_key(section, edit.key, _number(old * by, abs(old) * sd, edit))
 
 
-def put(section: Any, key: str, item: Item, within: str | None = None) -> None:
+def set_key(section: Any, key: str, item: Item, within: str | None = None) -> None:
     """Set a key of a section, or of its table `within`; a new one behind the last that is there,
     before comments at the end."""
     table = section if within is None else section[within]

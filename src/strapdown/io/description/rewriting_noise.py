@@ -12,7 +12,7 @@ from ...typing import File
 from ...units.conversion import spread_factor
 from ...units.quantities import dimension, innovation_dimension
 from .messages import load
-from .rewriting import put, say
+from .rewriting import say, set_key
 from .schema_aiding import AidingPart
 
 SD, CORRELATED, GRADE = "sd", "correlated", "grade"
@@ -42,12 +42,12 @@ def scaled_deviations(path: File, source: int, factors: Sequence[float], said: s
         factors = [factors[0]] * len(entries)
     elif len(entries) == 1:
         entries = entries * len(factors)
-    texts = [_scaled(part, *each) for each in zip(range(len(entries)), entries, factors)]
+    texts = [_scale_entry(part, *each) for each in zip(range(len(entries)), entries, factors)]
     one = same or isinstance(part.sd, list)
     return NoiseEdit(source, SD, tuple(texts) if one else (f"[{', '.join(texts)}]",), said)
 
 
-def _scaled(part: AidingPart, number: int, entry: Any, factor: float) -> str:
+def _scale_entry(part: AidingPart, number: int, entry: Any, factor: float) -> str:
     """TOML of an entry of `sd` that is `factor` times as large."""
     if is_number(entry):
         return _number(entry * factor)
@@ -71,7 +71,7 @@ def change_noise(section: Any, edit: NoiseEdit, mark: str) -> None:
     elif edit.key == SD and isinstance(given, dict):
         _replace(section, SD, edit.values[0])
     else:
-        put(section, edit.key, _item(edit.values[0]))
+        set_key(section, edit.key, _item(edit.values[0]))
     say(section[edit.key], f"{edit.said}, {mark}", mark)
 
 
@@ -80,7 +80,7 @@ def _replace(holder: Any, key: Any, text: str) -> None:
     old: Any = holder[key]
     new: Any = tomlkit.value(text)
     if isinstance(old, dict) and isinstance(new, dict):
-        put(holder, "scale", _item(new["scale"].as_string()), key)
+        set_key(holder, "scale", _item(new["scale"].as_string()), key)
     else:
         holder[key] = _item(text)
 

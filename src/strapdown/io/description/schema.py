@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...checks import DataError, check_keys, check_number
 from ...core.mathematics.earth import LATITUDE_LIMIT
-from ...data.calibration_parameters import ASKED_OF_IMU, asked
+from ...data.calibration_parameters import ASKED_OF_IMU, requested_priors
 from ...data.vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
@@ -37,7 +37,7 @@ from .schema_base import (
     Time,
     Triple,
     Where,
-    named,
+    call_with_key,
     refuse,
 )
 
@@ -51,7 +51,7 @@ def _body_axes(text: str) -> str:
 
 
 def _estimate(value: Any) -> dict[str, tuple[float, ...]]:
-    return asked(value, ASKED_OF_IMU)
+    return requested_priors(value, ASKED_OF_IMU)
 
 
 def _date(value: Any) -> str:
@@ -144,7 +144,7 @@ class ImuPart(KeyPart):
         for name, signal, dimension in zip(
             ("gyro", "accel"), (self.gyro, self.accel), self.dimensions
         ):
-            named(f"{name}.unit", factor, signal.unit, dimension)
+            call_with_key(f"{name}.unit", factor, signal.unit, dimension)
         return self
 
     @model_validator(mode="after")
@@ -216,7 +216,7 @@ def _vehicle(value: Any) -> GivenVehicle:
     for bound, dimension in BOUNDS.items():
         if bound in value:
             unit = value.get(f"{bound}_unit")
-            scale = 1.0 if unit is None else named(bound, factor, unit, dimension)
+            scale = 1.0 if unit is None else call_with_key(bound, factor, unit, dimension)
             bounds[bound] = scale * check_number(value[bound], bound, least=-math.inf)
     return Vehicle(str(value.get("name", "own")), **bounds)
 
@@ -305,7 +305,7 @@ VECTORS = {
 def _check_vector(key: str, part: Vector) -> None:
     is_attitude, axes = key == "attitude", part.axes
     if is_attitude:
-        named(key, check_attitude_columns, part.columns, part.quaternion)
+        call_with_key(key, check_attitude_columns, part.columns, part.quaternion)
     needed = 4 if part.quaternion else len(part.quantities(key))
     refuse(
         (
@@ -335,13 +335,13 @@ def _check_vector(key: str, part: Vector) -> None:
             f'x, y, z with axes = "ECEF"',
         ),
     )
-    named(f"{key}.unit", vector_factors, part, part.quantities(key))
+    call_with_key(f"{key}.unit", vector_factors, part, part.quantities(key))
     if axes == ECEF and not is_attitude:
         return
     if axes is not None and is_attitude:
-        named(f"{key}.axes", axes_of, axes)
+        call_with_key(f"{key}.axes", axes_of, axes)
     elif axes is not None:
-        named(f"{key}.axes", axes_matrix, axes, NAVIGATION_AXES, False)
+        call_with_key(f"{key}.axes", axes_matrix, axes, NAVIGATION_AXES, False)
 
 
 def vector_factors(part: Vector, dimensions: Sequence[str]) -> list[float]:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ...aiding import find
 from ...checks import DataError, check_number, is_number
 from ...core.loop.contract import Measurement
-from ...data.calibration_parameters import asked, asked_at
+from ...data.calibration_parameters import asked_at, requested_priors
 from ...data.solution import Correlated
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
@@ -27,8 +27,8 @@ from .schema_base import (
     Time,
     Triple,
     Where,
+    call_with_key,
     column,
-    named,
     refuse,
 )
 
@@ -166,7 +166,7 @@ class AidingPart(KeyPart):
     def estimated(self) -> dict[str, tuple[float, ...]]:
         """Its estimated parameters: {name: prior standard deviations, SI}."""
         known = asked_at(self.sensor.estimable)
-        return {} if self.estimate is None else asked(self.estimate, known)
+        return {} if self.estimate is None else requested_priors(self.estimate, known)
 
     @property
     def correlated_errors(self) -> Correlated | None:
@@ -209,7 +209,7 @@ class AidingPart(KeyPart):
 
     @model_validator(mode="after")
     def _agrees_with_kind(self) -> Self:
-        sensor = named("kind", lambda: self.sensor)
+        sensor = call_with_key("kind", lambda: self.sensor)
         of_file = ("file", "table", "time", "where", "columns", "unit", "scale")
         refuse(
             *(
@@ -303,10 +303,10 @@ class AidingPart(KeyPart):
                 "field have their own",
             ),
         )
-        named("estimate", lambda: self.estimated)
-        named("correlated", lambda: self.correlated_errors)
+        call_with_key("estimate", lambda: self.estimated)
+        call_with_key("correlated", lambda: self.correlated_errors)
         if self.axes is not None and self.axes != ECEF:
-            named("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
+            call_with_key("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
 
     def _components(self, sensor: Measurement) -> None:
         many, columns = self.many, self.columns or []
@@ -334,7 +334,7 @@ class AidingPart(KeyPart):
                 ),
             )
             for quantity, unit in zip(self.quantities, self.units):
-                named("unit", factor, unit, dimension(quantity))
+                call_with_key("unit", factor, unit, dimension(quantity))
         given = len(self.sd) if isinstance(self.sd, list) else many
         whole = self.ecef and sensor.name != "attitude" and given == COVARIANCE
         refuse((given != many and not whole, f"sd: {given} given, {wanted}"))
@@ -354,9 +354,9 @@ class AidingPart(KeyPart):
                     "at least and scale above zero",
                 )
             )
-            named("sd", spread_factor, sd.get("unit"), innovation_dimension(quantity))
+            call_with_key("sd", spread_factor, sd.get("unit"), innovation_dimension(quantity))
         else:
-            named("sd", column, sd)
+            call_with_key("sd", column, sd)
 
 
 def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | None) -> None:

@@ -166,7 +166,7 @@ class Time(KeyPart):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.format is not None:
-            named("format", lambda: self.patterns)
+            call_with_key("format", lambda: self.patterns)
         refuse(
             (
                 self.week is not None and (self.clock != "gps" or self.format is not None),
@@ -190,7 +190,7 @@ class Time(KeyPart):
             ),
         )
         if self.week is not None:
-            named("week", column, self.week)
+            call_with_key("week", column, self.week)
         return self
 
 
@@ -206,7 +206,7 @@ class Signal(KeyPart):
     time: Time | None = None
 
 
-def named(key: str, function: Callable[..., Found], *arguments: Any) -> Found:
+def call_with_key(key: str, function: Callable[..., Found], *arguments: Any) -> Found:
     """Return the function's result; a ValueError that it raises then begins with `key`."""
     try:
         return function(*arguments)

@@ -19,7 +19,7 @@ from ...units.time_scales import (
     YEARS,
     calendar_seconds,
     midnight,
-    rolled,
+    rollover_count,
     seconds_since,
     year_of,
 )
@@ -123,7 +123,7 @@ class Files:
         found = self.table(file, not any(isinstance(column, int) for column in named), table)
         notes: list[str] = []
         for condition in where:
-            found, more = _counting(found, condition)
+            found, more = _counting_rows(found, condition)
             notes += more
         return SourceColumns(
             found, self.times(found, time), [found.numbers(column) for column in columns], notes
@@ -137,7 +137,7 @@ class Files:
             if time.absolute is not None and self.epoch is None:
                 t = self._since(0.0, table, time)
                 some = t[np.isfinite(t)]
-                self.epoch = midnight(_believed(some[0], table, time)) if len(some) else 0.0
+                self.epoch = midnight(_check_gps_time(some[0], table, time)) if len(some) else 0.0
         if time.absolute is None:
             if self._first.absolute is not None:
                 raise DataError(
@@ -166,7 +166,7 @@ class Files:
             cells = table.numbers(time.column)
         week, unit = time.week, time.scale * time.unit
         if isinstance(week, int):  # that of the first row
-            week = week + rolled(cells * unit, WEEK)
+            week = week + rollover_count(cells * unit, WEEK)
         elif week is not None:
             week = table.numbers(week)
         return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
@@ -191,12 +191,14 @@ class Files:
         if time.date is None:
             return found
         first = float(DAY) * (time.date - date(1970, 1, 1)).days
-        return found._replace(minute=found.minute + first + DAY * rolled(np.add(*found), DAY))
+        return found._replace(
+            minute=found.minute + first + DAY * rollover_count(np.add(*found), DAY)
+        )
 
     def _of_day(self, table: FileTable, time: Time) -> Array:
         """Times of day without a date, s since midnight before the first sample of the IMU."""
         t = np.add(*self._moments(table, time))
-        t += DAY * rolled(t, DAY)
+        t += DAY * rollover_count(t, DAY)
         some = t[np.isfinite(t)]
         if self._start is None:
             self._start = some[0] if len(some) else 0.0
@@ -211,7 +213,7 @@ def times_of(table: FileTable, keys: Mapping[str, Any]) -> Array:
     return Files("", 0.0).times(table, Time.model_validate(dict(keys)))
 
 
-def _believed(gps: float, table: FileTable, time: Time) -> float:
+def _check_gps_time(gps: float, table: FileTable, time: Time) -> float:
     """A first time, s of GPS time since its zero. Raises DataError where it is none of a recording."""
     year = year_of(gps)
     if not YEARS[0] <= year < YEARS[1]:
@@ -222,7 +224,7 @@ def _believed(gps: float, table: FileTable, time: Time) -> float:
     return gps
 
 
-def _counting(table: FileTable, condition: KeyCondition) -> tuple[FileTable, list[str]]:
+def _counting_rows(table: FileTable, condition: KeyCondition) -> tuple[FileTable, list[str]]:
     """(Table of the rows of which the condition holds, notes on the others). Raises DataError where
     there is none."""
     left_out = ~holds(table, condition)

@@ -23,7 +23,7 @@ from ...core.loop.contract import Imu
 from ...data.recording import Recording, RecordingMeta
 from ...data.solution import Aiding, Trajectory
 from ...fileio.file_access import Zip
-from ...geometry.geodesy import displaced
+from ...geometry.geodesy import displace_lla
 from ...preprocessing.attitude_record import quaternions
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...preprocessing.fixes import checked_aidings
@@ -32,10 +32,10 @@ from ...preprocessing.stationary import at_rest, stretches
 from ...sensor_models.errors import Triad
 from ...sensor_models.imu import ImuSpec
 from ...typing import Array, ArrayLike, File, Mask
-from ...units.wording import counted
+from ...units.wording import count_text
 from ..facts import recording_facts
 from ..reader import Findings, Reader
-from ..tables.table_file import reading
+from ..tables.table_file import reading_file
 
 ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
@@ -125,7 +125,7 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
 def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """{name: array} of an .npz file."""
     try:
-        with reading(path), Zip(path) as archive:
+        with reading_file(path), Zip(path) as archive:
             return {
                 name.removesuffix(".npy"): _array(archive, name)
                 for name in archive.namelist()
@@ -166,7 +166,7 @@ def _reference(t: Array, arrays: dict[str, Any]) -> Trajectory | None:
     north_east_down = arrays["pos_enu"][known] @ axes_matrix("ENU", NAVIGATION_AXES).T
     q_nb = body_to_ned(np.where(known[:, None], q, np.nan))[known]
     return Trajectory(
-        t[known], displaced(np.tile(BROAD_PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb
+        t[known], displace_lla(np.tile(BROAD_PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb
     )
 
 
@@ -199,7 +199,7 @@ def with_positions(
     row = np.where(epochs - known[after - 1] < known[after] - epochs, after - 1, after)
     seen = np.abs(known[row] - epochs) <= 0.5 * step * (1 + 1e-6)
     noise = sd * np.random.default_rng(seed).standard_normal((len(epochs), 3))
-    lla = displaced(trial.reference.lla[row[seen]], noise[seen])
+    lla = displace_lla(trial.reference.lla[row[seen]], noise[seen])
     fixes = Aiding(
         "position",
         known[row[seen]],
@@ -209,7 +209,7 @@ def with_positions(
         name="optical position",
     )
     lost = (
-        f"; {counted(int((~seen).sum()), 'epoch')} without the body left out"
+        f"; {count_text(int((~seen).sum()), 'epoch')} without the body left out"
         if not seen.all()
         else ""
     )

@@ -14,7 +14,7 @@ from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, tr
 from ..decoding.autopilots.dataflash import HEAD, DataFlash
 from ..decoding.record_walk import Tables
 from ..reader import Log, Reader, Section
-from ..tables.table_file import FileTable, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed_suffixes, read_bytes
 
 MAGIC = HEAD + b"\x80"
 """How a log begins: with the record of the format of formats."""
@@ -79,7 +79,7 @@ def _is_dataflash(path: Path) -> bool:
 
 READER = Reader(
     "dataflash",
-    packed(".bin"),
+    packed_suffixes(".bin"),
     "ArduPilot log",
     sniff=_is_dataflash,
     open=open_dataflash,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...typing import Array, Ints
-from ..decoding.phones.csv_export import parsed
+from ..decoding.phones.csv_export import parse_cells
 from ..decoding.phones.phone import (
     PhoneFixColumns,
     Piece,
@@ -21,12 +21,12 @@ from ..decoding.phones.phone import (
     inertial,
     location,
     magnetometer_section,
-    matching,
+    matching_column,
     no_imu,
     triple,
 )
 from ..reader import Log, Reader, Section
-from ..tables.table_file import FileTable, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed_suffixes, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
 MAX_NS = 4e18
@@ -146,7 +146,7 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> FileTable:
         left.append(f"{kind}: {int((~whole).sum())} rows with other cells than the header names")
         lines = lines[whole]
         text = file.text(lines)
-    frame = parsed(
+    frame = parse_cells(
         text.replace(b"\r\n", b"\n"),
         f"{path} [{kind}]",
         header=None,
@@ -157,8 +157,8 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> FileTable:
     return FileTable(f"{path} [{kind}]", frame, lines[: len(frame)] + 1)
 
 
-def _matching(table: FileTable, pattern: str) -> str:
-    return matching(table.titles, pattern)
+def _matching_title(table: FileTable, pattern: str) -> str:
+    return matching_column(table.titles, pattern)
 
 
 def _triple(table: FileTable) -> list[str]:
@@ -176,7 +176,7 @@ def _zero(tables: dict[str, FileTable]) -> tuple[float | None, list[str]]:
         if CLOCK not in table.frame.columns:
             continue
         is_fix = kind == "Fix"
-        utc = _matching(table, UTC if is_fix else "utcTimeMillis")
+        utc = _matching_title(table, UTC if is_fix else "utcTimeMillis")
         if not utc or is_fix and "Provider" not in table.frame.columns:
             continue
         zero = table.numbers(utc) * 1e-3 - table.numbers(CLOCK) * 1e-9
@@ -200,7 +200,7 @@ def _zero(tables: dict[str, FileTable]) -> tuple[float | None, list[str]]:
 
 def _on_utc(table: FileTable, zero: float) -> FileTable:
     """The table with the column UNIX, of whole numbers where its clock has such."""
-    frame, utc = table.frame, _matching(table, UTC)
+    frame, utc = table.frame, _matching_title(table, UTC)
     if CLOCK in frame.columns:
         clock = table.cells(CLOCK)
         whole = clock.dtype.kind == "i" and np.all(np.abs(clock) < MAX_NS)
@@ -265,7 +265,7 @@ def _fixes(
 
 READER = Reader(
     "gnsslogger",
-    packed(".txt"),
+    packed_suffixes(".txt"),
     "log of Android's GnssLogger",
     sniff=sniff,
     open=open_log,

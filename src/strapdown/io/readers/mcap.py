@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ..decoding.robots.mcap_records import MAGIC
 from ..reader import Log, Reader
-from ..tables.table_file import packed
+from ..tables.table_file import packed_suffixes
 
 
 def open_mcap(path: Path) -> Log:
@@ -12,9 +12,11 @@ def open_mcap(path: Path) -> Log:
     from ..decoding.robots.mcap_records import read_mcap
     from ..decoding.robots.robot_sections import log_of
     from ..decoding.robots.ros_messages import Messages
-    from ..tables.table_file import mapped
+    from ..tables.table_file import map_file
 
-    return log_of(path, "MCAP file", read_mcap(mapped(path), Messages()))
+    return log_of(path, "MCAP file", read_mcap(map_file(path), Messages()))
 
 
-READER = Reader("mcap", packed(".mcap"), "MCAP log of a robot", open=open_mcap, begins=(MAGIC,))
+READER = Reader(
+    "mcap", packed_suffixes(".mcap"), "MCAP log of a robot", open=open_mcap, begins=(MAGIC,)
+)

@@ -25,7 +25,7 @@ from ..own.array_rules import Column, Schema, check_arrays
 from ..own.hdf5_content import Content, OwnFormat, content_of
 from ..reader import Findings, Reader
 from ..solutions.solution_netcdf import Variables, fill, plain
-from ..unfelt_tilt import accusation, decided
+from ..unfelt_tilt import accusation, decide_accusation
 
 FORMAT = OwnFormat(
     "recording",
@@ -170,7 +170,7 @@ def read_recording(path: File) -> Recording:
         overlap(imu, reference.t, f"{path}: reference")
     recording = Recording(imu, checked, reference, meta)
     notes = list(dict.fromkeys([*meta.get("notes", []), *notes]))
-    return decided(recording.knowing(notes=notes), accused)
+    return decide_accusation(recording.knowing(notes=notes), accused)
 
 
 def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | None]:
@@ -185,7 +185,7 @@ def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | N
     found = content_of(path, FORMAT)
     if "imu" not in found.groups:
         raise DataError(f"{path}: group imu is missing; {DAMAGED}")
-    imu = Imu(**_checked(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))
+    imu = Imu(**_check_group(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))
     if len(imu.t) < 2:
         raise DataError(f"{path}: group imu: t has {len(imu.t)} samples, it must have 2 or more")
     sources = {name: SOURCE.fullmatch(name) for name in found.groups}
@@ -195,12 +195,12 @@ def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | N
     ]
     truth = found.groups.get("reference")
     reference = truth and Trajectory(
-        **_checked(truth, REFERENCE_COLUMNS, f"{path}: group reference")
+        **_check_group(truth, REFERENCE_COLUMNS, f"{path}: group reference")
     )
     return _meta_of(found, path), imu, aidings, reference
 
 
-def _checked(group: Content, schema: Schema, where: str) -> dict[str, Array]:
+def _check_group(group: Content, schema: Schema, where: str) -> dict[str, Array]:
     """{name: array} of the variables of a schema that the group has. Raises DataError."""
     check_arrays(group.variables, schema, where, AXES, group.units)
     return {
@@ -245,7 +245,7 @@ def _aiding(group: Content, where: str) -> Aiding:
     check_values(AidingAttributes, said, where)
     with located(where):
         schema = _aiding_columns(said["kind"])
-    columns = _checked(group, schema, where)
+    columns = _check_group(group, schema, where)
     return Aiding(
         said["kind"],
         **columns,
@@ -254,7 +254,7 @@ def _aiding(group: Content, where: str) -> Aiding:
         name=said["name"],
         estimate={name: tuple(sd) for name, sd in said.get("estimate", {}).items()},
         slip=float(said.get("slip", 0.0)),
-        correlated=_correlated(said),
+        correlated=_correlated_errors(said),
         robust=bool(said.get("robust", False)),
         adaptive=float(said.get("adaptive", 0.0)),
     )
@@ -271,7 +271,7 @@ def _noise_attributes(aiding: Aiding) -> dict[str, Any]:
     return said
 
 
-def _correlated(said: dict[str, Any]) -> Correlated | None:
+def _correlated_errors(said: dict[str, Any]) -> Correlated | None:
     if not said.get("correlated_sd"):
         return None
     return Correlated(

@@ -9,7 +9,7 @@ from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import find_sentences
 from ..decoding.receivers.ubx_frames import find_frames
 from ..reader import Log, Reader
-from ..tables.table_file import head_of, packed, read_bytes
+from ..tables.table_file import head_of, packed_suffixes, read_bytes
 
 START = 1 << 18
 """Bytes in which a log must show a sentence to be known by its content."""
@@ -36,4 +36,6 @@ def sniff(path: Path) -> bool:
     return found and not len(find_frames(data).start)
 
 
-READER = Reader("nmea", packed(".nmea", ".log", ".txt"), "NMEA 0183", sniff=sniff, open=open_nmea)
+READER = Reader(
+    "nmea", packed_suffixes(".nmea", ".log", ".txt"), "NMEA 0183", sniff=sniff, open=open_nmea
+)

@@ -26,7 +26,7 @@ from ...preprocessing.plausible import mistakes, refuse_mistakes
 from ...typing import Array, File
 from ..facts import recording_facts
 from ..reader import Findings, Reader
-from ..tables.table_file import is_number, open_text, packed, reading
+from ..tables.table_file import is_number, open_text, packed_suffixes, reading_file
 
 ARCSEC = np.pi / 180 / 3600
 """rad"""
@@ -56,12 +56,12 @@ def read_psins(path: File) -> Recording:
     `VELOCITY_SD`: enough to start a filter from. Such a file has no other fixes and no reference.
     Raises DataError of one line.
     """
-    recording = unchecked(path)
+    recording = read_unchecked(path)
     refuse_mistakes(recording.imu, path, "increment")
     return recording
 
 
-def unchecked(path: File) -> Recording:
+def read_unchecked(path: File) -> Recording:
     """As `read_psins`, whatever the samples read. Raises DataError where the file is no PSINS
     log."""
     path = Path(path)
@@ -121,7 +121,7 @@ def parse(path: File) -> tuple[Header, Array]:
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     """[(line number, text)] without comments and blank lines."""
-    with reading(path), open_text(path) as file:
+    with reading_file(path), open_text(path) as file:
         return [
             (number, line)
             for number, line in enumerate(file, 1)
@@ -187,7 +187,7 @@ def _header(
 def inspect(path: Path) -> Findings:
     """Findings on the samples and the header, also where the samples cannot be true. Raises
     DataError where the file is no PSINS log."""
-    recording = unchecked(path)
+    recording = read_unchecked(path)
     latitude, longitude, height = recording.meta["position"]
     found = recording_facts(
         replace(recording, aidings=()),
@@ -199,4 +199,4 @@ def inspect(path: Path) -> Findings:
     return found
 
 
-READER = Reader("psins", packed(".imu"), "log of the PSINS toolbox", read_psins, inspect)
+READER = Reader("psins", packed_suffixes(".imu"), "log of the PSINS toolbox", read_psins, inspect)

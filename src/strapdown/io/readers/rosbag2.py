@@ -13,12 +13,12 @@ from ...checks import DataError
 from ...fileio.file_access import files_of
 from ...fileio.limits import regular
 from ..reader import Log, Reader
-from ..tables.table_file import PACKED, packed, read_bytes
+from ..tables.table_file import PACKED, packed_suffixes, read_bytes
 
 if TYPE_CHECKING:
     from ..decoding.robots.ros_messages import Messages
 
-SUFFIXES = packed(".db3")
+SUFFIXES = packed_suffixes(".db3")
 METADATA = "metadata.yaml"
 SQLITE, START = b"SQLite format 3\0", 1 << 16
 """How a database begins, and bytes of it in which its tables are named."""
@@ -54,7 +54,7 @@ def _parts(path: Path) -> list[Path]:
     """The files of a bag in the order of their numbers."""
     if not path.is_dir():
         return [path]
-    endings = (*SUFFIXES, *packed(".mcap"))
+    endings = (*SUFFIXES, *packed_suffixes(".mcap"))
     found = [each for each in files_of(path) if each.name.lower().endswith(endings)]
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
@@ -66,9 +66,9 @@ def _parts(path: Path) -> list[Path]:
 def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
     """A database, and its size in bytes."""
     if path.name.lower().endswith(PACKED):
-        from ..tables.table_file import mapped
+        from ..tables.table_file import map_file
 
-        content = mapped(path)
+        content = map_file(path)
         if not len(content):  # of which SQLite says that memory ran out
             raise DataError(f"{path}: is empty; copy it again from the device")
         database = sqlite3.connect(":memory:")
@@ -128,7 +128,7 @@ def _read_messages(
     damaged = 0
     for some in _batches(rows, size):
         if some and some[0][2].startswith(ZSTD):
-            good = list(_unpacked(some))
+            good = list(_unpack_rows(some))
             damaged += len(some) - len(good)
             some = good
         if not some:
@@ -163,7 +163,7 @@ def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
     yield batch
 
 
-def _unpacked(rows: list[Row]) -> Iterator[Row]:
+def _unpack_rows(rows: list[Row]) -> Iterator[Row]:
     """The same with each message unpacked, without those that are damaged."""
     from ..decoding.robots.packed_chunks import unpack_frames
 
@@ -178,14 +178,14 @@ def messages_of(path: Path) -> "Messages":
     """The messages of a database or of the folder of a bag. Raises DataError."""
     from ..decoding.robots.mcap_records import read_mcap
     from ..decoding.robots.ros_messages import Messages
-    from ..tables.table_file import mapped
+    from ..tables.table_file import map_file
 
     messages = Messages()
     for part in _parts(path):
         if part.name.lower().endswith(SUFFIXES):
             read_database(part, messages)
         else:
-            read_mcap(mapped(part), messages)
+            read_mcap(map_file(part), messages)
     return messages
 
 

@@ -18,7 +18,7 @@ from ...units.time_scales import DAY, GPS_ZERO, WEEK
 from ..decoding.receivers.cyclic_times import in_order
 from ..decoding.receivers.nmea_sentences import number
 from ..reader import Log, Reader, Section
-from ..tables.table_file import FileTable, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed_suffixes, read_bytes
 
 START = 1 << 16
 """Bytes in which the line of column names must stand."""
@@ -82,7 +82,7 @@ def open_pos(path: Path) -> Log:
             f"solution with the header switched on (out-outhead = on)"
         )
     found = _rows(path, text, names)
-    columns, form = _formed(path, found.columns, text)
+    columns, form = _form_columns(path, found.columns, text)
     quality = columns.get("Q", np.full(len(found.ms), 5.0))
     used = np.isin(quality, list(QUALITIES)) & np.isfinite(columns[form.position[0]])
     rows = np.flatnonzero(used)
@@ -182,7 +182,9 @@ def _time(found: RtklibSolution) -> tuple[dict[str, Any], Ints]:
     return {"column": "unix_ms", "unit": "ms", "clock": "unix"}, found.ms - 1000 * ahead
 
 
-def _formed(path: Path, columns: dict[str, Array], text: str) -> tuple[dict[str, Array], Form]:
+def _form_columns(
+    path: Path, columns: dict[str, Array], text: str
+) -> tuple[dict[str, Array], Form]:
     """(columns, which of them are position and velocity): a baseline becomes latitude, longitude
     and height. A velocity whose standard deviations are all 0 was not worked out and becomes missing,
     other standard deviations of 0 become the last digit. Raises DataError."""
@@ -257,4 +259,6 @@ def sniff(path: Path) -> bool:
     return NAMES.search(head_of(path, START).decode("utf-8", "replace")) is not None
 
 
-READER = Reader("rtklib", packed(".pos", ".txt"), "solution of RTKLIB", sniff=sniff, open=open_pos)
+READER = Reader(
+    "rtklib", packed_suffixes(".pos", ".txt"), "solution of RTKLIB", sniff=sniff, open=open_pos
+)

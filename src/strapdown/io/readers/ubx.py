@@ -16,11 +16,17 @@ from ...units.time_scales import gps_from_unix
 from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
-from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
+from ..decoding.receivers.ubx_fixes import (
+    Columns,
+    solutions,
+    untimed_message_lines,
+    usable,
+    vehicle,
+)
 from ..decoding.receivers.ubx_frames import UbxFrames, UbxMessage, clock, find_frames
 from ..decoding.receivers.ubx_imu import ImuEpochs, imu_sections
 from ..reader import Log, Reader, Section
-from ..tables.table_file import FileTable, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed_suffixes, read_bytes
 
 START = 1 << 18
 """Bytes in which a log must show a frame to be known by its content."""
@@ -47,7 +53,7 @@ def open_ubx(path: Path) -> Log:
     tables: dict[str, FileTable] = {}
     name, found = solutions(frames, time)
     said, sections = _fixes(path, name, found, time, tables)
-    left = untimed(frames) + said
+    left = untimed_message_lines(frames) + said
     sentences = find_sentences(b"" if name else data)
     if not name:
         nmea = nmea_log(path, sentences)
@@ -181,5 +187,9 @@ def sniff(path: Path) -> bool:
 
 
 READER = Reader(
-    "ubx", packed(".ubx", ".log", ".txt"), "log of a u-blox receiver", sniff=sniff, open=open_ubx
+    "ubx",
+    packed_suffixes(".ubx", ".log", ".txt"),
+    "log of a u-blox receiver",
+    sniff=sniff,
+    open=open_ubx,
 )

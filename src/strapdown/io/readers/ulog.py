@@ -15,18 +15,18 @@ from ..decoding.autopilots.px4 import (
     imus,
     is_unix,
     others,
-    prepared,
     receivers,
+    topic_columns,
     trajectories,
 )
 from ..decoding.autopilots.ulog import MAGIC, ULog
 from ..decoding.record_walk import Tables
 from ..reader import Log, Reader, Section
-from ..tables.table_file import FileTable, packed, read_bytes
+from ..tables.table_file import FileTable, packed_suffixes, read_bytes
 
 
 def _table(path: Path, log: ULog, name: str, instance: int) -> FileTable:
-    columns, rows = prepared(log, name, instance)
+    columns, rows = topic_columns(log, name, instance)
     return FileTable.of(f"{path} [{name} {instance}]", columns, rows)
 
 
@@ -38,7 +38,7 @@ def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
         head["date"] = iso(float(gps_from_unix(log.start * 1e-6)))[:10]
     elif fixes:
         name, _, instance = fixes[0].keys["table"].rpartition(" ")
-        columns, _ = prepared(log, name, int(instance))
+        columns, _ = topic_columns(log, name, int(instance))
         utc = columns["time_utc_usec"].astype(np.int64)
         gps = np.where(utc > SINCE_2001, gps_from_unix(utc * 1e-6), np.nan)
         time = fixes[0].keys["time"]
@@ -71,4 +71,4 @@ def open_ulog(path: Path) -> Log:
     return Log(Tables(makers), tuple(sections), facts, tuple(left), (), head)
 
 
-READER = Reader("ulog", packed(".ulg"), "PX4 log", open=open_ulog, begins=(MAGIC,))
+READER = Reader("ulog", packed_suffixes(".ulg"), "PX4 log", open=open_ulog, begins=(MAGIC,))

@@ -14,7 +14,7 @@ from ...checks import DataError
 from ..decoding.receivers.nmea_sentences import PATTERN
 from ..decoding.receivers.ubx_frames import find_frames
 from ..reader import Log, Reader
-from ..tables.table_file import head_of, packed
+from ..tables.table_file import head_of, packed_suffixes
 
 START = 1 << 16
 """Bytes by which a file is known."""
@@ -227,7 +227,7 @@ FORMATS = (
 )
 
 
-def known(path: Path) -> Format | None:
+def unsupported_format(path: Path) -> Format | None:
     """The format of a file, by its first bytes; None where it is none of these, or one that is
     read and merely carries pieces of these."""
     data = head_of(path, START)
@@ -239,7 +239,7 @@ def known(path: Path) -> Format | None:
 
 def open_unread(path: Path) -> Log:
     """Raises DataError that says which format it is, what is in the way and what to do."""
-    found = known(path)
+    found = unsupported_format(path)
     if found is None:
         raise DataError(f"{path}: its format is not known")
     raise DataError(f"{path}: is {found.name}, which is not read: {found.why}; {found.remedy}")
@@ -247,12 +247,12 @@ def open_unread(path: Path) -> Log:
 
 def sniff(path: Path) -> bool:
     """Return True where the file has one of these formats."""
-    return known(path) is not None
+    return unsupported_format(path) is not None
 
 
 READER = Reader(
     "unread",
-    packed(".tlog", ".bbl", ".sbet", ".pcapng", ".mp4", ".rtcm3", ".rnx"),
+    packed_suffixes(".tlog", ".bbl", ".sbet", ".pcapng", ".mp4", ".rtcm3", ".rnx"),
     "",
     sniff=sniff,
     open=open_unread,

@@ -21,7 +21,7 @@ from ...fileio.spreadsheet import as_written, inert
 from ...typing import Array
 from ...units.time_scales import gps_of, iso, iso_text
 from ..own.array_rules import broken_rules
-from ..tables.table_file import FileTable, open_text, reading
+from ..tables.table_file import FileTable, open_text, reading_file
 from ..tables.table_text import read_table
 from .number_text import lines
 from .solution_netcdf import SCHEMA, columns_of, state_of
@@ -74,7 +74,7 @@ def _header(names: Iterator[str]) -> bytes:
 def read_csv(path: Path) -> Solution:
     """The Solution in a file of `write_csv`, without innovations, events and covariance. Raises
     DataError."""
-    said = _said(path)
+    said = _read_comment(path)
     table = read_table(path)
     _check_rows(table, 3 if said else 2, said.pop("rows", None))
     columns = {}
@@ -175,12 +175,12 @@ def _epoch_of(table: FileTable) -> str | None:
         return iso(gps_of(str(table.cells(UTC)[first])) - table.numbers("t [s]")[first])
 
 
-def _said(path: Path) -> dict[str, Any]:
+def _read_comment(path: Path) -> dict[str, Any]:
     """Return the verdict in the comment before the table, and as `rows` the number of rows that
     follow; {} without a comment. Raises DataError."""
     from ..own.text_rules import VerdictRules, check_values, from_json
 
-    with reading(path), open_text(path) as file:
+    with reading_file(path), open_text(path) as file:
         first = file.readline()
     if not first.startswith(VERDICT_LINE):
         return {}

@@ -77,7 +77,7 @@ def _check(file: Any, meter: Meter) -> None:
             count += 1
             check_count(count, path, "arrays and groups")
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise _refused(path, f"{repr(name)[:60]} is a link to another place or file")
+                raise _refusal(path, f"{repr(name)[:60]} is a link to another place or file")
             value = group[name]
             if isinstance(value, h5py.Dataset):
                 _check_array(value, meter)
@@ -85,7 +85,7 @@ def _check(file: Any, meter: Meter) -> None:
                 left.append((value, depth + 1))
 
 
-def _refused(path: Path, why: str) -> LimitError:
+def _refusal(path: Path, why: str) -> LimitError:
     return LimitError(f"{path}: is not read: {why}, as strapdown and MATLAB write none")
 
 
@@ -93,13 +93,13 @@ def _check_array(array: Any, meter: Meter) -> None:
     path, settings = Path(meter.path), array.id.get_create_plist()
     filters = [settings.get_filter(k)[0] for k in range(settings.get_nfilters())]
     if array.is_virtual or settings.get_external_count():
-        raise _refused(path, "an array is in other files")
+        raise _refusal(path, "an array is in other files")
     if not set(filters) <= FILTERS or len(set(filters)) < len(filters):
-        raise _refused(path, f"an array is packed by the filters {filters}")
+        raise _refusal(path, f"an array is packed by the filters {filters}")
     count, each = array.size or 0, array.id.get_type().get_size()
     packed = meter.packed or 0.0
     if array.dtype.kind == "O" and count * packed > FREE + in_force().expansion * packed:
-        raise _refused(path, f"an array has {count} texts")
+        raise _refusal(path, f"an array has {count} texts")
     chunk = each
     for length in array.chunks or ():
         chunk *= length
@@ -116,12 +116,12 @@ def _check_chunks(array: Any, size: int, path: Path) -> None:
     array.id.chunk_iter(found.append)
     for chunk in found:
         if chunk.size > 1.1 * size + 1000:
-            raise _refused(path, "a packed chunk is longer than what it holds")
+            raise _refusal(path, "a packed chunk is longer than what it holds")
         if chunk.size <= MANY_PACKED or chunk.filter_mask:
             continue
         _, packed = array.id.read_direct_chunk(chunk.chunk_offset)
         try:
             if len(zlib.decompressobj().decompress(packed, size + 1)) > size:
-                raise _refused(path, f"a chunk unpacks to more than its {size} bytes")
+                raise _refusal(path, f"a chunk unpacks to more than its {size} bytes")
         except zlib.error as error:
             raise DataError(f"{path}: is damaged ({error}); copy it again") from None

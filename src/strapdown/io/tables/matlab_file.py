@@ -64,13 +64,13 @@ def variables(path: Path) -> dict[str, Any]:
         if 0 in content[:4]:
             return dict(_of_version_4(content, path))
         if order is None:
-            raise _damaged(path, "its header says no version")
+            raise _damage_error(path, "its header says no version")
         return dict(_of_version_5(MatlabPart(content, order, path)))
     except struct.error as error:
-        raise _damaged(path, "it ends within a matrix") from error
+        raise _damage_error(path, "it ends within a matrix") from error
 
 
-def _damaged(path: Path, why: str) -> DataError:
+def _damage_error(path: Path, why: str) -> DataError:
     return DataError(f"{path}: is no whole MATLAB file ({why}); save or copy it again")
 
 
@@ -78,7 +78,7 @@ def _array(part: MatlabPart, kind: str, at: int, sizes: tuple[int, ...], end: in
     """The array of that type and shape that begins at a byte and has those up to `end`."""
     count, end = math.prod(sizes), min(end, len(part.content))
     if min(sizes) < 0 or count * int(kind[1]) > end - at:
-        raise _damaged(
+        raise _damage_error(
             part.path, f"a matrix states {count} elements and has {max(0, end - at)} bytes"
         )
     if not count:
@@ -96,7 +96,7 @@ def _of_version_4(content: bytes, path: Path) -> Iterator[tuple[str, Any]]:
         said, rows, columns, imaginary, length = part.numbers("5i", at)
         stored, kind = said // 10 % 10, said % 10
         if not 0 <= said < 2000 or stored >= len(STORED_4) or kind > 2 or length < 1:
-            raise _damaged(path, "it has a matrix of no known type")
+            raise _damage_error(path, "it has a matrix of no known type")
         begin = at + 20 + length
         name = content[at + 20 : begin].rstrip(b"\0").decode("latin1")
         array = _array(part, STORED_4[stored], begin, (rows, columns), len(content))
@@ -111,17 +111,17 @@ def _of_version_5(file: MatlabPart) -> Iterator[tuple[str, Any]]:
         kind, size = file.numbers("II", at)
         part = file._replace(content=file.content[at : at + 8 + size])
         if kind == COMPRESSED:
-            part = part._replace(content=_inflated(part.content[8:], meter, file.path))
+            part = part._replace(content=_inflate(part.content[8:], meter, file.path))
         found = _element(part, 0)
         if found.kind != MATRIX or found.next < len(part.content):
-            raise _damaged(file.path, "it has a variable that is not one matrix")
+            raise _damage_error(file.path, "it has a variable that is not one matrix")
         name, value = _matrix(part, found, 1)
         if name and value is not None:
             yield name, value
         at += 8 + size
 
 
-def _inflated(packed: bytes, meter: Meter, path: Path) -> bytes:
+def _inflate(packed: bytes, meter: Meter, path: Path) -> bytes:
     pieces, stream = [], zlib.decompressobj()
     try:
         while packed and not stream.eof:
@@ -129,7 +129,7 @@ def _inflated(packed: bytes, meter: Meter, path: Path) -> bytes:
             packed = stream.unconsumed_tail
             meter.add(len(pieces[-1]))
     except zlib.error as error:
-        raise _damaged(path, str(error)) from error
+        raise _damage_error(path, str(error)) from error
     return b"".join(pieces)
 
 
@@ -137,7 +137,7 @@ def _element(part: MatlabPart, at: int) -> Element:
     kind, size = part.numbers("II", at)
     if kind >> 16:  # a small one has its data within its tag
         if kind >> 16 > 4:
-            raise _damaged(part.path, f"a tag holds {kind >> 16} bytes of 4")
+            raise _damage_error(part.path, f"a tag holds {kind >> 16} bytes of 4")
         return Element(kind & 0xFFFF, at + 4, at + 4 + (kind >> 16), at + 8)
     return Element(kind, at + 8, at + 8 + size, at + 8 + size + -size % 8)
 
@@ -154,17 +154,17 @@ def _matrix(part: MatlabPart, matrix: Element, depth: int) -> tuple[str, Any]:
     """(name, value) of a matrix; None of what is neither real numbers nor one struct."""
     check_count(depth, part.path, "matrices within matrices", "depth")
     if matrix.end > len(part.content):
-        raise _damaged(part.path, "it ends within a matrix")
+        raise _damage_error(part.path, "it ends within a matrix")
     inner = _inner(part, matrix)
     head = list(islice(inner, 3))
     if len(head) < 3:
         if not head:  # a matrix of nothing
             return "", None
-        raise _damaged(part.path, "a matrix says no class, shape or name")
+        raise _damage_error(part.path, "a matrix says no class, shape or name")
     flags = part.numbers("I", head[0].begin)[0]
     rank = (head[1].end - head[1].begin) // 4
     if not 2 <= rank <= RANK:
-        raise _damaged(part.path, f"a matrix of {rank} dimensions")
+        raise _damage_error(part.path, f"a matrix of {rank} dimensions")
     sizes = part.numbers(f"{rank}i", head[1].begin)
     name = part.content[head[2].begin : head[2].end].decode("latin1")
     if flags & 0xFF == STRUCT and math.prod(sizes) == 1:
@@ -173,7 +173,7 @@ def _matrix(part: MatlabPart, matrix: Element, depth: int) -> tuple[str, Any]:
         return name, None
     data = next(inner, None)
     if data is None or data.kind not in STORED:
-        raise _damaged(part.path, "a matrix of numbers has none")
+        raise _damage_error(part.path, "a matrix of numbers has none")
     return name, _array(part, STORED[data.kind], data.begin, sizes, data.end)
 
 
@@ -182,12 +182,12 @@ def _struct(part: MatlabPart, inner: Iterator[Element], depth: int) -> dict[str,
     head = list(islice(inner, 2))
     length = part.numbers("i", head[0].begin)[0] if len(head) == 2 else 0
     if length < 1:
-        raise _damaged(part.path, "a struct says no fields")
+        raise _damage_error(part.path, "a struct says no fields")
     found = {}
     for at in range(head[1].begin, head[1].end, length):
         field = next(inner, None)
         if field is None or field.kind != MATRIX:
-            raise _damaged(part.path, "a struct has fewer fields than names")
+            raise _damage_error(part.path, "a struct has fewer fields than names")
         name = part.content[at : at + length].partition(b"\0")[0].decode("latin1")
         value = _matrix(part, field, depth + 1)[1]
         if value is not None:

@@ -12,7 +12,7 @@ from ...fileio.file_access import open_file
 from ...fileio.limits import Meter, check_count, regular
 from .hdf5_file import open_hdf5
 from .matlab_file import variables
-from .table_file import SUFFIXES as TEXT, FileTable, first_line_of, is_number, reading
+from .table_file import SUFFIXES as TEXT, FileTable, first_line_of, is_number, reading_file
 from .table_text import read_table
 
 MATLAB, PARQUET = ".mat", ".parquet"
@@ -31,10 +31,10 @@ def tables_of(path: Path, header: bool | None = None) -> dict[str, FileTable]:
     """
     suffix = path.suffix.lower()
     if suffix == MATLAB:
-        with reading(path):
+        with reading_file(path):
             return _matlab(path)
     if suffix == PARQUET:
-        with reading(path):
+        with reading_file(path):
             return {path.stem: _parquet(path)}
     table = read_table(path, header is not False)
     if header is None and sum(map(is_number, table.titles)) > len(table.titles) / 2:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO
 import numpy as np
 
 from ...checks import DataError, did_you_mean
-from ...fileio.file_access import Zip, metered, open_file
+from ...fileio.file_access import Zip, metered_file, open_file
 from ...fileio.limits import Meter, regular
 from ...preprocessing.origin import Origin
 from ...typing import Array, ArrayLike, File, Ints, Mask
@@ -47,27 +47,27 @@ OPENERS: dict[str, Any] = {
 }
 
 
-def packed(*suffixes: str) -> tuple[str, ...]:
+def packed_suffixes(*suffixes: str) -> tuple[str, ...]:
     """These suffixes, plain and packed: ".csv", ".csv.gz", ..."""
     return tuple(suffix + way for suffix in suffixes for way in ("", *PACKED))
 
 
-def broken() -> tuple[type[Exception], ...]:
+def unpacking_errors() -> tuple[type[Exception], ...]:
     """Return the exceptions that unpacking a damaged file raises."""
     damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstd().ZstdError
     return EOFError, struct.error, *damaged
 
 
-SUFFIXES = packed(".csv", ".txt", ".tsv", ".dat")
+SUFFIXES = packed_suffixes(".csv", ".txt", ".tsv", ".dat")
 
 
 @contextmanager
-def reading(path: File) -> Iterator[None]:
+def reading_file(path: File) -> Iterator[None]:
     """Around what reads a file: a file that is not there, cut short or damaged is refused with a
     DataError that says the remedy."""
     try:
         yield
-    except broken() as error:  # called only where something was raised
+    except unpacking_errors() as error:  # called only where something was raised
         raise DataError(
             f"{path}: the compressed file is truncated or damaged ({first_line_of(error)}); copy it again"
         ) from error
@@ -191,7 +191,7 @@ class FileTable(NamedTuple):
 
 def open_bytes(path: Path, lines: bool = False) -> BinaryIO:
     """A file, plain or compressed (of an archive the first file), open to read, its content counted;
-    of `lines` no line may be without an end. Raises OSError, those of `broken` where it is read,
+    of `lines` no line may be without an end. Raises OSError, those of `unpacking_errors` where it is read,
     and DataError of what is beyond the limits."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
@@ -205,8 +205,8 @@ def open_bytes(path: Path, lines: bool = False) -> BinaryIO:
     if ending in OPENERS:
         plain = regular(path)
         meter = Meter(path, plain.stat().st_size)
-        return metered(OPENERS[ending](plain), meter, lines)
-    return metered(open_file(path), Meter(path), lines) if lines else open_file(path)
+        return metered_file(OPENERS[ending](plain), meter, lines)
+    return metered_file(open_file(path), Meter(path), lines) if lines else open_file(path)
 
 
 def _files(archive: Zip) -> list[str]:
@@ -239,7 +239,7 @@ def open_text(path: Path) -> TextIO:
 def read_bytes(path: Path, most: int = -1, lines: bool = False) -> bytes:
     """The content of a file, plain or compressed, or its first `most` bytes; `lines` as in
     `open_bytes`. Raises DataError."""
-    with reading(path), open_bytes(path, lines) as file:
+    with reading_file(path), open_bytes(path, lines) as file:
         return file.read(most)
 
 
@@ -274,10 +274,10 @@ def first_line_of(error: BaseException) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
-def mapped(path: Path) -> memoryview:
+def map_file(path: Path) -> memoryview:
     """The bytes of a file: of a plain one without reading all of it into memory, of a packed one
     unpacked. Raises DataError."""
-    with reading(path):
+    with reading_file(path):
         plain = regular(path)
         if path.name.lower().endswith(PACKED) or not plain.is_file() or not plain.stat().st_size:
             return memoryview(read_bytes(path))

@@ -16,14 +16,14 @@ from ...checks import DataError
 from ...fileio.file_access import CELL, ROW, TEXT, check_lines, open_file
 from ...fileio.limits import Meter, check_count, check_size, regular
 from ...typing import Ints, Mask
-from ...units.wording import counted
+from ...units.wording import count_text
 from .table_file import (
     PACKED,
     FileTable,
     NumberColumns,
     is_number,
     open_bytes,
-    reading,
+    reading_file,
     split_error,
 )
 from .table_layout import STAMP, TableLayout, cells_of, distinct, is_data, layout
@@ -53,7 +53,7 @@ def read_table(path: Path, header: bool = True) -> FileTable:
     columns are numbered from 1. A table without a header line, read with one, has its first row as
     names, by which `FileTable.numbers` says so.
     """
-    with reading(path):
+    with reading_file(path):
         found = layout(path)
         if is_plain := path.suffix.lower() not in PACKED:
             check_lines(path)
@@ -97,29 +97,29 @@ def _rows(path: Path, found: TableLayout) -> tuple["pd.DataFrame", Ints, list[st
 
     marks: list[int] = []  # numbers of lines, counted from 0
     try:
-        frame = _parsed(path, found)
+        frame = _parse_frame(path, found)
     except (pd.errors.ParserError, pd.errors.ParserWarning):
         marks = _marks_of_many_cells(path, found)
-        frame = _parsed(path, found, marks)
+        frame = _parse_frame(path, found, marks)
     lines = np.arange(found.skipped, found.skipped + len(frame) + len(marks))
     lines = np.delete(lines, np.array(marks, int) - found.skipped)
-    filled = _filled(frame)
+    filled = _nonblank_rows(frame)
     mark = _marks(frame, filled)
     marks += lines[mark].tolist()
     if not (keep := filled & ~mark).all():
         left = [*marks, *lines[~filled].tolist()]
         frame, lines = frame[keep], lines[keep]
-        again = _parsed(path, found, left) if len(frame) else frame
+        again = _parse_frame(path, found, left) if len(frame) else frame
         if len(again) == len(frame):  # pandas skips other lines where they end as on old Macs
             frame = again
     if not marks:
         return frame, lines + 1, []
-    count = counted(len(marks), "line")
+    count = count_text(len(marks), "line")
     note = f"{path}: {count} without data left out, the first is line {min(marks) + 1}"
     return frame, lines + 1, [note]
 
 
-def _filled(frame: "pd.DataFrame") -> Mask:
+def _nonblank_rows(frame: "pd.DataFrame") -> Mask:
     """Which rows have any cell."""
     first = frame.iloc[:, 0].notna().to_numpy()
     return first if first.all() else frame.notna().any(axis=1).to_numpy()
@@ -191,7 +191,7 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
                 frame[name] = form
 
 
-def _parsed(path: Path, found: TableLayout, left: Sequence[int] = ()) -> "pd.DataFrame":
+def _parse_frame(path: Path, found: TableLayout, left: Sequence[int] = ()) -> "pd.DataFrame":
     """Parse the file with pandas, without the lines `left`, counted from 0. Skipping blanks before
     cells takes time, so it is done only where there is more than numbers."""
     frame = _as_pandas_parses(path, found, left, blanks=False)
@@ -229,11 +229,11 @@ def _as_pandas_parses(
             chunksize=max(1, min(CHUNK, CELLS // found.columns)),
         )
         with chunks:
-            frames = _gathered(chunks, path, content if packed else None)
+            frames = _gather_chunks(chunks, path, content if packed else None)
     return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
 
 
-def _gathered(
+def _gather_chunks(
     chunks: Iterable["pd.DataFrame"], path: Path, unpacked: BinaryIO | None
 ) -> list["pd.DataFrame"]:
     """All of them, their cells counted, of a file that is `unpacked` or plain. Raises DataError
@@ -297,7 +297,7 @@ def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
             lines = list(islice(file, LINES + found.skipped + 1))[found.skipped :]
         if len(lines) > LINES:
             return None
-        square = _loaded(lines, found.separator, float)
+        square = _load_numbers(lines, found.separator, float)
         check_size(CELL * square.size + ROW * len(lines), path)
         names = found.names or range(1, square.shape[1] + 1)
         if square.shape != (len(lines), len(names)) or not np.isfinite(square).all():
@@ -307,7 +307,7 @@ def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
         round_ones = np.flatnonzero((square == np.rint(square)).all(axis=0)).tolist()
         whole = [k for k in round_ones if WHOLE.fullmatch(first[k])]
         if whole:  # as numbers of 64 bits, which floats are too short for
-            integers = _loaded(lines, found.separator, np.int64, whole)
+            integers = _load_numbers(lines, found.separator, np.int64, whole)
             columns |= zip([names[k] for k in whole], np.ascontiguousarray(integers.T))
     except DataError:  # too large
         raise
@@ -316,7 +316,7 @@ def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
     return columns
 
 
-def _loaded(
+def _load_numbers(
     lines: Sequence[str], separator: str, kind: type, only: Sequence[int] | None = None
 ) -> np.ndarray[Any, Any]:
     with warnings.catch_warnings():

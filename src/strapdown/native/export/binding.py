@@ -34,7 +34,7 @@ class BoundFunction(NamedTuple):
         return list(dict.fromkeys((*own, *self.stages.kernels)))
 
 
-def binding(made: ExportLayout, kernels: BoundFunction, attitude: Kernel) -> str:
+def binding_ir(made: ExportLayout, kernels: BoundFunction, attitude: Kernel) -> str:
     """LLVM's intermediate representation of the functions."""
     called = [f"ptr %{record}" for record in ("kernels", *RECORDS)]
     return "\n".join(
@@ -78,7 +78,7 @@ def _kernels(kernels: BoundFunction) -> Iterator[str]:
             values.append(f"i64 {_address(single[name])}")
     sizes = dict(zip(KERNELS.sizes, map(len, tables.values()), strict=True))
     values += [f"i64 {size}" for size in sizes.values()]
-    yield from _stored("kernels", _listed(KERNELS), values)
+    yield from _store_struct("kernels", _struct_type(KERNELS), values)
 
 
 def _table(name: str, kernels: Sequence[Kernel | None]) -> Iterator[str]:
@@ -106,10 +106,10 @@ def _struct(record: str, made: ExportLayout) -> Iterator[str]:
         else:
             values.append(f"ptr {name}")
     values += [f"i64 {made.sizes[size]}" for size in kinds.sizes]
-    yield from _stored(record, _listed(kinds), values)
+    yield from _store_struct(record, _struct_type(kinds), values)
 
 
-def _stored(name: str, types: str, values: Sequence[str]) -> Iterator[str]:
+def _store_struct(name: str, types: str, values: Sequence[str]) -> Iterator[str]:
     """A struct on the stack, filled."""
     yield f"  %{name} = alloca {types}"
     for i, value in enumerate(values):
@@ -117,7 +117,7 @@ def _stored(name: str, types: str, values: Sequence[str]) -> Iterator[str]:
         yield f"  store {value}, ptr %{name}.at{i}"
 
 
-def _listed(kinds: Record) -> str:
+def _struct_type(kinds: Record) -> str:
     """The type of the struct of a record."""
     types = [
         "ptr" if not isinstance(kind, Number) else "double" if kind.real else "i64"

@@ -15,19 +15,19 @@ from ...core.mathematics.source import PARAMETERS
 from ...data.recording import Recording
 from ...data.solution import Aiding
 from ...data.vehicle import GivenVehicle, Vehicle, find as find_vehicle
-from ...engine.heading_hypotheses import aligned
+from ...engine.heading_hypotheses import align_start
 from ...engine.installation import without_estimates
 from ...engine.options import GivenImu, run_options
 from ...engine.plausible_limits import limits
 from ...engine.prepare import (
     Run,
     check_needs,
-    fitted,
+    configure_options,
+    has_position,
     merge,
     new_belief,
     new_cursor,
     new_output,
-    positioned,
     ready,
     usable,
 )
@@ -107,7 +107,7 @@ class Chosen(NamedTuple):
         return run
 
 
-def chosen(
+def choose_export(
     filter: str | Filter,
     sources: Sequence[str],
     recording: Recording,
@@ -132,11 +132,11 @@ def chosen(
     if len(found) < len(aidings):
         raise DataError(f"filter {filter.name!r} cannot be exported with them: {notes[0]}")
     check_needs(filter, found, "name it among the sources")
-    fit, said = fitted(filter, dict(options or {}), found)
+    fit, said = configure_options(filter, dict(options or {}), found)
     spec = grade(imu or recording.meta.get("grade") or "tactical")
     recording = replace(recording, aidings=found).forgetting("estimate")
     vehicle = find_vehicle(vehicle or recording.meta.get("vehicle"))
-    start = aligned(recording, spec, positioned(filter))
+    start = align_start(recording, spec, has_position(filter))
     counts = [[a.kind for a in found[:i]].count(a.kind) for i, a in enumerate(found)]
     names = tuple(f"{a.kind}-{k + 1}" if k else a.kind for a, k in zip(found, counts))
     return Chosen(

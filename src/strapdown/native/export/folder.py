@@ -23,7 +23,7 @@ from ...fileio.locks import part_of
 from ...typing import Say
 from .. import ir, object_files
 from ..emit import TARGETS, Object, TargetMachine, emit
-from .binding import ATTITUDE, RUN, BoundFunction, binding
+from .binding import ATTITUDE, RUN, BoundFunction, binding_ir
 from .chosen import Chosen
 from .glue import glue
 from .header import header
@@ -32,7 +32,7 @@ from .layout import BYTES, ExportLayout, layout, sizes_of
 from .readme import Sizes, readme
 from .replay import replay
 from .start_attitude import attitude
-from .wasm import linked, script
+from .wasm import link_module, script
 
 HOST = "host"
 """The machine on which it is made."""
@@ -80,9 +80,9 @@ def export(of: Chosen, target: TargetMachine, folder: Path, say: Say | None = No
     run = of.replayed(say)
     if say:
         say(f"compiling {of.filter.name} for {target.name}, about a minute ...")
-    code = compiled(of, made, target)
+    code = compile_filter_object(of, made, target)
     sizes = Sizes(
-        object_files.loaded(code.content),
+        object_files.loaded_size(code.content),
         BYTES * (made.length + OWN),
         code.stack.get(RUN),
         code.needed,
@@ -97,7 +97,7 @@ def export(of: Chosen, target: TargetMachine, folder: Path, say: Say | None = No
     notes = list(of.notes)
     if target.name == "wasm32":
         contents["main.mjs"] = script(of, made, sizes.state).encode()
-        module = linked(contents)
+        module = link_module(contents)
         if module is None:
             notes.append("no strapdown.wasm: clang with wasm-ld is not found, which links one")
         else:
@@ -121,7 +121,7 @@ def _own(of: Chosen) -> None:
         )
 
 
-def compiled(of: Chosen, made: ExportLayout, target: TargetMachine) -> Object:
+def compile_filter_object(of: Chosen, made: ExportLayout, target: TargetMachine) -> Object:
     """The object of the filter with these sizes."""
     observers: dict[int, Kernel] = {
         aiding.number(a.kind): aiding.find(a.kind).observe  # type: ignore[misc]  # typed as functions
@@ -132,7 +132,7 @@ def compiled(of: Chosen, made: ExportLayout, target: TargetMachine) -> Object:
     needed = stages.needed(Fixes(*records["fixes"]), Cursor(*records["cursor"]))
     bound = BoundFunction(run, predict, correct, observers, needed)
     kernels = list(dict.fromkeys((*bound.all, attitude)))
-    texts = [binding(made, bound, attitude), *_texts(kernels, made.sizes)]
+    texts = [binding_ir(made, bound, attitude), *_texts(kernels, made.sizes)]
     return emit(texts, target, (RUN, ATTITUDE), inside=[kernel.symbol for kernel in kernels])
 
 

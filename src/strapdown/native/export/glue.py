@@ -31,9 +31,9 @@ def glue(of: Chosen, made: Image) -> str:
         example="\n".join(_example(of.start, of.noise)),
         components=", ".join(map(str, components)),
         noise_possible="\n".join(_noise_possible()),
-        fixed="".join(f"{line}\n" for line in _fixed(made)),
-        constants="\n".join(_assigned(made.constants, _number)),
-        copies="\n".join(_assigned(made.copies, _known)),
+        fixed="".join(f"{line}\n" for line in _refuse_other_start(made)),
+        constants="\n".join(_assignments(made.constants, _number)),
+        copies="\n".join(_assignments(made.copies, _value_text)),
     )
 
 
@@ -57,7 +57,7 @@ def _noise_possible() -> Iterator[str]:
     yield "        return 0;"
 
 
-def _fixed(made: Image) -> Iterator[str]:
+def _refuse_other_start(made: Image) -> Iterator[str]:
     """Refuses a start that differs where the image holds only for one."""
     for part in made.fixed:
         parts = [f"noise.{name}" for name in Noise._fields]
@@ -68,7 +68,9 @@ def _fixed(made: Image) -> Iterator[str]:
             yield "        return STRAPDOWN_FIXED;"
 
 
-def _assigned(numbers: Mapping[MemoryPlace, Mapping[int, object]], text: object) -> Iterator[str]:
+def _assignments(
+    numbers: Mapping[MemoryPlace, Mapping[int, object]], text: object
+) -> Iterator[str]:
     for place, values in numbers.items():
         for k, value in values.items():
             yield f"    filter->{place.record}.{place.name}{place.within(k)[0]} = {text(value)};"  # type: ignore[operator]
@@ -82,7 +84,7 @@ def _number(value: float) -> str:
     return repr(value)
 
 
-def _known(value: Known) -> str:
+def _value_text(value: Known) -> str:
     if value.part in HERE:
         return HERE[value.part].format(value.at)
     if value.part == "noise":

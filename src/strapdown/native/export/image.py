@@ -53,7 +53,7 @@ def image(
     """
     for fixed in ((), MAY_BE_FIXED[:1], MAY_BE_FIXED[1:], MAY_BE_FIXED):
         tried = [_numbers(records, made, *one) for one in _probes(start, noise, fixed)]
-        changes, copied = _changing([numbers for numbers, _, _ in tried]), _copies(tried)
+        changes, copied = _is_changing([numbers for numbers, _, _ in tried]), _copies(tried)
         left = [int(k) for k in np.flatnonzero(changes) if k not in copied]
         if not left:
             break
@@ -77,7 +77,7 @@ def image(
     return Image(constants, copies, fixed)
 
 
-def known(start: InitialState, noise: Noise) -> dict[Known, float]:
+def known_numbers(start: InitialState, noise: Noise) -> dict[Known, float]:
     """The numbers of a start that C has at hand."""
     C = np.empty((3, 3))
     roll, pitch, heading = (float(angle) for angle in start.rph)
@@ -130,10 +130,10 @@ Tried = tuple[Array, Ints, dict[Known, float]]
 
 
 def _numbers(records: Records, made: ExportLayout, start: InitialState, noise: Noise) -> Tried:
-    return *numbers(records(start, noise), made), known(start, noise)
+    return *numbers(records(start, noise), made), known_numbers(start, noise)
 
 
-def _changing(arrays: Sequence[Array]) -> Array:
+def _is_changing(arrays: Sequence[Array]) -> Array:
     stacked = np.array(arrays)
     return ~((stacked == stacked[0]) | (np.isnan(stacked) & np.isnan(stacked[0]))).all(axis=0)
 
@@ -141,7 +141,7 @@ def _changing(arrays: Sequence[Array]) -> Array:
 def _copies(tried: Sequence[Tried]) -> dict[int, Known]:
     """{number of the struct: what it is a copy of in all that was tried}; of what changes."""
     arrays = [numbers for numbers, _, _ in tried]
-    changes = _changing(arrays)
+    changes = _is_changing(arrays)
     by_value: dict[float, list[Known]] = {}
     for name, value in tried[0][2].items():
         by_value.setdefault(value, []).append(name)

@@ -98,7 +98,7 @@ class ExportNames(NamedTuple):
     constants: tuple[Name, ...]
 
 
-def _named(module: object, texts: Mapping[str, str]) -> tuple[Name, ...]:
+def _name_codes(module: object, texts: Mapping[str, str]) -> tuple[Name, ...]:
     return tuple(Name(name, int(getattr(module, name)), text) for name, text in texts.items())
 
 
@@ -106,7 +106,7 @@ STATUS = ExportNames(
     "strapdown_status",
     "",
     "What a row is worth; the result of strapdown_sample.",
-    _named(
+    _name_codes(
         contract.Status,
         {
             "VALID": "computed from samples",
@@ -120,7 +120,7 @@ USE = ExportNames(
     "strapdown_use",
     "",
     "What became of a fix.",
-    _named(
+    _name_codes(
         contract.Use,
         {
             "NOT_ASKED": "it cannot be one, or the vehicle cannot do that; not used",
@@ -135,7 +135,7 @@ ROW = ExportNames(
     "strapdown_row",
     "ROW_",
     "Columns of out.nav[0], the solution after a sample.",
-    _named(
+    _name_codes(
         solution_row,
         {
             "T": "time, s",
@@ -153,7 +153,7 @@ CODE = ExportNames(
     "strapdown_code",
     "",
     "What an event is.",
-    _named(
+    _name_codes(
         Code,
         {
             "BRIDGED_GAP": "gap of the IMU of value s, bridged with the last rates",

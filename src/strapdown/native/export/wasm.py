@@ -27,7 +27,7 @@ FUNCTIONS = (
 OPTIONS = ("--target=wasm32", "-std=c99", "-O2", "-mbulk-memory", "-nostdlib", "-Wl,--no-entry")
 
 
-def linked(contents: Mapping[str, bytes]) -> bytes | None:
+def link_module(contents: Mapping[str, bytes]) -> bytes | None:
     """The module of these files of an export; None where clang and wasm-ld are not found. Raises
     DataError with what they say."""
     if not (shutil.which("clang") and shutil.which("wasm-ld")):

@@ -19,8 +19,8 @@ from ...installation.findings import Diagnosis
 from ...installation.states import EstimatedInstallation
 from ...typing import Array
 from ...units.time_scales import span
-from ...units.wording import elapsed, enumerated, number
-from ..parts import listing, numbered, table
+from ...units.wording import duration_text, join_words, number
+from ..parts import bullet_list, numbered_list, table
 from ..summary import fix_table
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def card(title: str, facts: Mapping[str, object] = {}, *parts: str, first: str =
 
 def lines(texts: Sequence[object]) -> str:
     """HTML of a list of texts, the first MAX_LINES of them."""
-    return listing(texts, "", MAX_LINES)
+    return bullet_list(texts, "", MAX_LINES)
 
 
 def frame(shown: pd.DataFrame) -> str:
@@ -107,7 +107,7 @@ def _verdict(verdict: Verdict, whose: str = "") -> str:
     name = f" {escape(whose)}" if whose else ""
     word = f"<span class='word {LOOKS.get(verdict.word, '')}'>{escape(verdict.word)}</span>{name}"
     untested = f"not tested: {'; '.join(verdict.untested)}" if verdict.untested else ""
-    return f"<div>{word}{numbered(verdict.reasons)} {escape(untested)}</div>"
+    return f"<div>{word}{numbered_list(verdict.reasons)} {escape(untested)}</div>"
 
 
 def of_verdicts(verdicts: Mapping[str, Verdict]) -> str:
@@ -122,11 +122,11 @@ def of_recording(recording: Recording) -> str:
     start, stop = recording.span
     moments = recording.utc
     facts = {
-        "time": f"{start:.1f} to {stop:.1f} s, {elapsed(stop - start)}",
+        "time": f"{start:.1f} to {stop:.1f} s, {duration_text(stop - start)}",
         "date": meta.get("date") if moments is None else span(moments),
         "IMU": ", ".join(filter(None, [f"{len(imu.t)} samples", rate(imu.t), grade(recording)])),
         "gaps of the IMU": gaps(imu.t),
-        "reference": "" if reference is None else _known(reference),
+        "reference": "" if reference is None else _known_parts(reference),
     }
     rows = [[a.name or a.kind, a.kind, len(a.t), rate(a.t), gaps(a.t)] for a in recording.aidings]
     sources = table(["source", "kind", "fixes", "rate", "gaps"], rows) if rows else ""
@@ -159,15 +159,15 @@ def gaps(t: Array) -> str:
 @card_of.register(Trajectory)
 def of_trajectory(made: Trajectory) -> str:
     """A Trajectory: its times, and what is known in it."""
-    return card("Trajectory", {"rows": len(made), "known": _known(made)})
+    return card("Trajectory", {"rows": len(made), "known": _known_parts(made)})
 
 
-def _known(made: Trajectory) -> str:
+def _known_parts(made: Trajectory) -> str:
     """Return the known parts of a Trajectory, and its times."""
     parts = (("position", made.lla), ("velocity", made.v_n), ("attitude", made.q_nb))
     known = [name for name, part in parts if part is not None and np.isfinite(part).any()]
     when = f", {made.t[0]:.1f} to {made.t[-1]:.1f} s, {rate(made.t)}" if len(made) else ""
-    return f"{enumerated(known) or 'nothing'}{when}".rstrip(", ")
+    return f"{join_words(known) or 'nothing'}{when}".rstrip(", ")
 
 
 @card_of.register(Aiding)
@@ -190,7 +190,9 @@ def of_solution(solution: Solution) -> str:
     t, meta = solution.t, solution.meta
     facts = {
         "filter": f"{meta.get('filter', '')}{', smoothed' if meta.get('smoothed') else ''}",
-        "time": f"{t[0]:.1f} to {t[-1]:.1f} s, {elapsed(t[-1] - t[0])}" if len(t) else "no rows",
+        "time": f"{t[0]:.1f} to {t[-1]:.1f} s, {duration_text(t[-1] - t[0])}"
+        if len(t)
+        else "no rows",
         "date": "" if solution.utc is None else span(solution.utc),
         "rows": f"{len(t)}" + "".join(f", {share}" for share in _statuses(solution)),
         "at the end": _last(solution) if len(t) else "",

@@ -70,14 +70,14 @@ def solution_frame(solution: Solution) -> pd.DataFrame:
     """The table of a Solution with dates where the clock is absolute, units and names as attrs."""
     table = solution.table()
     named = {column: attributes(column) for column in table.columns if column in LONG_NAMES}
-    return _dated(table, solution.meta.get("epoch"), named, solution.meta)
+    return _date_index(table, solution.meta.get("epoch"), named, solution.meta)
 
 
 @frame_of.register(Trajectory)
 def trajectory_frame(made: Trajectory, epoch: str | None = None) -> pd.DataFrame:
     """The same of a Trajectory, whose own times say nothing of dates."""
     table = made.table()
-    return _dated(table, epoch, {column: attributes(column) for column in table.columns}, {})
+    return _date_index(table, epoch, {column: attributes(column) for column in table.columns}, {})
 
 
 @frame_of.register(Recording)
@@ -97,7 +97,7 @@ def recording_frame(recording: Recording, part: str = IMU) -> pd.DataFrame:
         t, variables = sources[part].t, _source(sources[part])
     columns = {name: values for name, (_, values, _) in variables.items()}
     table = pd.DataFrame(columns, index=pd.Index(t, name="t"))
-    return _dated(table, epoch, {name: said for name, (_, _, said) in variables.items()}, {})
+    return _date_index(table, epoch, {name: said for name, (_, _, said) in variables.items()}, {})
 
 
 def _titles(meta: SolutionMeta) -> dict[str, str | None]:
@@ -105,7 +105,7 @@ def _titles(meta: SolutionMeta) -> dict[str, str | None]:
     return {"recording": meta.get("recording"), "filter": meta.get("filter")}
 
 
-def _dated(
+def _date_index(
     table: pd.DataFrame,
     epoch: str | None,
     named: dict[str, dict[str, str]],

@@ -51,11 +51,11 @@ def of_solution(
     for figure in wanted:
         # some are drawn only where there is no reference
         for against in (reference, None) if reference is not None else (None,):
-            if (made := _drawn(figure, solution, against)) is not None:
+            if (made := _draw_figure(figure, solution, against)) is not None:
                 heading = (
                     figure.title if isinstance(figure.title, str) else figure.title([solution])
                 )
-                return titled(made, heading)
+                return add_title(made, heading)
     lacks = (
         "" if reference is not None else " without a reference: give reference=recording.reference"
     )
@@ -67,7 +67,9 @@ def _of_errors(known: Mapping[str, Figure]) -> list[Figure]:
     return [figure for figure in known.values() if figure.section == "Errors"]
 
 
-def _drawn(figure: Figure, solution: Solution, reference: Trajectory | None) -> go.Figure | None:
+def _draw_figure(
+    figure: Figure, solution: Solution, reference: Trajectory | None
+) -> go.Figure | None:
     """Draw a Figure of the report for one solution alone."""
     name = str(solution.meta.get("filter", "solution"))
     errors = None
@@ -95,10 +97,10 @@ def of_recording(recording: Recording, what: str = "readings") -> go.Figure:
     made = draw(recording)
     if made is None:
         raise DataError(f"figure {what!r}: this recording has nothing to draw there")
-    return titled(made, heading)
+    return add_title(made, heading)
 
 
-def titled(figure: go.Figure, heading: str) -> go.Figure:
+def add_title(figure: go.Figure, heading: str) -> go.Figure:
     """A figure of a page as it stands alone: with its heading, and what the page says below it."""
     notes = (figure.layout.meta or {}).get("notes", ())
     said = [part for note in notes for part in wrap(note, NOTE_WIDTH)]

@@ -69,6 +69,6 @@ PKF6 = Filter(
     particles.predict,
     particles.correct,
     slots=particles.SLOTS,
-    diagnose=pkf.lost,
+    diagnose=pkf.mixture_events,
     **COMMON,
 )

@@ -18,7 +18,13 @@ from typing import Any, NamedTuple, TypeVar
 from strapdown.checks import check_number
 from strapdown.core.compile.jit import helper, inlined, matrix, row_in
 from strapdown.core.loop.contract import FilterState, InitialState, Kind, Noise, Slots, Source
-from strapdown.core.mathematics.rotation import Three, orthonormalise, rotate_right, turned, wrap
+from strapdown.core.mathematics.rotation import (
+    Three,
+    orthonormalise,
+    rotate_right,
+    rotate_vector,
+    wrap,
+)
 from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import (
@@ -141,7 +147,7 @@ def turn(belief: FilterState, u: Array, dt: float) -> None:
     r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
     a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
-    d0, d1, d2 = turned(
+    d0, d1, d2 = rotate_vector(
         C,
         a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6,
         a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6,
@@ -178,7 +184,7 @@ def acceleration(
     own = workspace[POINT:]
     if own[operating_point.READING] != operating_point.ESTIMATE:
         a, b = matrix(own, operating_point.OWN_A, 3, 3), own[operating_point.OWN_B]
-        a0, a1, a2 = turned(a, v0, v1, v2)
+        a0, a1, a2 = rotate_vector(a, v0, v1, v2)
         return a0 + b[0], a1 + b[1], a2 + b[2]
     C, told, craft = matrix(workspace, TURNED, 3, 3), workspace[INPUTS:], craft_in(workspace, CRAFT)
     wind = told[inputs.WIND]
@@ -191,7 +197,7 @@ def acceleration(
     Fx, Fy, Fz, _, _, _ = forces(
         craft, workspace[DENSITY], against_air, omega, told[inputs.CONTROLS]
     )
-    a0, a1, a2 = turned(C, scale * Fx, scale * Fy, scale * Fz)
+    a0, a1, a2 = rotate_vector(C, scale * Fx, scale * Fy, scale * Fz)
     return a0, a1, a2 + craft.gravity
 
 
@@ -284,13 +290,13 @@ def transform(P: Array, workspace: Array, dt: float) -> None:
     F = matrix(workspace, A, 3, 3)
     h = 0.5 * dt
     for j in range(6):
-        n0, n1, n2 = turned(F, P[3, j], P[4, j], P[5, j])
+        n0, n1, n2 = rotate_vector(F, P[3, j], P[4, j], P[5, j])
         P[0, j] += h * (P[3, j] + n0)
         P[1, j] += h * (P[4, j] + n1)
         P[2, j] += h * (P[5, j] + n2)
         P[3, j], P[4, j], P[5, j] = n0, n1, n2
     for i in range(6):
-        n0, n1, n2 = turned(F, P[i, 3], P[i, 4], P[i, 5])
+        n0, n1, n2 = rotate_vector(F, P[i, 3], P[i, 4], P[i, 5])
         P[i, 0] += h * (P[i, 3] + n0)
         P[i, 1] += h * (P[i, 4] + n1)
         P[i, 2] += h * (P[i, 5] + n2)

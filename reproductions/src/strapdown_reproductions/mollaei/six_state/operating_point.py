@@ -14,7 +14,7 @@ from strapdown.checks import check_choice, check_number
 from strapdown.core.compile.jit import helper, matrix
 from strapdown.core.compile.workspace import Slots
 from strapdown.core.loop.contract import FilterState, InitialState
-from strapdown.core.mathematics.rotation import euler_terms, turned
+from strapdown.core.mathematics.rotation import euler_terms, rotate_vector
 from strapdown.flight.aircraft.dynamics import CONTROLS, OMEGA
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import Aircraft
@@ -116,7 +116,7 @@ def sampled(
             p2 += 0.5 * (C0[k, 1] * C[k, 0] - C0[k, 0] * C[k, 1])
     b0, b1, b2 = _turned_a_little(p0, p1, p2, f0)
     if own[READING] >= ONCE:
-        d0, d1, d2 = turned(C0, f[0] + b0 - f0[0], f[1] + b1 - f0[1], f[2] + b2 - f0[2])
+        d0, d1, d2 = rotate_vector(C0, f[0] + b0 - f0[0], f[1] + b1 - f0[1], f[2] + b2 - f0[2])
         dv[0], dv[1], dv[2] = d0 * dt, d1 * dt, (d2 + gravity) * dt
     v0, v1, v2 = _turned_a_little(p0, p1, p2, at)
     b0 -= S[0, 0] * v0 + S[0, 1] * v1 + S[0, 2] * v2
@@ -127,10 +127,10 @@ def sampled(
         b0 += S[0, 3 + k] * off
         b1 += S[1, 3 + k] * off
         b2 += S[2, 3 + k] * off
-    B[0], B[1], B[2] = turned(R, b0, b1, b2)
+    B[0], B[1], B[2] = rotate_vector(R, b0, b1, b2)
     B[2] += gravity
     for j in range(3):
-        A[0, j], A[1, j], A[2, j] = turned(
+        A[0, j], A[1, j], A[2, j] = rotate_vector(
             R,
             S[0, 0] * R[j, 0] + S[0, 1] * R[j, 1] + S[0, 2] * R[j, 2],
             S[1, 0] * R[j, 0] + S[1, 1] * R[j, 1] + S[1, 2] * R[j, 2],

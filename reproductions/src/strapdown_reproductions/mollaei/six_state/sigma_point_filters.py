@@ -25,7 +25,7 @@ from strapdown.core.loop.contract import (
 )
 from strapdown.core.mathematics.rotation import Three
 from strapdown.filters.sigma_point.sigma_points import (
-    corrected,
+    correct_root,
     covariance,
     deviations,
     downdate,
@@ -239,7 +239,7 @@ def correct(
         for i in range(6):
             off = workspace[SPREAD_6] * A[LANES * i + first + a]
             e[1 + i, a], e[7 + i, a] = innovation[a] - off, innovation[a] + off
-    nis, repaired = corrected(
+    nis, repaired = correct_root(
         A,
         6,
         LANES,

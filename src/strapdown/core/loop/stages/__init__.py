@@ -25,9 +25,9 @@ from . import (
 
 PREPARE = (
     (clock.look_back, clock.needed),
-    (side_slip.slipping, side_slip.needed),
+    (side_slip.inflate_side_slip, side_slip.needed),
     (time_correlated.fade_errors, time_correlated.needed),
-    (adaptive.widened, adaptive.needed),
+    (adaptive.inflate_std, adaptive.needed),
     (heights.compare_heights, heights.needed),
     (dead_reckoning.alone, dead_reckoning.needed),
 )
@@ -79,12 +79,12 @@ NONE = Needed()
 def needed(fixes: Fixes, cursor: Cursor) -> Needed:
     """The stages of a run with these sources."""
     sources, of_imu = fixes.sources, cursor.coupled.size > 0
-    after = [imu_errors.coupled] if of_imu else []
+    after = [imu_errors.couple_prediction] if of_imu else []
     return Needed(
         tuple(kernel for kernel, by in PREPARE if by(sources, cursor)),
         robust.weigh if robust.needed(sources, cursor) else None,
-        heights.contradicted if heights.needed(sources, cursor) else None,
-        imu_errors.corrected if of_imu else None,
-        imu_errors.uncorrected if of_imu else None,
+        heights.exclude_contradicting if heights.needed(sources, cursor) else None,
+        imu_errors.remove_imu_errors if of_imu else None,
+        imu_errors.add_imu_errors if of_imu else None,
         (*after, *([clock.keep] if clock.needed(sources, cursor) else [])),
     )

@@ -19,7 +19,7 @@ import numpy as np
 from ....typing import Array
 from ...compile.jit import helper, kernel
 from ...mathematics.belief import FilterState
-from ...mathematics.innovation_moments import known, solved
+from ...mathematics.innovation_moments import solve_innovation, zero_if_missing
 from ..cursor import Books, Cursor
 from ..kernels import STAGE, Kernels
 from ..tables import Fixes
@@ -32,19 +32,19 @@ MAX_WHITENED = 3.0  # with which it counts for the correlation
 
 
 @kernel(STAGE)
-def widened(
+def inflate_std(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """The standard deviations of a measurement by what is known of its source, and their factors; not
     below its floor."""
     s, work = fixes.source[k], cursor.work[0]
     if fixes.sources[s].memory > 0:
-        adapted(work.sd, cursor.books[s], work.factor)
+        apply_factors(work.sd, cursor.books[s], work.factor)
     return 0
 
 
 @helper
-def adapted(sd: Array, books: Books, factor: Array) -> None:
+def apply_factors(sd: Array, books: Books, factor: Array) -> None:
     """Multiply standard deviations by the factors that the books tell, not below their floor."""
     lasting = books.alike > LASTING * books.power
     for i in range(3):
@@ -61,8 +61,12 @@ def follow(
     `innovation_moments.moments`, `factor` the one on R with which a robust source uses it."""
     share = 1 - math.exp(-min((t - books.followed_at) / memory, MAX_STEP))
     books.followed_at = t
-    e0, e1, e2 = known(innovation[0]), known(innovation[1]), known(innovation[2])
-    x0, x1, x2, nis, _ = solved(S, R, factor, e0, e1, e2)
+    e0, e1, e2 = (
+        zero_if_missing(innovation[0]),
+        zero_if_missing(innovation[1]),
+        zero_if_missing(innovation[2]),
+    )
+    x0, x1, x2, nis, _ = solve_innovation(S, R, factor, e0, e1, e2)
     if math.isnan(nis):
         return
     bounded = min(1.0, MAX_NIS / nis) if nis > 0 else 1.0
@@ -70,7 +74,7 @@ def follow(
         if math.isnan(innovation[i]):
             continue
         x = x0 if i == 0 else (x1 if i == 1 else x2)
-        y = solved(S, R, factor, 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2))[i]
+        y = solve_innovation(S, R, factor, 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2))[i]
         change = factor * R[i * (i + 3) // 2] * (bounded * x * x - y)
         told = books.factor[i] * (1 + share * change)
         books.factor[i] = min(max(told, MIN_FACTOR), MAX_FACTOR)

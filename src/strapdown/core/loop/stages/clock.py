@@ -24,7 +24,7 @@ from ...compile.jit import helper, kernel
 from ...compile.records import Table, rows
 from ...mathematics.belief import STATES, FilterState
 from ...mathematics.mechanization import stationary_increments
-from ...mathematics.rotation import rotate_left, turned
+from ...mathematics.rotation import rotate_left, rotate_vector
 from ...mathematics.source import Kind, SourceRow
 from ..body_motion import ANGLE, ROWS, BodyMotion, S, X
 from ..cursor import Cursor
@@ -143,7 +143,7 @@ def followed_back(belief: FilterState, source: SourceRow, cursor: Cursor) -> boo
     source.clock, source.age = clock, age
     _at_rest(belief, source, cursor.work[0].raw)
     _since(cursor.recent, cursor.state[0].latest, age, belief, source)
-    _bent(cursor.recent, cursor.state[0].latest, age, belief, source)
+    _nonlinearity_std(cursor.recent, cursor.state[0].latest, age, belief, source)
     for i in range(3):
         source.bias_then[i] = belief.ba[i]
     return age == source.delay - clock
@@ -226,7 +226,7 @@ def _turned_since(
 
 
 @helper
-def _bent(
+def _nonlinearity_std(
     recent: Table[BodyMotion], now: int, age: float, belief: FilterState, source: SourceRow
 ) -> None:
     """Standard deviations of what the observation of a position and of a velocity leaves out, which
@@ -249,10 +249,10 @@ def _bent(
         bend[i] = before - 2 * _slope(recent, now, begin, t, STEP, ANGLE + i) + after
         turn[i] = _second_difference(recent, now, t, sigma, ANGLE + i)
         change += 0.25 * (after - before) * (after - before)
-    swung = turned(
+    swung = rotate_vector(
         C, bend[1] * z - bend[2] * y, bend[2] * x - bend[0] * z, bend[0] * y - bend[1] * x
     )
-    moved = turned(
+    moved = rotate_vector(
         C, turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
     )
     for i in range(3):

@@ -61,7 +61,7 @@ def compare_heights(
 
 
 @kernel(STAGE)
-def contradicted(
+def exclude_contradicting(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Leave out the wrong one of the height of measurement k, whose source has long been rejected for
@@ -175,7 +175,7 @@ def _contradiction(fixes: Fixes, s: int, t: float, cursor: Cursor) -> tuple[int,
         return NOBODY, NOBODY, False, 0.0
     apart = abs(books[one].level - books[other].level)
     apart /= math.hypot(books[one].level_sd, books[other].level_sd)
-    better = _compared(fixes, one, other, LIKELY if velocity else CLEARLY, t, cursor)
+    better = _compare_heights(fixes, one, other, LIKELY if velocity else CLEARLY, t, cursor)
     told = better != 0
     if not told:  # a position is preferred, then what is in use
         only_one = (
@@ -223,7 +223,7 @@ def _make_room(P: Array, right: int, t: float, cursor: Cursor) -> None:
 
 
 @helper
-def _compared(fixes: Fixes, s: int, o: int, clearly: float, t: float, cursor: Cursor) -> int:
+def _compare_heights(fixes: Fixes, s: int, o: int, clearly: float, t: float, cursor: Cursor) -> int:
     """1 where the height of source `s` is better than that of `o`, -1 where it is worse, 0 where
     nothing tells: by what moved against the vertical velocity, then by what third sources say."""
     books = cursor.books

@@ -9,19 +9,23 @@ from ..kernels import STEP
 
 
 @kernel(STEP)
-def corrected(belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
+def remove_imu_errors(
+    belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array
+) -> None:
     """Take the estimated errors out of increments before a prediction."""
     correct_increments(cursor.coupled, belief, u, -1.0, cursor.work[0].raw)
 
 
 @kernel(STEP)
-def uncorrected(belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
+def add_imu_errors(belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
     """Add the estimated errors to increments that are made up, as the IMU would."""
     correct_increments(cursor.coupled, belief, u, 1.0, cursor.work[0].raw)
 
 
 @kernel(STEP)
-def coupled(belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
+def couple_prediction(
+    belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array
+) -> None:
     """Apply the states of the IMU to a prediction: a call of its own to the smoother."""
     couple(cursor.coupled, belief, cursor.work[0].raw, dt, record)
     cursor.state[0].recorded += 1

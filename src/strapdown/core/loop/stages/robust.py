@@ -22,7 +22,7 @@ import numpy as np
 from ....typing import Array
 from ...compile.jit import helper, kernel
 from ...mathematics.belief import FilterState
-from ...mathematics.innovation_moments import known, moments, solved
+from ...mathematics.innovation_moments import moments, solve_innovation, zero_if_missing
 from ..cursor import Cursor
 from ..kernels import STAGE, Kernels, correct_at, observe_at
 from ..tables import Fixes
@@ -106,10 +106,14 @@ def _hand_over(
 @helper
 def variance_factor(S: Array, R: Array, innovation: Array) -> float:
     """The factor on R (6 numbers, as S = H P H' + R) with which a fix counts as the mixture says."""
-    e0, e1, e2 = known(innovation[0]), known(innovation[1]), known(innovation[2])
+    e0, e1, e2 = (
+        zero_if_missing(innovation[0]),
+        zero_if_missing(innovation[1]),
+        zero_if_missing(innovation[2]),
+    )
     best, total, mean, factor, share = -math.inf, 0.0, 0.0, 1.0, 1 - OUTLIERS
     for k in range(SCALES + 1):
-        _, _, _, nis, size = solved(S, R, factor, e0, e1, e2)
+        _, _, _, nis, size = solve_innovation(S, R, factor, e0, e1, e2)
         if math.isnan(nis):
             return 1.0
         likely = math.log(share) - 0.5 * (nis + size)
@@ -126,7 +130,7 @@ def variance_factor(S: Array, R: Array, innovation: Array) -> float:
     low, high = 0.0, SCALES * math.log(STEP)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if solved(S, R, math.exp(middle), e0, e1, e2)[3] > mean / total:
+        if solve_innovation(S, R, math.exp(middle), e0, e1, e2)[3] > mean / total:
             low = middle
         else:
             high = middle

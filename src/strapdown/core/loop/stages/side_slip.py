@@ -18,7 +18,7 @@ from ..tables import Fixes
 
 
 @kernel(STAGE)
-def slipping(
+def inflate_side_slip(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, record: Array
 ) -> int:
     """Widen the standard deviations of a constraint across the wheels."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....checks import DataError
-from ..record_walk import Follow, Walked, structured
+from ..record_walk import Follow, Walked, structured_records
 
 HEAD = b"\xa3\x95"
 FORMAT, FORMAT_LENGTH = 128, 89
@@ -104,7 +104,7 @@ class DataFlash(Walked):
         for number, message in self.messages.items():
             kind = message.kind if message.name == name else None
             if kind is not None and len(self._rows[number]):
-                found = structured(self.data, self._rows[number] + 3, kind)
+                found = structured_records(self.data, self._rows[number] + 3, kind)
                 scaled = zip(message.columns, message.letters)
                 return {
                     column: found[column] / DIVISORS[letter]

@@ -68,7 +68,7 @@ EQUAL = (
 )
 
 
-def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
+def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
     """(columns, their rows in the log) of a topic: of a receiver the fixes with a height, of
     increments also the mean rates; times as signed numbers."""
     found = {
@@ -125,7 +125,7 @@ def instances(log: ULog, name: str) -> dict[int, float]:
     return rates
 
 
-def lacking(log: ULog, name: str) -> list[str]:
+def missing_field_lines(log: ULog, name: str) -> list[str]:
     """Lines on the instances of a topic that lack a field which is needed."""
     lines = []
     for topic, instance in log.topics:
@@ -160,7 +160,7 @@ def imus(log: ULog) -> tuple[list[Section], list[str]]:
     return sections, left
 
 
-def _selected(log: ULog, columns: Columns) -> bool:
+def _is_selected(log: ULog, columns: Columns) -> bool:
     """Return True where PX4 used this IMU at the end of the log."""
     chosen = log.columns("sensor_selection")
     return all(
@@ -179,7 +179,7 @@ def _imu(log: ULog, name: str, instance: int, hz: float) -> Section:
         **_temperature(log, name, instance),
     }
     title = f"{name} {instance}, {hz:.3g} Hz, mean rates"
-    title += ", the one that PX4 selected" if _selected(log, columns) else ""
+    title += ", the one that PX4 selected" if _is_selected(log, columns) else ""
     return _of_imu(log, instance, title, keys, {})
 
 
@@ -309,9 +309,9 @@ def receivers(log: ULog) -> tuple[list[Section], list[str]]:
     if fast and fast >= NEARLY * slow:
         name, other, own, chosen, fast, slow = other, name, chosen, own, slow, fast
     sections, left = [], [f"{other}, {fast:.3g} Hz: of the same receiver as {name}"] if own else []
-    left += lacking(log, other) + lacking(log, name)
+    left += missing_field_lines(log, other) + missing_field_lines(log, name)
     for instance in sorted(chosen):
-        fixes, rows = prepared(log, name, instance)
+        fixes, rows = topic_columns(log, name, instance)
         lost = len(log.columns(name, instance)["timestamp"]) - len(rows)
         if lost:
             left.append(f"{name} {instance}: {lost} of {lost + len(rows)} rows without a 3D fix")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....checks import DataError
-from ....units.wording import counted
-from ..record_walk import Follow, Walked, how_it_begins, structured
+from ....units.wording import count_text
+from ..record_walk import Follow, Walked, how_it_begins, structured_records
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER = 16  # bytes: magic, version, time of the start
@@ -77,7 +77,7 @@ class ULog(Walked):
 
     def _ids(self, starts: NDArray[np.int64]) -> NDArray[Any]:
         """The ids of data messages that begin there."""
-        return structured(self.data, starts + 3, np.dtype("<u2"))
+        return structured_records(self.data, starts + 3, np.dtype("<u2"))
 
     @property
     def topics(self) -> dict[tuple[str, int], int]:
@@ -111,7 +111,7 @@ class ULog(Walked):
         names, kinds, offsets = zip(*fields)
         size = offsets[-1] + np.dtype(kinds[-1]).itemsize
         kind = np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": size})
-        found = structured(self.data, self._rows[number] + 5, kind)
+        found = structured_records(self.data, self._rows[number] + 5, kind)
         return {each: found[each] for each in names}
 
     def _appended(self) -> list[int]:
@@ -262,12 +262,12 @@ class ULog(Walked):
         lines = []
         if self.dropouts:
             lines.append(
-                f"{counted(len(self.dropouts), 'dropout')} of the logger, {sum(self.dropouts)} ms "
+                f"{count_text(len(self.dropouts), 'dropout')} of the logger, {sum(self.dropouts)} ms "
                 f"together: its card was too slow"
             )
         if unknown := sum(not topic.fields for topic in self._topics.values()):
             lines.append(
-                f"{counted(unknown, 'topic')} not read: the format is missing or contradicts itself"
+                f"{count_text(unknown, 'topic')} not read: the format is missing or contradicts itself"
             )
         return lines + super().remarks
 

@@ -14,12 +14,19 @@ import numpy as np
 from ....checks import DataError
 from ....fileio.file_access import Zip, files_of
 from ....fileio.limits import Meter
-from ...tables.table_file import FileTable, first_line_of, open_bytes, packed, reading, split_error
+from ...tables.table_file import (
+    FileTable,
+    first_line_of,
+    open_bytes,
+    packed_suffixes,
+    reading_file,
+    split_error,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CSV = tuple(end for end in packed(".csv") if not end.endswith(".zip"))
+CSV = tuple(end for end in packed_suffixes(".csv") if not end.endswith(".zip"))
 """How the names of the files end."""
 MAX_FILES = 200
 """Files of an export: an app has some twenty sensors."""
@@ -55,14 +62,14 @@ class Export(NamedTuple):
         # apps set in some languages write 1,5 between semicolons or tabs
         comma = separator != "," and re.search(rb"\d,\d", content[len(head) :][:HEAD])
         decimal = "," if comma else "."
-        frame = parsed(content, label, sep=separator, decimal=decimal, index_col=False)
+        frame = parse_cells(content, label, sep=separator, decimal=decimal, index_col=False)
         return FileTable(label, frame, np.arange(len(frame)) + 2)
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
         """Around what reads: what a damaged archive raises is a DataError of one line."""
         try:
-            with reading(self.path):
+            with reading_file(self.path):
                 yield
         except (NotImplementedError, RuntimeError, ValueError, KeyError, struct.error) as error:
             if isinstance(error, DataError):
@@ -72,7 +79,7 @@ class Export(NamedTuple):
             ) from None
 
 
-def parsed(content: bytes, label: str, **options: Any) -> "pd.DataFrame":
+def parse_cells(content: bytes, label: str, **options: Any) -> "pd.DataFrame":
     """Parse a text of cells with pandas, without rows where it has none. Raises DataError, which
     begins with `label`."""
     import pandas as pd

@@ -52,7 +52,7 @@ class PhoneFixColumns(NamedTuple):
 
     def among(self, columns: Sequence[str]) -> "PhoneFixColumns":
         """The columns of a table whose names are of these patterns."""
-        return PhoneFixColumns(*(matching(columns, pattern) for pattern in self))
+        return PhoneFixColumns(*(matching_column(columns, pattern) for pattern in self))
 
 
 class Piece(NamedTuple):
@@ -65,7 +65,7 @@ class Piece(NamedTuple):
     scale: float = 1.0
 
 
-def matching(columns: Sequence[str], pattern: str) -> str:
+def matching_column(columns: Sequence[str], pattern: str) -> str:
     """The column whose name is of the pattern, the longest of several, "" where there is none: of two
     heights that is the one above the ellipsoid."""
     found = (each for each in columns if pattern and re.fullmatch(pattern, each, re.IGNORECASE))
@@ -75,7 +75,7 @@ def matching(columns: Sequence[str], pattern: str) -> str:
 def triple(columns: Sequence[str], pattern: str) -> list[str]:
     """Names of the columns of x, y and z, whose pattern has "{axis}" for the axis; [] where one is
     missing."""
-    found = [matching(columns, pattern.replace("{axis}", axis)) for axis in "xyz"]
+    found = [matching_column(columns, pattern.replace("{axis}", axis)) for axis in "xyz"]
     return found if all(found) else []
 
 
@@ -203,7 +203,7 @@ def inertial(
         if not GRAVITY[0] <= norm <= GRAVITY[1]:
             why = f"{accel.table}: its median is {norm:.3g} m/s^2, where gravity is 9.8; {record}"
             return [no_imu(why)], []
-        facts.append(held(force))
+        facts.append(holding_text(force))
     there = gyro or accel
     if there is None:
         return [], []
@@ -283,7 +283,7 @@ def median_force(table: FileTable, columns: list[str]) -> tuple[float, Array]:
         return float(np.median(np.linalg.norm(force, axis=1))), np.median(force, axis=0)
 
 
-def held(force: Array) -> str:
+def holding_text(force: Array) -> str:
     """How the phone was held, by the median specific force in its axes (x right, y top, z out of
     the screen)."""
     axis = int(np.argmax(np.abs(force)))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....typing import Array, Ints
-from ....units.time_scales import rolled
+from ....units.time_scales import rollover_count
 
 DAY_MS = 86_400_000
 WEEK_MS = 604_800_000
@@ -45,7 +45,7 @@ def clock_of(
     is_absolute = len(place) > 0
     if not is_absolute:
         place, t = (np.concatenate([none, *each]) for each in zip((none, none), *timed))
-        place, moment = undated(place, t, period)
+        place, moment = undated_times(place, t, period)
     if not len(place):
         place = moment = np.zeros(1, int)
     order = np.argsort(place, kind="stable")
@@ -66,11 +66,11 @@ def moments(place: Ints, t: Ints, dated: Ints, moment: Ints, period: int) -> Int
     return t + period * ((near - t + period // 2) // period)
 
 
-def undated(place: Ints, t: Ints, period: int) -> tuple[Ints, Ints]:
+def undated_times(place: Ints, t: Ints, period: int) -> tuple[Ints, Ints]:
     """(place, moment) of records that say no date, in the order of the file, counted from the first
     day or week."""
     order = np.argsort(place, kind="stable")
-    turns = rolled(t[order].astype(float), period).astype(int)
+    turns = rollover_count(t[order].astype(float), period).astype(int)
     return place[order], t[order] + period * turns
 
 

@@ -46,7 +46,7 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
     return found
 
 
-def untimed(frames: UbxFrames) -> list[str]:
+def untimed_message_lines(frames: UbxFrames) -> list[str]:
     """Lines on the messages whose receiver did not yet know date and time; they are not used."""
     lines = []
     for key in (UbxMessage.NAV_PVT, UbxMessage.NAV_PVAT):

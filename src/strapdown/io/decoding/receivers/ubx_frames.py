@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....typing import Array, Ints
 from ....units.time_scales import DAY, days_of, gps_from_unix
-from ..record_walk import Bytes, structured
+from ..record_walk import Bytes, structured_records
 from .cyclic_times import WEEK_MS, CyclicClock, clock_of, moments
 
 
@@ -56,7 +56,7 @@ class UbxFrames(NamedTuple):
     def records(self, key: UbxMessage, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:
         """(start (n,), records (n,)) of the frames of one kind that are long enough."""
         start = self.start[(self.key == key) & (self.length >= layout.itemsize)]
-        return start, structured(self.content, start, layout)
+        return start, structured_records(self.content, start, layout)
 
 
 def find_frames(data: bytes) -> UbxFrames:

@@ -51,7 +51,7 @@ class Line(NamedTuple):
         return np.asarray(self.tick * (tag - self.tag0) + self.gps0, float)
 
 
-def unwrapped(tag: Ints) -> tuple[Ints, Ints]:
+def unwrap_tags(tag: Ints) -> tuple[Ints, Ints]:
     """(tags without the turns of their 32 bits (n,), piece that each is of (n,)); a clock that
     begins anew begins a piece."""
     step = np.diff(tag, prepend=tag[:1])
@@ -133,7 +133,7 @@ def sensors(frames: UbxFrames, key: UbxMessage, place: Ints, gps: Array) -> UbxS
     found = _Measurements(*(each[ours] for each in found))
     if not all((found.kind == kind).any() for kind in (*GYRO, *ACCEL)):
         return None
-    tag, piece = unwrapped(found.tag)
+    tag, piece = unwrap_tags(found.tag)
     tag = tag + piece * 2**40  # tags of different pieces are never the same
     lines = _lines(frames, key, found.place, tag, piece, place, gps)
     gyro, accel = (_together(found, tag, types) for types in (GYRO, ACCEL))
@@ -143,7 +143,7 @@ def sensors(frames: UbxFrames, key: UbxMessage, place: Ints, gps: Array) -> UbxS
         us = int(1e6 * TICKS[0])
         gyro, accel = (Samples(each.t % 2**40 * us, each.values) for each in (gyro, accel))
         return UbxSensors(key.title, gyro, accel, False, 0.0, 0)
-    timed = [_timed(each, lines) for each in (gyro, accel)]
+    timed = [_time_samples(each, lines) for each in (gyro, accel)]
     lost = len(gyro.t) - len(timed[0].t)
     scatter = max(line.scatter for line in lines.values())
     return UbxSensors(key.title, timed[0], timed[1], True, scatter, lost)
@@ -224,7 +224,7 @@ def _lines(
     return lines
 
 
-def _timed(samples: Samples, lines: dict[int, Line]) -> Samples:
+def _time_samples(samples: Samples, lines: dict[int, Line]) -> Samples:
     """The samples of the pieces that have a line, with GPS time, in its order."""
     piece = (samples.t + 2**39) >> 40
     t = np.full(len(piece), -1, np.int64)

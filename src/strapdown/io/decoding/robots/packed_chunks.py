@@ -12,7 +12,7 @@ PIECE = 1 << 20
 """Bytes that are unpacked at a time, so that a wrong size costs no memory."""
 
 
-def _opened(packed: bytes, way: str) -> IO[bytes]:
+def _open_packed(packed: bytes, way: str) -> IO[bytes]:
     if way == "bz2":
         return bz2.open(io.BytesIO(packed))
     if way == "lz4":
@@ -33,7 +33,7 @@ def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> byt
     else:
         pieces, left = [], size + 1
         try:
-            with _opened(bytes(packed), way) as file:
+            with _open_packed(bytes(packed), way) as file:
                 while left > 0 and (piece := file.read(min(PIECE, left))):
                     meter.add(len(piece))
                     pieces.append(piece)
@@ -52,7 +52,7 @@ def unpack_frames(packed: bytes, most: int) -> bytes:
     """zstd frames, one after the other, at most `most` bytes long when they are unpacked. Raises
     DataError."""
     try:
-        with _opened(packed, "zstd") as file:
+        with _open_packed(packed, "zstd") as file:
             unpacked = file.read(most + 1)
     except (EOFError, zstd().ZstdError) as error:
         raise DataError(f"is damaged ({str(error):.60})") from error

@@ -48,15 +48,15 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
             name, {"stamp": stream.stamp, **columns}, word="message"
         )
         for section in made:
-            sections.append(_completed(section, stream, counts[section.role]))
+            sections.append(_complete_section(section, stream, counts[section.role]))
             counts[section.role] += 1
     clock = "UTC" if streams[0].absolute else "a clock without date, such as a simulator has"
     return Log(
         tables,
         tuple(_with_receivers(sections, streams)),
         (f"{what}, {clock}", *(each.fact for each in streams)),
-        (*left, *_counted(messages.left), *unread(messages.topics.values())),
-        tuple(_asked(sections)),
+        (*left, *_count_lines(messages.left), *unread(messages.topics.values())),
+        tuple(_open_questions(sections)),
     )
 
 
@@ -75,7 +75,7 @@ def _without_nonsense(topic: str, columns: Columns) -> list[str]:
     )
 
 
-def _completed(section: Section, stream: TopicStream, number: int) -> Section:
+def _complete_section(section: Section, stream: TopicStream, number: int) -> Section:
     """With its table, its time and its number."""
     return section._replace(
         keys={**section.keys, "table": stream.topic, "time": stream.time},
@@ -86,12 +86,12 @@ def _completed(section: Section, stream: TopicStream, number: int) -> Section:
     )
 
 
-def _counted(lines: list[str]) -> list[str]:
+def _count_lines(lines: list[str]) -> list[str]:
     """Each line once, with how often."""
     return [f"{line} ({n} times)" if n > 1 else line for line, n in Counter(lines).items()]
 
 
-def _asked(sections: list[Section]) -> list[str]:
+def _open_questions(sections: list[Section]) -> list[str]:
     """Return why the first IMU is left out, where all are, as one line; else []."""
     of_imus = [each for each in sections if each.role == "imu"]
     if not of_imus or any(not each.left for each in of_imus):

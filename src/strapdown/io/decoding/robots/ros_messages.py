@@ -221,10 +221,10 @@ class Messages:
                     good = list(_decode(payload, length, fields, topic.encoding))
                     pieces += [(record[rows], columns) for rows, columns in good]
                     wrong += len(payload) - sum(len(rows) for rows, _ in good)
-            yield topic, _joined(pieces, wrong)
+            yield topic, _join_pieces(pieces, wrong)
 
 
-def _joined(pieces: list[tuple[Ints, Columns]], wrong: int) -> Decoded:
+def _join_pieces(pieces: list[tuple[Ints, Columns]], wrong: int) -> Decoded:
     if not pieces:
         return Decoded(np.zeros(0, int), {}, wrong)
     record, columns = pieces[0]
