@@ -35,7 +35,8 @@ import reach  # noqa: E402
 
 RECORD = HERE / "deep.txt"
 MAX_COMMITS = 150
-"""Commits after which `make test` fails until all deep tests were run again."""
+"""Commits after which `make test` fails until all deep tests were run again; a branch that was
+merged is one."""
 FITTING = 40.0
 """s of the processor that deep tests may take in `make test`."""
 PARTS = (("deep", False), ("short and not deep", True))
@@ -259,7 +260,7 @@ def some(soon: bool) -> int:
 
 def ago(last: Recorded, files: list[str], within: int, run_now: int) -> int:
     """Say how long ago all deep tests were run; 1 where that is too long ago."""
-    commits = int(git("rev-list", "--count", f"{last.commit}..HEAD"))
+    commits = int(git("rev-list", "--first-parent", "--count", f"{last.commit}..HEAD"))
     print(
         f"deep tests: all were run {commits} commits and {changed_kernels(last.commit, files)} changed "
         f"functions of kernels ago, {last.failed} failed; what changed since can reach "
@@ -275,7 +276,7 @@ def bench_ago() -> str:
     commit = figures.commit()
     if not git("cat-file", "-t", commit):
         return "bench: the commit of benchmarks/result.json is not in this checkout"
-    commits = git("rev-list", "--count", f"{commit}..HEAD")
+    commits = git("rev-list", "--first-parent", "--count", f"{commit}..HEAD")
     number = changed_kernels(commit, changed_since(commit))
     return f"bench: run {commits} commits and {number} changed functions of kernels ago"
 
