@@ -21,7 +21,7 @@ from strapdown.core.compile import library
 kept = bits.kept()
 other = bits.BY_LAPACK if bits.lapack() != kept["lapack"] else ()
 found = {name: bits.digest(name) for name in filters.names() if name not in other}
-print(library.opened().level, *(name for name in found if found[name] != kept[name]))
+print(library.load_library().level, *(name for name in found if found[name] != kept[name]))
 """
 LEVELS = library.LEVELS.get(library.system(), {})
 

@@ -172,7 +172,7 @@ import strapdown as sd, sys
 from strapdown.core.compile import library
 solution = sd.fuse(sd.simulate("car", duration=60.0), filter="closed-loop")
 assert "numba" not in sys.modules
-print(*library.told(), sep=chr(10))
+print(*library.describe_library(), sep=chr(10))
 """
 
 

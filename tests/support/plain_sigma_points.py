@@ -91,7 +91,7 @@ class SigmaPointFilter:
         E = np.array([y - self.h(self.x + step) for step in (np.zeros(n), *steps, *-steps)])
         self.innovation, dx = np.zeros(rows), np.zeros(n)
         work = np.full(rows * (n + rows + 5), np.nan)
-        nis, repaired = points.corrected(
+        nis, repaired = points.correct_root(
             self.A, n, self.lanes, E, rows, *self.fix_set, self.R, gate, self.innovation, work, dx
         )
         self.repairs += repaired

@@ -474,7 +474,7 @@ for symbol in ("core.loop.loop.run", "aiding.position.observe", "aiding.velocity
     kernel = getattr(importlib.import_module("strapdown." + module), name)
     if why := library.why_not(kernel):
         print(symbol, "|", why)
-print(library.opened().path.parent)
+print(library.load_library().path.parent)
 """
 
 
