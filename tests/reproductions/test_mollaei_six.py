@@ -405,7 +405,7 @@ def test_other_sources_are_left_out_and_a_lever_arm_is_refused():
         )
     with pytest.raises(DataError, match="six-ekf needs position aiding"):
         fused((replace(recording, aidings=(velocity,)), start, truth), filters.EKF6)
-    compass = sd.data.Aiding(
+    compass = sd.Aiding(
         "heading", position.t, np.zeros((len(position.t), 1)), np.full((len(position.t), 1), 0.01)
     )
     with_it = fused(

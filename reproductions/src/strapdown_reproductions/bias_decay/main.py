@@ -118,8 +118,8 @@ def rows(cell: Cell, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
             "size": size,
             "outage_s": length,
             "seed": seed,
-            "decaying_m": off(run(bias=DECAYING), recording),
-            "held_m": off(run(bias=HELD), recording),
+            "decaying_m": off(run(options={"bias": DECAYING}), recording),
+            "held_m": off(run(options={"bias": HELD}), recording),
         }
 
 
