@@ -46,7 +46,9 @@ def test_signature_and_documentation_have_every_option(call):
         if taken:
             assert parameters[name].default == option.default
             assert parameters[name].kind is inspect.Parameter.KEYWORD_ONLY
-            assert f"\n{name} : " in inspect.getdoc(call) and option.meaning in call.__doc__
+            text = inspect.getdoc(call)
+            assert f"\n{name} : " in text and option.meaning in " ".join(text.split())
+            assert text.index("Other Parameters") < text.index("\nRaises\n")
         else:
             assert name == "options" or name not in parameters
     assert not any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters.values())

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, getdoc, signature
+from textwrap import wrap
 from typing import Any, Final, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack, cast
 
 from ..checks import DataError, check_flag, check_number
@@ -179,7 +180,9 @@ def _unknown(name: str, option: str, known: set[str]) -> str:
 
 def _option_doc(what: object, table: Mapping[str, Option]) -> str:
     """The documentation of a function or class, with that of its options behind it."""
-    lines = [getdoc(what) or "", "", "Other Parameters", "----------------"]
+    text, *rest = (getdoc(what) or "").partition("\nRaises\n")
+    lines = [text.rstrip(), "", "Other Parameters", "----------------"]
     for name, option in table.items():
-        lines += [f"{name} : {option.type}, default {option.default!r}", f"    {option.meaning}"]
-    return "\n".join(lines)
+        lines.append(f"{name} : {option.type}, default {option.default!r}")
+        lines += wrap(option.meaning, 88, initial_indent="    ", subsequent_indent="    ")
+    return "\n".join(lines) + ("\n" + "".join(rest) if rest[0] else "")
