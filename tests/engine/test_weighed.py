@@ -164,3 +164,16 @@ def test_sources_by_name_and_what_is_refused():
     ):
         with pytest.raises(DataError, match=words):
             sd.fuse(recording, imu="tactical", start=begin, **options)
+
+
+def test_a_stream_takes_the_same_words_as_a_batch():
+    recording, begin = flight(), start(flight())
+    live_run = live(recording, "closed-loop", begin, **BOTH).solution
+    batch = sd.fuse(recording, imu="tactical", start=begin, **BOTH)
+    assert np.array_equal(live_run.trajectory.lla, batch.trajectory.lla)
+    assert np.array_equal(live_run.innovations.weight, batch.innovations.weight)
+    assert not np.array_equal(
+        batch.trajectory.lla, sd.fuse(recording, imu="tactical", start=begin).trajectory.lla
+    )
+    with pytest.raises(DataError, match="no source 'odometer'"):
+        live(recording, "closed-loop", begin, robust="odometer")

@@ -150,3 +150,26 @@ def test_what_is_no_trajectory_is_named(solution):
         sd.errors(solution, flight())
     with pytest.raises(DataError, match="^errors: trajectory is 'x'; it must be a Trajectory or"):
         sd.errors("x", flight().reference)
+
+
+def test_what_depends_on_an_unclaimed_state_is_not_claimed(solution):
+    """Without a claim on gyro biases the position of another point is still claimed, as with a bias that
+    is known; its velocity is not."""
+    sd_ = solution.trajectory.sd.copy()
+    known = replace(solution.trajectory, sd=np.where(np.arange(15) >= 12, 0.0, sd_))
+    sd_[:, 12:] = np.nan
+    bare = replace(solution, covariance=None, trajectory=replace(solution.trajectory, sd=sd_))
+    found = bare.at([5.0], ARM)
+    wanted = replace(bare, trajectory=known).at([5.0], ARM)
+    np.testing.assert_allclose(found.covariance[0, :3, :3], wanted.covariance[0, :3, :3])
+    assert np.isnan(found.trajectory.sd[0, 3:6]).all()
+    assert np.isfinite(found.trajectory.sd[0, [0, 1, 2, 6, 7, 8]]).all()
+
+
+def test_in_a_gap_nothing_is_claimed(solution):
+    keep = (solution.t < 8.0) | (solution.t > 14.0)
+    gap = solution.taking(keep).at([5.0, 11.0])
+    assert np.isfinite(gap.covariance[0]).all() and np.isnan(gap.covariance[1]).all()
+    assert np.isnan(gap.trajectory.lla[1]).all()
+    with pytest.raises(DataError, match="the solution has one row"):
+        solution.taking(slice(3, 4)).at([solution.t[3]])

@@ -183,6 +183,7 @@ def _option_doc(what: object, table: Mapping[str, Option]) -> str:
     text, *rest = (getdoc(what) or "").partition("\nRaises\n")
     lines = [text.rstrip(), "", "Other Parameters", "----------------"]
     for name, option in table.items():
-        lines.append(f"{name} : {option.type}, default {option.default!r}")
+        given = "optional" if option.default is None else f"default {option.default!r}"
+        lines.append(f"{name} : {option.type}, {given}")
         lines += wrap(option.meaning, 88, initial_indent="    ", subsequent_indent="    ")
     return "\n".join(lines) + ("\n" + "".join(rest) if rest[0] else "")

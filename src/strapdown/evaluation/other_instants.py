@@ -14,7 +14,7 @@ import numpy as np
 from ..checks import DataError, check_array
 from ..core.mathematics.error_dynamics import cross_matrix
 from ..data.solution import Solution, Trajectory
-from ..typing import Array, ArrayLike
+from ..typing import Array, ArrayLike, Mask
 from ..units.time_scales import seconds_to
 from .metrics import interpolate_reference
 
@@ -27,7 +27,9 @@ class Instants(NamedTuple):
 
     # with the standard deviations of position, velocity and attitude; NaN in gaps
     trajectory: Trajectory
-    covariance: Array  # (n, 9, 9) of these errors, SI; diagonal where the solution kept none
+    # (n, 9, 9) of these errors, SI, NaN where a filter claims none; diagonal where the solution kept
+    # no covariance
+    covariance: Array
 
 
 def at(solution: Solution, times: ArrayLike, lever_arm: ArrayLike = (0.0, 0.0, 0.0)) -> Instants:
@@ -56,7 +58,10 @@ def at(solution: Solution, times: ArrayLike, lever_arm: ArrayLike = (0.0, 0.0, 0
     t = _times(solution, times)
     arm = check_array(lever_arm, "lever_arm", (3,))
     path = interpolate_reference(solution.trajectory, t)
+    if len(solution.t) < 2:
+        raise DataError("times: the solution has one row, between which nothing lies")
     covariance = _interpolate_rows(solution.t, _covariance(solution), t)
+    covariance[~np.isfinite(path.lla).any(axis=1) & _has_no_attitude(path)] = np.nan  # in a gap
     if arm.any():
         path, covariance = _move_to_point(solution, path, covariance, arm)
     variances = np.diagonal(covariance, axis1=1, axis2=2)[:, :MOTION]
@@ -78,6 +83,14 @@ def _times(solution: Solution, times: ArrayLike) -> Array:
             f"{last:.3f} s"
         )
     return t
+
+
+def _has_no_attitude(path: Trajectory) -> Mask:
+    """(n,) True where no attitude is known."""
+    if path.q_nb is None:
+        return np.ones(len(path), bool)
+    missing: Mask = ~np.isfinite(path.q_nb).all(axis=1)
+    return missing
 
 
 def _covariance(solution: Solution) -> Array:
@@ -119,7 +132,11 @@ def _move_to_point(
         -cross_matrix(each) for each in np.einsum("nij,nj->ni", C, np.cross(omega, arm))
     ]
     J[:, 3:6, 12:15] = C @ cross_matrix(arm)
-    covariance = J @ covariance @ J.transpose(0, 2, 1)
+    # what depends on a state that the filter claims nothing of is not claimed either
+    unclaimed = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+    unclaimed = np.einsum("nij,nj->ni", (J != 0).astype(float), unclaimed.astype(float)) > 0
+    covariance = J @ np.nan_to_num(covariance) @ J.transpose(0, 2, 1)
+    covariance[unclaimed[:, :, None] | unclaimed[:, None, :]] = np.nan
     # white noise of the gyros, which the rate is measured with
     L = J[:, 3:6, 12:15]
     density = solution.meta.get("noise", {}).get("gyro", 0.0)

@@ -186,9 +186,9 @@ def advise(
     imu : str, path or ImuSpec
         Grade, file or description of the IMU.
     flight : str, path or Scenario
-        As `mission.mission` takes it.
+        A name of `advice.mission`, a file of a scenario, or the Scenario itself.
     duration : str or float
-        Of the mission, as `mission.seconds` takes it, s.
+        Of the mission: s, or text with its unit such as "5min".
     runs : int
         Of the study; default 40, quick 36.
     seed : int

@@ -68,7 +68,8 @@ def compare(
         SLOW_FILTERS. A label may say what it estimates of the installation, as
         "NAME:estimate=clock+lever-arm" or "NAME:estimate=none", in place of `estimate`.
     outages : str, or list of (start, stop) in s
-        Text as `comparison.outages` has it.
+        Windows to withhold measurements in, such as "30/300" (30 s every 300 s) or "8:12,14:18"
+        (from 8 to 12 s, and so on); see `outages.protocols`.
     kinds : str or list of str
         Of the fixes that are withheld.
     threads : int
