@@ -89,7 +89,7 @@ def _has_no_attitude(path: Trajectory) -> Mask:
     """(n,) True where no attitude is known."""
     if path.q_nb is None:
         return np.ones(len(path), bool)
-    missing: Mask = ~np.isfinite(path.q_nb).all(axis=1)
+    missing: Mask = np.any(np.isnan(path.q_nb), axis=1)
     return missing
 
 
