@@ -59,6 +59,9 @@ lint: $(VENV)/installed-test
 	$(BIN)/ruff check --quiet
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
+	$(BIN)/python docs/_site/typed_blocks.py build/shown
+	$(BIN)/mypy build/shown
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 # Speed and accuracy against their targets: benchmarks/result.json and docs/reference/figures.md, which are committed.
 bench: $(VENV)/installed-bench

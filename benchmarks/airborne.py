@@ -51,10 +51,10 @@ def aircraft(times):
 
     import strapdown as sd
     from strapdown.core.compile.jit import compile_kernel
-    from strapdown.flight.aircraft.dynamics import step
+    from strapdown.flight.aircraft_model.dynamics import step
 
     compile_kernel(step)
-    trim = sd.trim(sd.aircraft("aerosonde"), 25.0, radius=300.0)
+    trim = sd.flight.trim(sd.flight.aircraft("aerosonde"), 25.0, radius=300.0)
     parameters, wind, increments = (
         trim.aircraft.parameters("geodetic", trim.origin),
         np.array([3.0, 1, 0, 0.5, 0.5, 0.5, 0.01, 0.01, 0.01]),
@@ -88,16 +88,16 @@ def flown(times):
     Some hit the ground before: their time is scaled to 315 s.
     """
     import strapdown as sd
-    from strapdown.flight.asked import Sensors
+    from strapdown.flight import Sensors
 
     sensors = Sensors(imu="mollaei", outage="15:")
 
     def seconds(filter, count):
-        sd.fly("straight", filter, duration=16.0, sensors=sensors)
+        sd.flight.fly("straight", filter, duration=16.0, sensors=sensors)
         taken = []
         for seed in range(count):
             begin = time.perf_counter()
-            flight = sd.fly("straight", filter, duration=315.0, seed=seed, sensors=sensors)
+            flight = sd.flight.fly("straight", filter, duration=315.0, seed=seed, sensors=sensors)
             taken.append((time.perf_counter() - begin) * 315.0 / flight.recording.imu.t[-1])
         return float(np.median(taken))
 

@@ -87,7 +87,7 @@ def vqf_run(made):
     """A function that runs vqf over a Trial and returns the seconds of its batch call; None
     where vqf is not installed."""
     peer = main.PEERS[0]
-    if not main.installed(peer.package):
+    if not main.installed_version(peer.package):
         return None
     samples = [np.ascontiguousarray(made.arrays[name]) for name in ("gyr", "acc", "mag")]
 
@@ -133,7 +133,7 @@ def peer_figures():
     """Figures without target: what the fast peers reach on the five trials, or that they are not
     installed."""
     names = [peer.name for peer in main.PEERS if not peer.slow]
-    if not main.installed("vqf"):
+    if not main.installed_version("vqf"):
         return [
             figures.informative(f"attitude, BROAD {name}", None, "deg", "vqf is not installed")
             for name in names

@@ -382,7 +382,7 @@ def page_figures(book):
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
-            claims, _, _ = recordings.scored(recordings.DESCRIPTIONS, Path(folder))
+            claims, _, _ = recordings.score_recordings(recordings.DESCRIPTIONS, Path(folder))
         return [(claim["value"], "as strapdown reproduce recordings") for claim in claims]
 
     book.measure(RECORDED, measured)

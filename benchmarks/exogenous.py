@@ -32,18 +32,18 @@ FILTERS = (
 )
 OUTAGES = "30@240:569/6"
 """Fifty windows of 30 s in the flight of thor75."""
-VELOCITY_SD = 0.1
+VELOCITY_STD = 0.1
 """m/s."""
 
 
 def velocity(w, seed=1):
-    """The velocity of a workload at its fixes, with white errors (Aiding)."""
+    """The velocity of a workload at its fixes, with white errors (Source)."""
     import strapdown as sd
 
     rows = np.searchsorted(w.t, w.fix_t - 0.5 * w.dt)
-    errors = np.random.default_rng(seed).standard_normal((len(rows), 3)) * VELOCITY_SD
-    return sd.Aiding(
-        "velocity", w.fix_t, w.v[rows] + errors, np.full((len(rows), 3), VELOCITY_SD), gate=np.inf
+    errors = np.random.default_rng(seed).standard_normal((len(rows), 3)) * VELOCITY_STD
+    return sd.Source(
+        "velocity", w.fix_t, w.v[rows] + errors, np.full((len(rows), 3), VELOCITY_STD), gate=np.inf
     )
 
 
@@ -52,11 +52,11 @@ def times(alternating, turns):
     the observer; the XKF over the closed loop."""
     w = workload.load("A")
     sources, us = (velocity(w),), 1e6 / (len(w.t) - 1)
-    closed = subject.timed_run(w, "closed-loop", aidings=sources)
+    closed = subject.timed_run(w, "closed-loop", sources=sources)
     before, observer, ratio = alternating(
-        closed, subject.timed_run(w, "nlo", aidings=sources), turns
+        closed, subject.timed_run(w, "nlo", sources=sources), turns
     )
-    theirs, own, value = alternating(closed, subject.timed_run(w, "xkf", aidings=sources), turns)
+    theirs, own, value = alternating(closed, subject.timed_run(w, "xkf", sources=sources), turns)
     return [
         (observer * us, f"{ratio:.2f} x closed loop ({before * us:.3f} us)"),
         (value, f"{own * us:.3f} against {theirs * us:.3f} us per IMU sample"),
@@ -64,18 +64,20 @@ def times(alternating, turns):
 
 
 def starts():
-    """[(of 100 seeds, note)] for `STARTS`; the notes have the printed vector and the other
-    filters."""
+    """[(of 100 seeds, note)] for `STARTS`; the notes have the other filters, and of each the share
+    of the epochs from 30 s on in which its attitude is right: to be so at the end is less."""
     from strapdown_reproductions.alam import convergence
 
-    found = convergence.shares()
-    course, magnetometer = (
-        found.pop(f"NLO, {name}") for name in ("tilt-compensated course", "magnetometer")
-    )
-    return [
-        (course, ", ".join(f"{name} {count}" for name, count in found.items())),
-        (magnetometer, ""),
-    ]
+    found = {
+        label: (
+            int(np.isfinite(part["since_s"]).sum()),
+            f"{100 * part['late_share'].mean():.0f} % of the epochs from 30 s on",
+        )
+        for label, part in convergence.study().groupby("case", sort=False)
+    }
+    course, magnetometer = (found.pop(f"NLO, {name}") for name in ("library's law", "magnetometer"))
+    others = (f"{label} {count} ({share})" for label, (count, share) in found.items())
+    return [(course[0], ", ".join([course[1], *others])), magnetometer]
 
 
 def drifts():

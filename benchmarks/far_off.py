@@ -32,7 +32,7 @@ def flown(seed, truth, ideal, off, gated, name, options):
     """(heading error at the end deg, seconds until it stays below NEAR, count of repairs) of one
     run that begins `off` (deg), to the left or the right."""
     of_imu, of_gnss, of_start = np.random.default_rng(seed).spawn(3)
-    accel, gyro = WALK.bias_sd()
+    accel, gyro = WALK.bias_std()
     start = draw_start(
         truth,
         np.r_[[5.0] * 3, [0.3] * 3, np.radians([0.5, 0.5, 0.0]), [accel] * 3, [gyro] * 3],
@@ -40,7 +40,7 @@ def flown(seed, truth, ideal, off, gated, name, options):
     )
     turned = start.rph[2] + np.radians(off) * (1 if seed % 2 else -1)
     start = start._replace(
-        rph=(*start.rph[:2], turned), sd=(*start.sd[:8], np.radians(off), *start.sd[9:])
+        rph=(*start.rph[:2], turned), std=(*start.std[:8], np.radians(off), *start.std[9:])
     )
     fixes = Gnss().fixes(truth, of_gnss)
     fixes = fixes if gated else tuple(replace(source, gate=np.inf) for source in fixes)

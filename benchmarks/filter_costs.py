@@ -32,9 +32,9 @@ def compared(name):
     us, sources = 1e6 / (len(w.t) - 1), [exogenous.velocity(w)]
     if "attitude" in filter.needs:
         sources.append(navigation.attitude(w))
-    closed = subject.timed_run(w, "closed-loop", aidings=sources)
+    closed = subject.timed_run(w, "closed-loop", sources=sources)
     if 0 in filter.estimates:
-        own, scale = subject.timed_run(w, name, aidings=sources), 1.0
+        own, scale = subject.timed_run(w, name, sources=sources), 1.0
     else:
         recording = attitude.trial().recording
         own = attitude.timed_run(recording, name)

@@ -21,7 +21,7 @@ from strapdown.engine.run_batch import Keeper, RunBatch
 from strapdown.experiments.monte_carlo import batch_scoring, run_batch
 from strapdown.experiments.monte_carlo.scoring import epochs
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import Simulator
 
@@ -36,13 +36,13 @@ class Flight:
     """Eight runs of a minute with a position and a velocity fix every so many steps."""
 
     def __init__(self, every, filter="closed-loop"):
-        gnss = Gnss(interval=every / RATE, position_sd=(1.0,) * 3, velocity_sd=(0.05,) * 3)
+        gnss = Gnss(interval=every / RATE, position_std=(1.0,) * 3, velocity_std=(0.05,) * 3)
         demo = sd.scenario("demo")
         self.made = Simulator(demo.replace(duration=SECONDS, rate=RATE, gnss=gnss))
-        self.spec, self.filter = grade(self.made.scenario.imu), filter
+        self.spec, self.filter = imu_spec(self.made.scenario.imu), filter
         self.at = epochs(self.made.truth, KEPT)
-        self.shared = self.spec.shared(self.made.felt(self.spec))
-        self.streams = [RandomStream.of(1).numbered(run) for run in range(LANES)]
+        self.shared = self.spec.shared_errors(self.made.ideal_samples(self.spec))
+        self.streams = [RandomStream.of(1).numbered_child(run) for run in range(LANES)]
         self.records = [self.made.run(self.spec, stream) for stream in self.streams]
         self.steps = len(self.made.ideal.t) * LANES
 
@@ -88,7 +88,7 @@ class Flight:
         """Processor seconds of the one loop over one of the runs, rows and covariances kept."""
         run = begin(*self.asked_for())
         run.cursor.state[0].stop = len(run.samples.t)
-        go = loop.run.bound(
+        go = loop.run.bind(
             run.kernels, run.belief, run.samples, run.fixes, run.noise, run.cursor, run.out
         )
         before = time.thread_time()
@@ -155,7 +155,7 @@ def multiply_and_add(count, x):
 def peak():
     """Multiplications and additions a microsecond that a core does at most, in lanes, each rounded."""
     x, count = aligned_zeros(2 * SUMS, LANES), 20_000
-    go = multiply_and_add.for_runs(in_lanes(PEAK)).bound(count, x)
+    go = multiply_and_add.for_runs(in_lanes(PEAK)).bind(count, x)
     best = min(_timed(go) for _ in range(50))
     return 2 * SUMS * LANES * count / best / 1e6
 
@@ -225,7 +225,7 @@ def operations(every):
             observe = find(("position", "velocity")[source]).observe.py_func
             given = run.fixes.sources[source], np.inf, counted(np.zeros(12))
             y = counted(run.fixes.y[k])
-            filter.correct.py_func(belief, y, run.fixes.sd[k], kind, observe, *given)
+            filter.correct.py_func(belief, y, run.fixes.std[k], kind, observe, *given)
         counts.append(Counted.done)
     return counts[0] + (counts[1] + counts[2]) / every
 

@@ -189,11 +189,11 @@ def run_of(name):
     """(function that runs a filter and returns the seconds of its loop, kinds of its sources)."""
     if not FILTERS[name]:
         recording = attitude.trial().recording
-        return attitude.timed_run(recording, name), [a.kind for a in recording.aidings]
+        return attitude.timed_run(recording, name), [a.kind for a in recording.sources]
     w = workload.load("A").first(FILTERS[name])
     sources = (exogenous.velocity(w),) if name in VELOCITIES else ()
     options = {"components": COMPONENTS} if name == "pkf" else {}
-    run = subject.timed_run(w, name, aidings=sources, **options)
+    run = subject.timed_run(w, name, sources=sources, **options)
     return run, ["position", *(a.kind for a in sources)]
 
 

@@ -40,20 +40,20 @@ time = { column = "t", unit = "s" }
 gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
 accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 grade = "tactical"
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "alt"]
 unit = ["deg", "deg", "m"]
-sd = [1.0, 1.0, 2.0]
-[[aiding]]
+std = [1.0, 1.0, 2.0]
+[[source]]
 kind = "velocity"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["vn", "ve", "vd"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 """
 
 
@@ -154,11 +154,11 @@ def as_recording(arrays):
     t, gyro, accel, at, lla, v_n = arrays
     lla = lla * [np.pi / 180, np.pi / 180, 1.0]
     deviations = np.tile([1.0, 1.0, 2.0], (len(at), 1))
-    aidings = (
-        sd.Aiding("position", at, lla, deviations),
-        sd.Aiding("velocity", at, v_n, 0.1 * np.ones(v_n.shape)),
+    sources = (
+        sd.Source("position", at, lla, deviations),
+        sd.Source("velocity", at, v_n, 0.1 * np.ones(v_n.shape)),
     )
-    return sd.Recording.from_arrays(t, gyro, accel, aidings)
+    return sd.Recording.from_arrays(t, gyro, accel, sources)
 
 
 def csv_hour(folder, recording):
@@ -193,7 +193,7 @@ def imu_table(folder, recording):
 
 
 def nmea_hour(folder, recording):
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     moments = START + np.round(position.t * 1e3).astype("timedelta64[ms]")
     lines = []
     for moment, lla, v in zip(moments, position.y, velocity.y):
@@ -206,7 +206,7 @@ def nmea_hour(folder, recording):
 
 
 def pos_hour(folder, recording):
-    position = recording.aidings[0]
+    position = recording.sources[0]
     moments = START + np.round(position.t * 1e3 + 18_000).astype("timedelta64[ms]")
     place = position.y * [180 / np.pi, 180 / np.pi, 1.0]
     text = written_rtklib.pos(moments, place, np.full((len(place), 6), 0.02))
@@ -277,7 +277,7 @@ def repeated(solution, rows):
 
     n = len(solution.t)
     index = np.arange(rows) % n
-    trajectory = solution.trajectory.taking(index)
+    trajectory = solution.trajectory.take(index)
     later = (np.arange(rows) // n) * (solution.t[-1] - solution.t[0] + 0.01)
     return replace(
         solution,
@@ -300,7 +300,7 @@ def memory(path):
     before = processes.memory()[0]
     found = sd.read(path)
     peak = processes.memory()[1] - before
-    arrays = [*found.imu, *(each for a in found.aidings for each in (a.t, a.y, a.sd))]
+    arrays = [*found.imu, *(each for a in found.sources for each in (a.t, a.y, a.std))]
     return [peak, sum(each.nbytes for each in arrays)]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import subject
 import workload
 
-AHRS_SD = np.radians([0.3, 0.3, 1.0])
+AHRS_STD = np.radians([0.3, 0.3, 1.0])
 """Of the attitude record: white errors of roll, pitch and heading, rad."""
 TIMES = {"navigation, mekf time": "mekf", "navigation, fixed-gain time": "fixed-gain"}
 """Figure and filter, which runs in turns with the closed loop on the same sources."""
@@ -22,13 +22,13 @@ CONSISTENT = [
 
 
 def attitude(w, seed=1):
-    """The attitude record of a workload: its truth once a second, with white errors (Aiding)."""
+    """The attitude record of a workload: its truth once a second, with white errors (Source)."""
     import strapdown as sd
 
     rows = np.searchsorted(w.t, np.arange(1, int(w.t[-1]) + 1) - 0.5 * w.dt)
-    errors = np.random.default_rng(seed).standard_normal((len(rows), 3)) * AHRS_SD
-    return sd.Aiding(
-        "attitude", w.t[rows], w.rph[rows] + errors, np.tile(AHRS_SD, (len(rows), 1)), gate=np.inf
+    errors = np.random.default_rng(seed).standard_normal((len(rows), 3)) * AHRS_STD
+    return sd.Source(
+        "attitude", w.t[rows], w.rph[rows] + errors, np.tile(AHRS_STD, (len(rows), 1)), gate=np.inf
     )
 
 
@@ -39,8 +39,8 @@ def times(alternating, turns):
     sources, found = (attitude(w),), []
     for name in TIMES.values():
         closed, own, value = alternating(
-            subject.timed_run(w, "closed-loop", aidings=sources),
-            subject.timed_run(w, name, aidings=sources),
+            subject.timed_run(w, "closed-loop", sources=sources),
+            subject.timed_run(w, name, sources=sources),
             turns,
         )
         samples = len(w.t) - 1

@@ -23,7 +23,7 @@ class Estimate(NamedTuple):
     lla: np.ndarray  # (n, 3) rad, rad, m
     v: np.ndarray  # (n, 3) NED, m/s
     C: np.ndarray  # (n, 3, 3) body to navigation frame
-    sd: np.ndarray  # (n, 3) claimed standard deviations of the position, NED, m
+    std: np.ndarray  # (n, 3) claimed standard deviations of the position, NED, m
 
 
 class Result(NamedTuple):
@@ -69,15 +69,15 @@ def _pyins_setup(w):
     imu = pd.DataFrame(np.c_[w.dtheta, w.dv], index=w.t, columns=util.GYRO_COLS + util.ACCEL_COLS)
     models = {
         f"{sensor}_model": inertial_sensor.EstimationModel(
-            p[sensor + "_bias_sd"], p[sensor + "_noise"], p[sensor + "_bias_walk"]
+            p[sensor + "_bias_std"], p[sensor + "_noise"], p[sensor + "_bias_walk"]
         )
         for sensor in ("gyro", "accel")
     }
     fixes = pd.DataFrame(w.fix * degrees, index=w.fix_t, columns=util.LLA_COLS)
-    models["measurements"] = [measurements.Position(fixes, p["gnss_sd"])]
+    models["measurements"] = [measurements.Position(fixes, p["gnss_std"])]
     return (
         start,
-        [p[key] for key in ("pos_sd", "vel_sd", "level_sd", "azimuth_sd")],
+        [p[key] for key in ("pos_std", "vel_std", "level_std", "azimuth_std")],
         strapdown.compute_increments_from_imu(imu, "increment"),
         models,
     )
@@ -88,7 +88,7 @@ def _pyins_result(w, seconds, result):
 
     trajectory, t = result.trajectory, result.trajectory.index.to_numpy(float)
     # it says them at 10 Hz
-    sd = [
+    std = [
         np.interp(t, result.trajectory_sd.index, result.trajectory_sd[name])
         for name in util.NED_COLS
     ]
@@ -96,7 +96,7 @@ def _pyins_result(w, seconds, result):
     lla = trajectory[util.LLA_COLS].to_numpy() * [DEG, DEG, 1.0]
     C = transform.mat_from_rph(trajectory[util.RPH_COLS].to_numpy())
     v = trajectory[util.VEL_COLS].to_numpy()
-    return judged(w, seconds, t, lla, v, C, np.column_stack(sd))
+    return judged(w, seconds, t, lla, v, C, np.column_stack(std))
 
 
 def pyins_feedback(workload, seconds=60.0):
@@ -104,9 +104,9 @@ def pyins_feedback(workload, seconds=60.0):
     from pyins import filters
 
     w = workload.first(seconds)
-    start, sd, increments, models = _pyins_setup(w)
+    start, std, increments, models = _pyins_setup(w)
     begin = time.process_time()
-    result = filters.run_feedback_filter(start, *sd, increments, **models)
+    result = filters.run_feedback_filter(start, *std, increments, **models)
     return _pyins_result(w, time.process_time() - begin, result)
 
 
@@ -115,10 +115,10 @@ def pyins_feedforward(workload, seconds=60.0):
     from pyins import filters, strapdown
 
     w = workload.first(seconds)
-    start, sd, increments, models = _pyins_setup(w)
+    start, std, increments, models = _pyins_setup(w)
     begin = time.process_time()
     nominal = strapdown.Integrator(start).integrate(increments)
-    result = filters.run_feedforward_filter(nominal, nominal, *sd, **models)
+    result = filters.run_feedforward_filter(nominal, nominal, *std, **models)
     return _pyins_result(w, time.process_time() - begin, result)
 
 
@@ -151,7 +151,7 @@ def smsfusion_aided(workload, seconds=1800.0):
     ins = smsfusion.AidedINS(
         1 / w.dt,
         x,
-        np.diag(w.sd**2),
+        np.diag(w.std**2),
         *errors,
         g=smsfusion.gravity(origin[0] / DEG),
         ignore_bias_acc=False,
@@ -161,19 +161,19 @@ def smsfusion_aided(workload, seconds=1800.0):
         w.dv / w.dt,
         w.dtheta / w.dt,
         (w.fix - origin) * scale,
-        np.full(3, p["gnss_sd"] ** 2),
+        np.full(3, p["gnss_std"] ** 2),
     )
     fix_of = dict(zip(np.rint((w.fix_t - w.t[0]) / w.dt).astype(int), fixes))
-    states, sd = np.empty((len(w.t) - 1, 16)), np.empty((len(w.t) - 1, 3))
+    states, std = np.empty((len(w.t) - 1, 16)), np.empty((len(w.t) - 1, 3))
     begin = time.process_time()
     # sample k + 1 leads from t[k] to t[k+1]; the fix of t[k] comes first
     for k in range(len(states)):
         fix = fix_of.get(k)
         ins.update(f[k + 1], omega[k + 1], pos=fix, pos_var=None if fix is None else variance)
-        states[k], sd[k] = ins.x, np.sqrt(ins.P.diagonal()[:3])
+        states[k], std[k] = ins.x, np.sqrt(ins.P.diagonal()[:3])
     took = time.process_time() - begin
     C = Rotation.from_quat(states[:, [7, 8, 9, 6]]).as_matrix()
-    return judged(w, took, w.t[:-1], origin + states[:, :3] / scale, states[:, 3:6], C, sd)
+    return judged(w, took, w.t[:-1], origin + states[:, :3] / scale, states[:, 3:6], C, std)
 
 
 def _rotation(r):
@@ -246,7 +246,7 @@ class _Unscented:
         points = MerweScaledSigmaPoints(15, alpha=1.0, beta=0.0, kappa=0.0)
         self.filter = UnscentedKalmanFilter(15, 3, w.dt, lambda x: x[:3], self.move, points)
         self.filter.x = np.r_[np.zeros(3), w.start[1], np.zeros(9)]
-        self.filter.P, self.filter.R = np.diag(w.sd**2), np.eye(3) * p["gnss_sd"] ** 2
+        self.filter.P, self.filter.R = np.diag(w.std**2), np.eye(3) * p["gnss_std"] ** 2
         self.filter.Q = np.diag(
             np.repeat(
                 [0, p["accel_noise"], p["gyro_noise"], p["accel_bias_walk"], p["gyro_bias_walk"]], 3
@@ -278,8 +278,8 @@ class _Unscented:
             self.filter.update((fix - self.origin) * self.scale)
         self.C = _rotation(self.filter.x[6:9]) @ new
         self.filter.x[6:9] = 0.0
-        sd = np.sqrt(self.filter.P.diagonal()[:3])
-        return self.origin + self.filter.x[:3] / self.scale, self.filter.x[3:6], self.C, sd
+        std = np.sqrt(self.filter.P.diagonal()[:3])
+        return self.origin + self.filter.x[:3] / self.scale, self.filter.x[3:6], self.C, std
 
 
 def filterpy_ukf(workload, seconds=5.0):
@@ -287,11 +287,11 @@ def filterpy_ukf(workload, seconds=5.0):
     w = workload.first(seconds)
     ukf, n = _Unscented(w), len(w.t) - 1
     fix_of = dict(zip(np.rint((w.fix_t - w.t[0]) / w.dt).astype(int), w.fix))
-    lla, v, C, sd = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+    lla, v, C, std = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
     begin = time.process_time()
     for k in range(n):
-        lla[k], v[k], C[k], sd[k] = ukf.step(w.dtheta[k + 1], w.dv[k + 1], fix_of.get(k + 1))
-    return judged(w, time.process_time() - begin, w.t[1:], lla, v, C, sd)
+        lla[k], v[k], C[k], std[k] = ukf.step(w.dtheta[k + 1], w.dv[k + 1], fix_of.get(k + 1))
+    return judged(w, time.process_time() - begin, w.t[1:], lla, v, C, std)
 
 
 RUNS = (

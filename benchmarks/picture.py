@@ -60,7 +60,7 @@ def drawn():
 def _plan(recording, filtered, smoothed):
     origin = recording.reference.lla[:1]
     places = lambda lla: displacement(lla, np.broadcast_to(origin, lla.shape))[:, 1::-1] / 1000
-    (fixes,) = (places(a.y[_in(SHOWN, a.t)]) for a in recording.aidings if a.kind == "position")
+    (fixes,) = (places(a.y[_in(SHOWN, a.t)]) for a in recording.sources if a.kind == "position")
     tracks = {"closed-loop": filtered, "smoothed": smoothed}
     reference = recording.reference
     truth = places(reference.lla[_in(SHOWN, reference.t)][::20])
@@ -135,7 +135,7 @@ def _ellipses(solution, points, scale):
     found = []
     for t in np.arange(OUTAGE[0] + 5, OUTAGE[1] + 0.1, 5):
         i = int(np.argmin(np.abs(solution.t - t)))
-        north, east = 3 * solution.trajectory.sd[i, :2] / 1000 * scale
+        north, east = 3 * solution.trajectory.std[i, :2] / 1000 * scale
         x, y = points[i]
         found.append(
             f'<ellipse cx="{x:.1f}" cy="{y:.1f}" rx="{east:.1f}" ry="{north:.1f}" '
@@ -149,11 +149,11 @@ def _in(window, t):
 
 
 def _east(errors, solution):
-    return errors.position[:, 1], solution.trajectory.sd[:, 1]
+    return errors.position[:, 1], solution.trajectory.std[:, 1]
 
 
 def _heading(errors, solution):
-    return np.degrees(errors.rph[:, 2]), np.degrees(solution.trajectory.sd[:, 8])
+    return np.degrees(errors.rph[:, 2]), np.degrees(solution.trajectory.std[:, 8])
 
 
 def _tick(largest):

@@ -36,7 +36,7 @@ FOLDER, PAGE = ROOT / "build" / "recorded-peers", ROOT / "docs/reference/evidenc
 MARK = "<!-- begin: table of python benchmarks/recorded_peers.py -->"
 BIAS = {"gyro": 1.0 * DEG, "accel": 0.3}
 """rad/s, m/s^2: what all know of the biases at the start where the IMU is not better."""
-START = dict(vel_sd=0.5, level_sd=2.0, azimuth_sd=5.0)
+START = dict(vel_std=0.5, level_std=2.0, azimuth_std=5.0)
 """m/s, deg: of the start, which is at the reference or, for the car, at a solution with all fixes."""
 DECIMATED = 3
 """Samples of BROAD that make one, 95 Hz of 286: the slow peers take milliseconds for each."""
@@ -82,10 +82,10 @@ def in_the_hand(path):
     return made(name, recording, start - 5.0, stop, step, 0.1, outages, (start, stop), True)
 
 
-def made(name, recording, start, stop, step, fix_sd, outages, scored, attitude):
+def made(name, recording, start, stop, step, fix_std, outages, scored, attitude):
     """The Trial of a recording between two times: samples on a grid of `step` s that its fixes lie
     on, by interpolation of what they add up to."""
-    (position,) = (a for a in recording.aidings if a.kind == "position")
+    (position,) = (a for a in recording.sources if a.kind == "position")
     inside = (position.t > start) & (position.t < stop)
     first = position.t[inside][0]
     t = first + step * np.arange(int((stop - first) / step))
@@ -99,18 +99,18 @@ def made(name, recording, start, stop, step, fix_sd, outages, scored, attitude):
 
     k = np.rint((position.t[inside] - first) / step).astype(int)
     on = (k > 0) & (k < len(t)) & (np.abs(position.t[inside] - first - k * step) < step / 2)
-    grade = sd.grade(recording.meta["grade"])
-    parameters = dict(START, gnss_sd=fix_sd, pos_sd=max(fix_sd, 0.1))
+    grade = sd.imu(recording.meta["grade"])
+    parameters = dict(START, gnss_std=fix_std, pos_std=max(fix_std, 0.1))
     for sensor, triad in (("gyro", grade.gyro), ("accel", grade.accel)):
         parameters |= {
             f"{sensor}_noise": triad.noise,
-            f"{sensor}_bias_sd": min(BIAS[sensor], triad.turn_on_bias),
+            f"{sensor}_bias_std": min(BIAS[sensor], triad.turn_on_bias),
             f"{sensor}_bias_walk": max(triad.bias_walk, 1e-7),
         }
     p = parameters
-    deviations = (p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"])
-    sds = np.repeat([*deviations, p["gyro_bias_sd"]], 3)
-    sds[8] = p["azimuth_sd"] * DEG
+    deviations = (p["pos_std"], p["vel_std"], p["level_std"] * DEG, p["accel_bias_std"])
+    stds = np.repeat([*deviations, p["gyro_bias_std"]], 3)
+    stds[8] = p["azimuth_std"] * DEG
     workload = Workload(
         name,
         step,
@@ -123,7 +123,7 @@ def made(name, recording, start, stop, step, fix_sd, outages, scored, attitude):
         t[k[on]],
         position.y[inside][on],
         _state(recording, first, attitude),
-        sds,
+        stds,
         parameters,
     )
     return Trial(workload, outages, recording.reference, attitude, scored)
@@ -148,7 +148,7 @@ def strapdown_run(workload, _=np.inf):
     seconds = subject.timed_run(workload, "closed-loop")
     took = min(seconds() for _ in range(20))  # a loop of milliseconds, on a machine with other work
     return peers.judged(
-        workload, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.sd[:, :3]
+        workload, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :3]
     )
 
 
@@ -190,7 +190,7 @@ def figures(trial, estimate, windows):
     error = displacement(estimate.lla[known], truth.lla[at])
     size = lambda e: float(np.sqrt((e**2).sum(axis=1).mean()))
     found["position"] = size(error)
-    scaled = np.abs(error / estimate.sd[known])
+    scaled = np.abs(error / estimate.std[known])
     found["within"] = 100 * float((scaled <= 3).mean())
     found["ratio"] = float(np.sqrt((scaled**2).mean()))
     if truth.v_n is not None and np.isfinite(truth.v_n[at]).all():
@@ -232,8 +232,8 @@ HEADER = (
     "in outages: position, m",
     "velocity, m/s",
     "attitude, deg",
-    "within 3 sd, %",
-    "error over sd",
+    "within 3 std, %",
+    "error over std",
 )
 
 

@@ -57,7 +57,7 @@ def repeated(solution, seconds):
     old, fixes = solution.trajectory, solution.innovations
     trajectory = type(old)(
         tiled(old.t, True),
-        *(tiled(values) for values in (old.lla, old.v_n, old.q_nb, old.sd)),
+        *(tiled(values) for values in (old.lla, old.v_n, old.q_nb, old.std)),
     )
     again = {
         name: tiled(values, True if name == "t" else None)

@@ -152,8 +152,8 @@ STUDIES = (
             "robust, a tenth of the fixes wrong": measured(NOISE["robust outliers"]),
             "robust, clean fixes": measured(NOISE["robust clean"]),
             "adaptive, clean fixes": measured(NOISE["adaptive clean"]),
-            "hidden fixes within 1 sd, tuned": measured(NOISE["coverage 1"]),
-            "hidden fixes within 3 sd, tuned": measured(NOISE["coverage 3"]),
+            "hidden fixes within 1 std, tuned": measured(NOISE["coverage 1"]),
+            "hidden fixes within 3 std, tuned": measured(NOISE["coverage 3"]),
         },
     ),
     Study(
@@ -193,7 +193,7 @@ def read(study):
     """[(value, note)] for the figures of a study. Raises ValueError that names a figure whose page
     does not hold it."""
     page, mark = place(study)
-    text = markdown.inserted(page, mark)
+    text = markdown.read_marked(page, mark)
     where = page.relative_to(ROOT)
     note = f"{where} as of {last_change(page, mark)}, strapdown reproduce {study.name}"
     found = []

@@ -13,13 +13,13 @@ gyro = { columns = ["x", "y", "z"], unit = "rad" }
 accel = { columns = ["vx", "vy", "vz"], unit = "m/s" }
 grade = "tactical"
 
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "alt"]
 unit = ["deg", "deg", "m"]
-sd = [1.0, 1.0, 1.0]
+std = [1.0, 1.0, 1.0]
 """
 
 
@@ -44,7 +44,7 @@ def start(workload):
         tuple(rph),
         (0.0,) * 3,
         (0.0,) * 3,
-        tuple(workload.sd),
+        tuple(workload.std),
     )
 
 
@@ -52,16 +52,16 @@ def fixes(workload):
     """The position fixes; without gate, since the yardstick has none."""
     import strapdown as sd
 
-    return sd.Aiding(
+    return sd.Source(
         "position",
         workload.fix_t,
         workload.fix,
-        np.full(workload.fix.shape, workload.parameters["gnss_sd"]),
+        np.full(workload.fix.shape, workload.parameters["gnss_std"]),
         gate=np.inf,
     )
 
 
-def recording(workload, *aidings):
+def recording(workload, *sources):
     """strapdown's Recording of the workload, with these sources beside its position fixes."""
     import strapdown as sd
 
@@ -69,7 +69,7 @@ def recording(workload, *aidings):
         workload.t[1:],
         workload.dtheta[1:],
         workload.dv[1:],
-        aidings=[fixes(workload), *aidings],
+        sources=[fixes(workload), *sources],
         kind="increment",
     )
 
@@ -93,10 +93,10 @@ def accuracy(workload, name):
     return score(workload, path.t, path.lla, path.v_n, path.rotation.as_matrix())
 
 
-def timed_run(workload, name, every=1, aidings=(), estimate=None, **options):
+def timed_run(workload, name, every=1, sources=(), estimate=None, **options):
     """A function that runs filter `name` over the whole workload and returns the seconds of the
     compiled loop; every `every`-th sample is stored, where it is not each of them with its
-    covariance as in a study. `aidings` are sources beside the position fixes, `estimate` what of the
+    covariance as in a study. `sources` are sources beside the position fixes, `estimate` what of the
     installation are states.
 
     As with the yardstick, compiling, the start and the output arrays are there before the clock
@@ -105,7 +105,7 @@ def timed_run(workload, name, every=1, aidings=(), estimate=None, **options):
     from strapdown.engine.options import run_options
 
     log, at_start, densities = (
-        recording(workload, *aidings),
+        recording(workload, *sources),
         start(workload),
         noise(workload.parameters),
     )
@@ -158,16 +158,16 @@ def stream_times(workload):
         "closed-loop",
         start=start(workload),
         noise=noise(workload.parameters),
-        aidings=[fixes(workload)],
+        sources=[fixes(workload)],
     )
-    deviation, samples = (workload.parameters["gnss_sd"],) * 3, []
+    deviation, samples = (workload.parameters["gnss_std"],) * 3, []
     for t, dtheta, dv in zip(
         workload.t[1:].tolist(), workload.dtheta[1:].tolist(), workload.dv[1:].tolist()
     ):
         samples.append(sd.Sample(t, workload.dt, tuple(dtheta), tuple(dv)))
     each, plain, both = len(samples) // len(workload.fix_t), [], []
     for k, (t, y) in enumerate(zip(workload.fix_t.tolist(), workload.fix.tolist())):
-        fix, block = sd.Fix(t, 0, tuple(y), deviation), samples[k * each : (k + 1) * each]
+        fix, block = sd.Measurement(t, 0, tuple(y), deviation), samples[k * each : (k + 1) * each]
         begin = time.perf_counter()
         for sample in block[:-1]:
             stream.step(sample)

@@ -25,26 +25,26 @@ DEG, HOUR = np.pi / 180, 3600.0
 TACTICAL = dict(
     gyro_noise=0.2 * (DEG / 60),
     accel_noise=0.05 / 60,  # rad/sqrt(s), m/s/sqrt(s): 0.2 deg/sqrt(h), 0.05 m/s/sqrt(h)
-    gyro_bias_sd=30 * DEG / HOUR,
-    accel_bias_sd=0.02,  # rad/s, m/s^2
+    gyro_bias_std=30 * DEG / HOUR,
+    accel_bias_std=0.02,  # rad/s, m/s^2
     gyro_bias_walk=6 * DEG / HOUR / 60,
     accel_bias_walk=0.002 / 60,  # rad/s/sqrt(s), m/s^2/sqrt(s)
-    gnss_sd=1.0,
-    pos_sd=2.0,
-    vel_sd=0.2,
-    level_sd=0.5,
-    azimuth_sd=2.0,
+    gnss_std=1.0,
+    pos_std=2.0,
+    vel_std=0.2,
+    level_std=0.5,
+    azimuth_std=2.0,
 )  # m, m, m/s, deg, deg
 NAVIGATION = dict(
     TACTICAL,
     gyro_noise=0.002 * (DEG / 60),
     accel_noise=0.003 / 60,
-    gyro_bias_sd=0.01 * DEG / HOUR,
-    accel_bias_sd=50e-5,
+    gyro_bias_std=0.01 * DEG / HOUR,
+    accel_bias_std=50e-5,
     gyro_bias_walk=0.003 * DEG / HOUR / 60,
     accel_bias_walk=10e-5 / 60,
-    level_sd=0.02,
-    azimuth_sd=0.1,
+    level_std=0.02,
+    azimuth_std=0.1,
 )
 
 
@@ -80,7 +80,7 @@ class Workload(NamedTuple):
     fix_t: np.ndarray  # (m,) s
     fix: np.ndarray  # (m, 3) rad, rad, m
     start: tuple  # perturbed initial lla, v, rph
-    sd: np.ndarray  # 15 initial standard deviations
+    std: np.ndarray  # 15 initial standard deviations
     parameters: dict  # as above: SI, initial angles in deg
 
     def first(self, seconds):
@@ -125,14 +125,14 @@ def motion(t):
 
 def simulate(recipe, duration=1800.0):
     """Arrays of one workload as they are stored: degrees for angles of position, attitude and
-    their sd, else SI."""
+    their std, else SI."""
     from pyins import inertial_sensor, sim, util
 
     p, rng = recipe.parameters, np.random.RandomState(recipe.seed)
     t = np.arange(round(duration * recipe.rate) + 1) / recipe.rate
     v, rph = motion(t)
     truth, ideal = sim.generate_imu(t, [45.0, 10.0, 500.0], rph, v, "increment")
-    bias = {sensor: p[sensor + "_bias_sd"] * rng.randn(3) for sensor in ("gyro", "accel")}
+    bias = {sensor: p[sensor + "_bias_std"] * rng.randn(3) for sensor in ("gyro", "accel")}
     errors = [
         inertial_sensor.Parameters(
             None, bias[sensor], p[sensor + "_noise"], p[sensor + "_bias_walk"], rng
@@ -141,12 +141,12 @@ def simulate(recipe, duration=1800.0):
     ]
     imu = inertial_sensor.apply_imu_parameters(ideal, "increment", *errors)
     fixes = sim.generate_position_measurements(
-        truth.iloc[recipe.fix_every :: recipe.fix_every], p["gnss_sd"], rng
+        truth.iloc[recipe.fix_every :: recipe.fix_every], p["gnss_std"], rng
     )
     start = sim.perturb_pva(
         truth.iloc[0],
         sim.generate_pva_error(
-            *(p[key] for key in ("pos_sd", "vel_sd", "level_sd", "azimuth_sd")), rng
+            *(p[key] for key in ("pos_std", "vel_std", "level_std", "azimuth_std")), rng
         ),
     )
     columns = {"lla": util.LLA_COLS, "vel": util.VEL_COLS, "rph": util.RPH_COLS}
@@ -192,10 +192,11 @@ def from_stored(name, w):
     """Workload from arrays in the units of `simulate`."""
     p = {key: float(w[key]) for key in TACTICAL}
     scale = np.array([DEG, DEG, 1.0])
-    sd = np.repeat(
-        [p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"], p["gyro_bias_sd"]], 3
+    std = np.repeat(
+        [p["pos_std"], p["vel_std"], p["level_std"] * DEG, p["accel_bias_std"], p["gyro_bias_std"]],
+        3,
     )
-    sd[8] = p["azimuth_sd"] * DEG
+    std[8] = p["azimuth_std"] * DEG
     return Workload(
         name,
         1 / float(w["rate"]),
@@ -208,7 +209,7 @@ def from_stored(name, w):
         w["gnss_time"],
         w["gnss_lla"] * scale,
         (w["init_lla"] * scale, w["init_vel"], w["init_rph"] * DEG),
-        sd,
+        std,
         p,
     )
 
@@ -291,7 +292,7 @@ def repeated(piece, seconds, seed=1):
     t /= rate
     for name, sensor in (("dtheta", "gyro"), ("dv", "accel")):
         column = increments[name] = np.zeros((n + 1, 3))
-        bias = p[sensor + "_bias_sd"] * rng.standard_normal(3) / rate
+        bias = p[sensor + "_bias_std"] * rng.standard_normal(3) / rate
         for first in range(1, n + 1, rows):
             part = column[first : first + rows]
             rng.standard_normal(out=part)
@@ -299,13 +300,14 @@ def repeated(piece, seconds, seed=1):
             part += piece[name][: len(part)] + bias
     fix_t = np.arange(1.0, seconds + 1)
     north, east = round_scale(piece)
-    fix = round_position(piece, fix_t) + rng.standard_normal((len(fix_t), 3)) * p["gnss_sd"] / [
+    fix = round_position(piece, fix_t) + rng.standard_normal((len(fix_t), 3)) * p["gnss_std"] / [
         north,
         east,
         1.0,
     ]
-    sd = np.repeat(
-        [p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"], p["gyro_bias_sd"]], 3
+    std = np.repeat(
+        [p["pos_std"], p["vel_std"], p["level_std"] * DEG, p["accel_bias_std"], p["gyro_bias_std"]],
+        3,
     )
     return Workload(
         "day",
@@ -319,7 +321,7 @@ def repeated(piece, seconds, seed=1):
         fix_t,
         fix,
         (piece["lla"][0], piece["v"], piece["rph"]),
-        sd,
+        std,
         p,
     )
 

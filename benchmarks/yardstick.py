@@ -58,7 +58,7 @@ def run(
     end of sample k, or -1."""
     lat, lon, alt = start_lla
     vn, ve, vd = start_v
-    C, P, W, x, K, ba, bg = (
+    C, P, W, x, K, b_a, b_g = (
         start_C.copy(),
         start_P.copy(),
         np.empty((15, 15)),
@@ -87,8 +87,12 @@ def run(
         td = -tn * sine / cosine
         wn, we, wd = (en + tn) * dt, te * dt, (ed + td) * dt  # rotation of n, rad
         cn, ce, cd = wn + en * dt, we, wd + ed * dt  # with Coriolis, rad
-        ax, ay, az = dtheta[k, 0] - bg[0] * dt, dtheta[k, 1] - bg[1] * dt, dtheta[k, 2] - bg[2] * dt
-        bx, by, bz = dv[k, 0] - ba[0] * dt, dv[k, 1] - ba[1] * dt, dv[k, 2] - ba[2] * dt
+        ax, ay, az = (
+            dtheta[k, 0] - b_g[0] * dt,
+            dtheta[k, 1] - b_g[1] * dt,
+            dtheta[k, 2] - b_g[2] * dt,
+        )
+        bx, by, bz = dv[k, 0] - b_a[0] * dt, dv[k, 1] - b_a[1] * dt, dv[k, 2] - b_a[2] * dt
         sx, sy, sz = (
             bx + (ay * bz - az * by) / 2,
             by + (az * bx - ax * bz) / 2,
@@ -169,8 +173,8 @@ def run(
             product(R, C, T)
             C[:] = T
             for i in range(3):
-                ba[i] += x[9 + i]
-                bg[i] += x[12 + i]
+                b_a[i] += x[9 + i]
+                b_g[i] += x[12 + i]
         out_lla[k, 0], out_lla[k, 1], out_lla[k, 2] = lat, lon, alt
         out_v[k, 0], out_v[k, 1], out_v[k, 2] = vn, ve, vd
         out_C[k] = C
@@ -196,11 +200,11 @@ def arguments(workload):
         dt,
         fix_of,
         workload.fix.copy(),
-        p["gnss_sd"] ** 2,
+        p["gnss_std"] ** 2,
         lla,
         v,
         C,
-        np.diag(workload.sd**2),
+        np.diag(workload.std**2),
         np.repeat(densities, 3) ** 2 * dt,
     )
     return inputs, (np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 15)))

@@ -209,7 +209,7 @@ def kernel_functions(source: str) -> dict[str, str]:
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.FunctionDef)
         and any(
-            re.match(r"kernel|helper|inlined", ast.unparse(each)) for each in node.decorator_list
+            re.match(r"kernel|helper|inline", ast.unparse(each)) for each in node.decorator_list
         )
     }
 

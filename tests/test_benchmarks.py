@@ -124,7 +124,7 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(library, "in_c", lambda: 0.5)
     monkeypatch.setattr(library, "in_python", lambda: 1.5)
     claims = [{"value": 0.45}] * 13
-    monkeypatch.setattr(bench.recordings, "scored", lambda *_: (claims, {}, []))
+    monkeypatch.setattr(bench.recordings, "score_recordings", lambda *_: (claims, {}, []))
     monkeypatch.setattr(reproduced, "read", lambda study: [(9.0, "")] * len(study.figures))
     for name in ("calibrate_installation", "tune"):
         monkeypatch.setattr(bench.sd, name, lambda *_: SimpleNamespace(runs=3))
@@ -225,7 +225,8 @@ def test_without_the_data_folder_all_figures_say_the_same(monkeypatch, tmp_path)
     monkeypatch.setenv("STRAPDOWN_DATA", str(tmp_path / "absent"))
     book = bench.Book()
     book.measure(
-        ["thor75 roll"], lambda: bench.recordings.scored(bench.recordings.DESCRIPTIONS, tmp_path)
+        ["thor75 roll"],
+        lambda: bench.recordings.score_recordings(bench.recordings.DESCRIPTIONS, tmp_path),
     )
     book.measure(["attitude, BROAD MEKF mean"], attitude.accuracy)
     book.run("attitude", "Attitude", lambda book: attitude.trial())
@@ -339,11 +340,11 @@ def test_yardstick_mechanisation_follows_the_simulator(short):
 
 @pytest.mark.short
 def test_yardstick_step_is_the_textbook_one(short):
-    w, sd = short.first(short.dt), short.sd
+    w, std = short.first(short.dt), short.std
     correlation = np.corrcoef(np.random.default_rng(3).standard_normal((15, 40)))
     arguments = lambda w: (
         *yardstick.arguments(w)[0][:-2],
-        correlation * np.outer(sd, sd),
+        correlation * np.outer(std, std),
         yardstick.arguments(w)[0][-1],
     )
     (dtheta, dv, dt, _, fix, r, lla, v, C, P, q), outputs = arguments(w), yardstick.arguments(w)[1]
@@ -383,4 +384,4 @@ def test_yardstick_and_closed_loop_agree(short):
     ours = subject.fuse(short, "closed-loop").trajectory
     apart = (ours.lla - outputs[0]) * [6.37e6, 4.5e6, 1]
     assert np.abs(apart).max() < 0.02
-    assert np.allclose(ours.sd[-1, :6], np.sqrt(outputs[3][-1, :6]), rtol=0.02)
+    assert np.allclose(ours.std[-1, :6], np.sqrt(outputs[3][-1, :6]), rtol=0.02)

@@ -57,14 +57,14 @@ def test_numbers_out_of_their_bounds(value, bounds, said):
 
 
 def test_arrays():
-    assert check_array([1, 2], "sd", (2,)).dtype == float
+    assert check_array([1, 2], "std", (2,)).dtype == float
     assert check_array(np.eye(3), "C", (None, 3)).shape == (3, 3)
     assert np.isnan(check_array([NAN], "y", (1,), finite=False)).all()
     for value, shape in (([1, 2], (3,)), ([1, NAN], (2,)), ("x", (1,)), ([[1], [1, 2]], (2, None))):
-        with pytest.raises(DataError, match="^sd is .*; it must be .* finite numbers$"):
-            check_array(value, "sd", shape)
-    with pytest.raises(DataError, match=r"sd is of shape .1000,.; it must be 3 finite numbers"):
-        check_array(list(range(1000)), "sd", (3,))
+        with pytest.raises(DataError, match="^std is .*; it must be .* finite numbers$"):
+            check_array(value, "std", shape)
+    with pytest.raises(DataError, match=r"std is of shape .1000,.; it must be 3 finite numbers"):
+        check_array(list(range(1000)), "std", (3,))
 
 
 def test_words():

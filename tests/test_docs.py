@@ -8,56 +8,24 @@ stay: it runs in a process of its own.
 """
 
 import io
+import os
 import re
 import shlex
 import subprocess
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
+import typed_blocks
+from page_blocks import FENCE, PAGES, blocks
 
 import strapdown
 from strapdown.cli import app
 from strapdown.io.locate import data_folder as find_data_folder
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [
-    ROOT / "README.md",
-    *sorted((ROOT / "docs").rglob("*.md")),
-    ROOT / "benchmarks" / "README.md",
-]
-FENCE = re.compile(r"^```(\w+)?([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]+\]\(([^)\s]+)\)")
-
-
-class Block(NamedTuple):
-    """A fenced block: its language, what else its fence says, its text and the line where the
-    text begins."""
-
-    language: str
-    flags: tuple
-    text: str
-    line: int
-
-    @property
-    def needs_data(self):
-        return "needs-data" in self.flags
-
-    @property
-    def file(self):
-        """The file that the block is, or nothing."""
-        return next((flag[5:] for flag in self.flags if flag.startswith("file=")), "")
-
-
-def blocks(page):
-    """All fenced blocks of a page."""
-    text = page.read_text(encoding="utf-8")
-    return [
-        Block(m[1] or "", tuple(m[2].split()), m[3], text.count("\n", 0, m.start()) + 2)
-        for m in FENCE.finditer(text)
-    ]
 
 
 def executable(page):
@@ -103,8 +71,13 @@ def run_page(page, found, folder, monkeypatch):
 
 def run_page_alone(page, folder):
     """The page in a process of its own, which begins in the folder, as a user's would."""
+    path = os.pathsep.join([str(ROOT / "docs" / "_site"), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
-        [sys.executable, __file__, str(page)], cwd=folder, capture_output=True, text=True
+        [sys.executable, __file__, str(page)],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
 
@@ -168,6 +141,22 @@ def test_examples_on_recorded_data_run(page, tmp_path, monkeypatch, data_folder)
 
 
 @pytest.mark.short
+def test_all_examples_are_shown_to_the_type_checkers(tmp_path):
+    typed_blocks.write(tmp_path)
+    shown = {file.stem: file.read_text("utf-8").splitlines() for file in tmp_path.iterdir()}
+    for page in PAGES:
+        for block in (block for block in blocks(page) if block.language == "python"):
+            name = Path(block.file).stem or typed_blocks.module_name(page)
+            lines = block.text.splitlines()
+            assert shown[name][block.line - 1 : block.line - 1 + len(lines)] == lines
+    (fuse,) = [lines for name, lines in shown.items() if name.endswith("engine_batch")]
+    source = (ROOT / "src/strapdown/engine/batch.py").read_text("utf-8").splitlines()
+    (line,) = [k for k, text in enumerate(fuse) if "sd.fuse(" in text]
+    assert source[line].strip() == f">>> {fuse[line]}"
+    assert not any("type: ignore" in line for lines in shown.values() for line in lines)
+
+
+@pytest.mark.short
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
 def test_links_lead_somewhere(page):
     for target in LINK.findall(prose(page)):
@@ -221,7 +210,7 @@ def test_every_command_option_filter_and_kind_is_mentioned():
     from typer.main import get_command
 
     from strapdown import aiding, filters
-    from strapdown.sensor_models.imu import grades
+    from strapdown.sensor_models.imu import imus
 
     text, commands = whole(), get_command(app.app).commands
     expected = [f"strapdown {name}" for name in commands]
@@ -233,7 +222,7 @@ def test_every_command_option_filter_and_kind_is_mentioned():
         if option.startswith("--")
     }
     expected += sorted(options - {"--help"})
-    expected += [f"`{name}`" for name in (*filters.own_names(), *aiding.names(), *grades())]
+    expected += [f"`{name}`" for name in (*filters.own_names(), *aiding.names(), *imus())]
     missing = [name for name in expected if name not in text]
     assert not missing, f"not a word in docs/ on {', '.join(missing)}"
 

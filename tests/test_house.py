@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 import typing
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -30,16 +31,22 @@ def test_the_rooms_can_be_counted():
     assert len(rooms) <= 25 and len(modules) <= 6
 
 
+def test_no_two_files_of_tests_have_one_name():
+    """pytest imports them by name, and refuses the second."""
+    names = Counter(file.name for file in Path(__file__).parent.rglob("test_*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
+
+
 def test_public_names_are_those_of_the_stub():
     """Type checkers read __init__.pyi, Python loads by it: each name must be what its module has."""
     tree = ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
     listed = {
         alias.asname: f"strapdown.{node.module}"
         for node in tree.body
-        if isinstance(node, ast.ImportFrom)
+        if isinstance(node, ast.ImportFrom) and node.module
         for alias in node.names
     }
-    assert set(strapdown.__all__) == {*listed, "__version__"} and len(listed) > 40
+    assert set(strapdown.__all__) == {*listed, "__version__", "flight"} and len(listed) > 40
     for name, module in listed.items():
         assert getattr(strapdown, name) is getattr(importlib.import_module(module), name)
 

@@ -12,17 +12,17 @@ import pytest
 from strapdown.checks import DataError
 
 SENSOR = """
-from strapdown.core.loop.contract import OBSERVE, Measurement, kernel
+from strapdown.core.loop.contract import OBSERVE, MeasurementModel, kernel
 
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
+    innovation[0] = y[0] - belief.v_n[2]
     H[0, 5] = 1.0
     return 1
 
 
-VERTICAL_SPEED = Measurement("vertical-speed", observe, ("speed",))
+VERTICAL_SPEED = MeasurementModel("vertical-speed", observe, ("speed",))
 """
 FILTER = """
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
@@ -40,8 +40,8 @@ def recording():
     """Ten seconds with a vertical speed that nothing else would tell."""
     made = sd.simulate("demo", 10.0, seed=1)
     t, v = made.reference.t[::25], made.reference.v_n[::25, 2:]
-    vario = sd.Aiding("vertical-speed", t, v, np.full(v.shape, 0.01), name="vario")
-    return replace(made, aidings=(*made.aidings, vario))
+    vario = sd.Source("vertical-speed", t, v, np.full(v.shape, 0.01), name="vario")
+    return replace(made, sources=(*made.sources, vario))
 '''
 
 
@@ -97,21 +97,21 @@ sd.register(VERTICAL_SPEED)  # as when a cell of a notebook runs again
 r = recording()
 s = sd.fuse(r, "careful")
 assert s.counts()["vario"] == (36, 0), s.counts()
-assert s.trajectory.sd[-1, 5] < 0.006 < sd.fuse(sd.simulate("demo", 10.0, seed=1)).trajectory.sd[-1, 5]
+assert s.trajectory.std[-1, 5] < 0.006 < sd.fuse(sd.simulate("demo", 10.0, seed=1)).trajectory.std[-1, 5]
 assert sd.smooth(r, "careful").counts()["vario"] == (36, 0)
 grade = r.meta["grade"]
-stream = sd.Stream("careful", start=sd.align(r, sd.grade(grade)), imu=grade, aidings=r.aidings)
+stream = sd.Stream("careful", start=sd.align(r, sd.imu(grade)), imu=grade, sources=r.sources)
 events = [sd.Sample(*row) for row in zip(*map(np.ndarray.tolist, r.imu))]
 events += [
-    sd.Fix(float(t), i, tuple(map(float, y)), tuple(map(float, sd_)))
-    for i, a in enumerate(r.aidings)
-    for t, y, sd_ in zip(a.t, a.y, a.sd)
+    sd.Measurement(float(t), i, tuple(map(float, y)), tuple(map(float, std_)))
+    for i, a in enumerate(r.sources)
+    for t, y, std_ in zip(a.t, a.y, a.std)
 ]
 for event in sorted(events, key=lambda e: (e.t, isinstance(e, sd.Sample))):
     stream.step(event)
-assert np.allclose(stream.finish().v, s.trajectory.v_n[-1], rtol=0, atol=1e-12)
+assert np.allclose(stream.finish().v_n, s.trajectory.v_n[-1], rtol=0, atol=1e-12)
 sd.write_recording(r, "r.nc")
-assert sd.read("r.nc").aidings[-1].kind == "vertical-speed"
+assert sd.read("r.nc").sources[-1].kind == "vertical-speed"
 sd.report(s, r.reference).save("report.html")
 """,
     )
@@ -124,7 +124,7 @@ sd.report(s, r.reference).save("report.html")
     assert code == 0 and "vario: 36 fixes accepted" in out, err
     variables = {"STRAPDOWN_PLUGINS": os.pathsep.join(["sensor.py", "mine"])}
     code, out, err = run("-m", "strapdown", "plugins", PYTHONPATH=_path(run.folder), **variables)
-    assert code == 0 and "Measurement vertical-speed" in out and "Filter careful" in out, err
+    assert code == 0 and "MeasurementModel vertical-speed" in out and "Filter careful" in out, err
 
 
 def _path(folder):
@@ -183,12 +183,12 @@ from sensor import VERTICAL_SPEED
 
 sd.register(VERTICAL_SPEED)
 r = sd.simulate("demo", 4.0, seed=1)
-vario = sd.Aiding("vertical-speed", np.array([2.0]), np.array([[999.0]]), np.array([[0.1]]))
-start, said = sd.align(r, sd.grade("tactical")), "^plugin sensor.py: a kernel fails while it runs .ValueError: too fast.$"
+vario = sd.Source("vertical-speed", np.array([2.0]), np.array([[999.0]]), np.array([[0.1]]))
+start, said = sd.align(r, sd.imu("tactical")), "^plugin sensor.py: a kernel fails while it runs .ValueError: too fast.$"
 with pytest.raises(sd.DataError, match=said):
-    sd.fuse(replace(r, aidings=(*r.aidings, vario)), start=start)
-stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=[vario])
-stream.step(sd.Fix(2.0, 0, (999.0,), (0.1,)))
+    sd.fuse(replace(r, sources=(*r.sources, vario)), start=start)
+stream = sd.Stream("closed-loop", start=start, imu="tactical", sources=[vario])
+stream.step(sd.Measurement(2.0, 0, (999.0,), (0.1,)))
 with pytest.raises(sd.DataError, match=said):
     for row in zip(*map(np.ndarray.tolist, r.imu)):
         stream.step(sd.Sample(*row))
@@ -221,20 +221,20 @@ time = { column = "t", unit = "s" }
 gyro = { columns = ["wx", "wy", "wz"], unit = "rad/s" }
 accel = { columns = ["fx", "fy", "fz"], unit = "m/s^2" }
 grade = "tactical"
-[[aiding]]
+[[source]]
 kind = "position"
 file = "fix.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "h"]
 unit = ["deg", "deg", "m"]
-sd = 1.0
-[[aiding]]
+std = 1.0
+[[source]]
 kind = "vertical-speed"
 file = "vario.csv"
 time = { column = "t", unit = "s" }
 columns = ["w"]
 unit = "cm/s"
-sd = 10.0
+std = 10.0
 """)
     assert run("main.py")[0] == 0
     code, out, err = run("-m", "strapdown", "--plugin", "sensor.py", "fuse", "recording.toml")
@@ -248,13 +248,13 @@ BAD = {
     "ends the process": ("raise SystemExit(3)", "cannot be imported .SystemExit: 3"),
     "has no kernel": (
         SENSOR.replace("@kernel(OBSERVE)", ""),
-        "Measurement 'vertical-speed': observe is no kernel",
+        "MeasurementModel 'vertical-speed': observe is no kernel",
     ),
     "has another signature": (
         SENSOR.replace("(OBSERVE)", "(PREDICT)").replace(
             "import OBSERVE", "import OBSERVE, PREDICT"
         ),
-        "Measurement 'vertical-speed': observe is a kernel of another signature",
+        "MeasurementModel 'vertical-speed': observe is a kernel of another signature",
     ),
     "has other arguments": (
         SENSOR.replace("belief, y, parameters", "belief, y"),
@@ -270,9 +270,9 @@ BAD = {
     ),
     "has a name that is taken": (
         SENSOR.replace('"vertical-speed"', '"velocity"'),
-        "the library has a Measurement of the name 'velocity' already; choose another",
+        "the library has a MeasurementModel of the name 'velocity' already; choose another",
     ),
-    "has no name": (SENSOR.replace('"vertical-speed"', '""'), "a Measurement has the name ''"),
+    "has no name": (SENSOR.replace('"vertical-speed"', '""'), "a MeasurementModel has the name ''"),
     "has a name that no label takes": (
         SENSOR.replace('"vertical-speed"', '"vertical speed"'),
         "the name 'vertical speed'; it must be text without spaces",
@@ -290,9 +290,10 @@ def test_what_cannot_be_used_is_told_in_one_line_and_all_else_works(run, case):
 
     text, said = BAD[case]
     run.write(bad=text, sensor=SENSOR.replace("vertical-speed", "vertical-speed-2"))
-    variables = {"STRAPDOWN_PLUGINS": os.pathsep.join(["bad.py", "sensor.py"])}
+    files = os.pathsep.join(["bad.py", "sensor.py"])
+    variables = {"STRAPDOWN_PLUGINS": files, "COLUMNS": "250"}
     code, out, err = run("-m", "strapdown", "plugins", **variables)
-    assert code == 0 and "Measurement vertical-speed-2" in out
+    assert code == 0 and "MeasurementModel vertical-speed-2" in out
     assert re.fullmatch(f"strapdown: plugin bad.py: .*{said}.*\n", err), err
     register = f"{text}\nimport strapdown as sd\n" + (
         "sd.register(CAREFUL)" if "CAREFUL" in text else "sd.register(VERTICAL_SPEED)"
@@ -305,7 +306,7 @@ def test_what_cannot_be_used_is_told_in_one_line_and_all_else_works(run, case):
 
 def test_a_kernel_that_does_not_compile_is_named_in_one_line(run):
     run.write(
-        sensor=SENSOR.replace("belief.v[2]", "belief.speed_downwards"),
+        sensor=SENSOR.replace("belief.v_n[2]", "belief.speed_downwards"),
         fused=FUSED,
         main='import strapdown as sd\nfrom fused import recording\nsd.write_recording(recording(), "r.nc")',
     )
@@ -336,7 +337,7 @@ own = len(aiding.own_names())
 assert [aiding.number(n) for n in ("vertical-speed", "vertical-speed-2")] == [own, own + 1]
 assert aiding.REGISTRY.brought_by("vertical-speed").name == "first"
 (third,) = [p for p in plugins() if p.name == "third"]
-assert "plugin first has a Measurement of the name 'vertical-speed'" in third.complaints[0]
+assert "plugin first has a MeasurementModel of the name 'vertical-speed'" in third.complaints[0]
 """,
     )
     assert run("main.py", PYTHONPATH=path) == (0, "", "")
@@ -367,7 +368,7 @@ def test_workers_of_a_study_import_what_it_needs(run):
     run.write(sensor=SENSOR, mine=FILTER, main=STUDY)
     assert run("main.py") == (0, "", "")
     # with another sensor the same folder is another campaign
-    run.write(sensor=SENSOR.replace("belief.v[2]", "belief.v[2] * 1"))
+    run.write(sensor=SENSOR.replace("belief.v_n[2]", "belief.v_n[2] * 1"))
     code, _, err = run("main.py")
     assert code == 1 and "DataError: alone: " in err.splitlines()[-1], err
 
@@ -382,7 +383,9 @@ def test_a_plugins_values_belong_to_a_campaign(tmp_path, monkeypatch):
     of_environment = value.format("float(os.environ['K'])")
 
     def digest(code, K):
-        (tmp_path / "valued.py").write_text(code + SENSOR.replace("belief.v[2]", "belief.v[2] * K"))
+        (tmp_path / "valued.py").write_text(
+            code + SENSOR.replace("belief.v_n[2]", "belief.v_n[2] * K")
+        )
         monkeypatch.setenv("K", K)
         monkeypatch.delitem(sys.modules, "valued", raising=False)
         importlib.invalidate_caches()
@@ -440,12 +443,12 @@ from strapdown.sensor_models.any_sensor import Simulated
 
 def measured():
     made = sd.simulate("demo", 5.0, seed=1, sensors=(Simulated("vertical-speed", 1e-6),))
-    return made.aidings[-1].y.sum()
+    return made.sources[-1].y.sum()
 
 sd.register(sensor.VERTICAL_SPEED)
 first = measured()
 file = pathlib.Path("sensor.py")
-file.write_text(file.read_text().replace("belief.v[2]", "(belief.v[2] + 10.0)"))
+file.write_text(file.read_text().replace("belief.v_n[2]", "(belief.v_n[2] + 10.0)"))
 importlib.reload(sensor)
 sd.register(sensor.VERTICAL_SPEED)
 assert abs(measured() - first - 50.0) < 1e-3, (first, measured())

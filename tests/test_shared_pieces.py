@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from strapdown.alignment.location import GIVEN_SD, place_of
+from strapdown.alignment.location import GIVEN_STD, place_of
 from strapdown.checks import DataError
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.fileio.files import read_toml
 from strapdown.geometry.rotation_products import (
     running_matrices,
@@ -23,23 +23,23 @@ pytestmark = pytest.mark.short
 NAN = np.nan
 
 
-def fixes(y, kind="position", sd=2.0):
+def fixes(y, kind="position", std=2.0):
     y = np.array(y, float)
-    return Aiding(kind, np.arange(len(y), dtype=float), y, np.full(y.shape, sd))
+    return Source(kind, np.arange(len(y), dtype=float), y, np.full(y.shape, std))
 
 
 def test_a_given_place_comes_first():
     place = place_of({"place": [0.5, 0.1, 20.0]}, (fixes([[0.7, 0.2, 30.0]]),), 3.0)
     assert (
         place.lla.tolist() == [0.5, 0.1, 20.0]
-        and place.sd.tolist() == [GIVEN_SD] * 3
+        and place.std.tolist() == [GIVEN_STD] * 3
         and "given" in place.note
     )
     assert place_of({"place": None}, (fixes([[0.7, 0.2, 30.0]]),)).lla.tolist() == [0.7, 0.2, 30.0]
 
 
 def test_else_it_is_the_nearest_whole_fix_or_the_first():
-    aidings = (
+    sources = (
         fixes([[1.0, 0.0, 0.0]], "velocity"),
         fixes([[NAN] * 3]),
         fixes(
@@ -50,13 +50,13 @@ def test_else_it_is_the_nearest_whole_fix_or_the_first():
                 [0.7, 0.2, 33.0],
                 [0.7, 0.2, 34.0],
             ],
-            sd=3.0,
+            std=3.0,
         ),
     )
-    heights = [place_of({}, aidings, t).lla[2] for t in (-9.0, 0.0, 1.9, 2.1, 3.6, 9.0)]
+    heights = [place_of({}, sources, t).lla[2] for t in (-9.0, 0.0, 1.9, 2.1, 3.6, 9.0)]
     assert heights == [31.0, 31.0, 31.0, 33.0, 34.0, 34.0]
-    assert place_of({}, aidings).lla[2] == 31.0 and place_of({}, aidings).sd.tolist() == [3.0] * 3
-    assert place_of({}, aidings[:2]) is None and place_of({}, ()) is None
+    assert place_of({}, sources).lla[2] == 31.0 and place_of({}, sources).std.tolist() == [3.0] * 3
+    assert place_of({}, sources[:2]) is None and place_of({}, ()) is None
 
 
 @given(st.lists(st.booleans(), max_size=30))

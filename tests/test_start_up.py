@@ -28,13 +28,13 @@ gyro = { columns = ["x", "y", "z"], unit = "rad" }
 accel = { columns = ["vx", "vy", "vz"], unit = "m/s" }
 grade = "tactical"
 
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "alt"]
 unit = ["deg", "deg", "m"]
-sd = [1.0, 1.0, 1.0]
+std = [1.0, 1.0, 1.0]
 """
 
 
@@ -44,7 +44,7 @@ def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flight")
     recording = sd.simulate(demo_flight(), 60.0, "tactical", 1)
     sd.write_recording(recording, folder / "recording.nc")
-    imu, fixes = recording.imu, recording.aidings[0]
+    imu, fixes = recording.imu, recording.sources[0]
     y = fixes.y.copy()
     y[50, 0] += 1e-5  # rad, 64 m: rejected, and no reason to doubt the rest
     lla = y / [np.pi / 180, np.pi / 180, 1.0]

@@ -5,21 +5,31 @@ import ast
 import importlib
 import inspect
 import re
+from types import ModuleType
 from typing import Any
 
 from doc_pages import DOCS, every
 
 import strapdown
+import strapdown.flight
 
+ROOMS = (strapdown, strapdown.flight)
 PAGE = DOCS / "reference" / "api.md"
 EXAMPLE = re.compile(r"^```python[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def public() -> dict[str, Any]:
     """{public name: value}."""
-    return {
-        name: getattr(strapdown, name) for name in strapdown.__all__ if not name.startswith("__")
-    }
+    return {name: getattr(room, name) for room in ROOMS for name in _names(room)}
+
+
+def _names(room: ModuleType) -> list[str]:
+    """Names of the functions and classes of a room."""
+    return [
+        name
+        for name in room.__all__
+        if not name.startswith("__") and not inspect.ismodule(getattr(room, name))
+    ]
 
 
 def imported() -> dict[str, dict[str, Any]]:
@@ -50,8 +60,9 @@ def _entry(module: str, name: str, value: Any) -> str:
 def pages() -> dict[str, str]:
     """{file beside api.md: text}."""
     found = {
-        f"api/{name}.md": f"# {name}\n\n{_entry('strapdown', name, value)}"
-        for name, value in public().items()
+        f"api/{name}.md": f"# {name}\n\n{_entry(room.__name__, name, getattr(room, name))}"
+        for room in ROOMS
+        for name in _names(room)
     }
     parts = ["# In modules\n\nWhat the examples of these pages import from modules.\n"]
     for module, names in imported().items():

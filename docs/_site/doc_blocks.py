@@ -20,7 +20,7 @@ def edited() -> list[str]:
         f"`strapdown reproduce {mark.rpartition(' ')[2]} --out DIR` and "
         f"`python -m strapdown_reproductions.common.write_docs {mark.rpartition(' ')[2]} DIR`"
         for page in pages
-        for mark in markdown.edited(page.read_text(encoding="utf-8"))
+        for mark in markdown.edited_texts(page.read_text(encoding="utf-8"))
     ]
 
 

@@ -36,7 +36,7 @@ def output(command: str) -> str:
 
 
 def kinds() -> str:
-    """A table of the kinds of aiding."""
+    """A table of the kinds of measurement."""
     lines = [
         "| kind | components | file or constraint | can be a state | after |",
         "|---|---|---|---|---|",
@@ -45,7 +45,7 @@ def kinds() -> str:
         kind = aiding.find(name)
         components = ", ".join(dict.fromkeys(kind.quantities))
         comes = "rows of a file" if kind.recorded else f"constraint {kind.when}".strip()
-        able = ", ".join((*kind.estimable, *kind.states)) or "–"
+        able = ", ".join((*kind.calibration_parameters, *kind.states)) or "–"
         lines.append(f"| `{name}` | {components} | {comes} | {able} | {kind.reference or '–'} |")
     return "\n".join(lines)
 

@@ -10,6 +10,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from numbers import Integral, Real
+from os import PathLike
+from types import UnionType
 from typing import TYPE_CHECKING, TypeGuard
 
 if TYPE_CHECKING:
@@ -41,7 +43,7 @@ def printable(text: str) -> str:
 
 
 @contextmanager
-def located(where: object) -> Iterator[None]:
+def locate_errors(where: object) -> Iterator[None]:
     """Every DataError of the block begins with the place: "plan 'mine': ..."."""
     try:
         yield
@@ -70,6 +72,27 @@ def _plain(value: object) -> object:
         return tuple(map(_plain, value))
     item = getattr(value, "item", None)
     return item() if callable(item) and getattr(value, "shape", None) == () else value
+
+
+def check_type(
+    value: object, name: str, kinds: type | UnionType | tuple[type, ...], wanted: str
+) -> None:
+    """Refuse a value of another type. Raises DataError, e.g. "path is 3; it must be a path"."""
+    if not isinstance(value, kinds):
+        raise DataError(f"{name} is {brief(value)}; it must be {wanted}")
+
+
+def check_path(value: object, name: str = "path") -> None:
+    """Refuse what is no path. Raises DataError."""
+    check_type(value, name, (str, PathLike), "the path of a file, text or a Path")
+
+
+def check_window(value: object, name: str = "window") -> tuple[float, float]:
+    """The window, (start, stop) in s. Raises DataError where it is something else."""
+    pair = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else ()
+    if len(pair) != 2 or not all(map(is_number, pair)):
+        raise DataError(f"{name} is {brief(value)}; it must be (start, stop) in s")
+    return pair
 
 
 def check_flag(value: object, name: str) -> bool:

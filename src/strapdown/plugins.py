@@ -221,14 +221,14 @@ class Registry(Generic[Kind]):
 
     def names(self) -> list[str]:
         """All names."""
-        return [*self.own_names(), *self.brought()]
+        return [*self.own_names(), *self.plugin_values()]
 
     def find(self, name: str) -> Kind:
         """The value of that name; one of the library imports no plugin. Raises DataError with the
         nearest name."""
         if own := self.own(name):
             return own
-        if name not in (others := self.brought()):
+        if name not in (others := self.plugin_values()):
             names = [*self.own_names(), *others]
             raise DataError(
                 f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; for "
@@ -238,9 +238,9 @@ class Registry(Generic[Kind]):
 
     def brought_by(self, name: str) -> Plugin | None:
         """The plugin that brings the value of a name; None of the library's own."""
-        return None if self.own(name) else self.brought().get(name, (None, None))[1]
+        return None if self.own(name) else self.plugin_values().get(name, (None, None))[1]
 
-    def brought(self, imports: bool = True) -> dict[str, tuple[Kind, Plugin]]:
+    def plugin_values(self, imports: bool = True) -> dict[str, tuple[Kind, Plugin]]:
         """{name: (value, plugin)} of what plugins bring. What has a name that is taken or cannot be
         used is left out and told of once."""
         found: dict[str, tuple[Kind, Plugin]] = {}
@@ -263,7 +263,7 @@ class Registry(Generic[Kind]):
         plugin = _place(value, module)
         others = {
             name: (other, its)
-            for name, (other, its) in self.brought(imports=False).items()
+            for name, (other, its) in self.plugin_values(imports=False).items()
             if its.where != plugin.where or other is value
         }
         try:
@@ -353,7 +353,7 @@ IN_WORDS = {
     "NRT required": "it allocates memory, for an array or a list; write a loop over numbers",
     "No conversion from none": "it returns None; it must return a number",
 }
-"""What numba says of a common mistake, and what it means."""
+"""Messages of numba for common mistakes, and what they mean."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""How far a long call is: a bar with the time left in a notebook or on a terminal, where it is asked
+"""Progress of a long call: a bar with the time left in a notebook or on a terminal, where it is asked
 for by `progress=True`."""
 
 import sys
@@ -35,18 +35,18 @@ def listener(progress: Progress | bool | None) -> Progress:
 def with_bar(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Make a function that has the keyword `progress` show a `bar` of that name where it is True."""
 
-    def wrapped(call: Callable[P, R]) -> Callable[P, R]:
+    def wrap(call: Callable[P, R]) -> Callable[P, R]:
         @wraps(call)
-        def shown(*args: P.args, **options: P.kwargs) -> R:
+        def call_with_bar(*args: P.args, **options: P.kwargs) -> R:
             if options.get("progress") is not True:
                 return call(*args, **options)
             with bar(name) as tell:
                 options["progress"] = tell
                 return call(*args, **options)
 
-        return shown
+        return call_with_bar
 
-    return wrapped
+    return wrap
 
 
 @contextmanager

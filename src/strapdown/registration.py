@@ -8,12 +8,21 @@ from .plugins import Registry, plugins
 
 
 def register(*values: Any) -> None:
-    """Add a `Measurement`, a `Filter`, a `Reader`, a `Figure` or a `Quantity` of your own to the
-    library, for this process and for worker processes that a study starts from it.
+    """Add a sensor, filter, file format, figure or quantity of your own to the library, for this process
+    and for worker processes that a study starts from it.
 
-    They then work wherever one of the library's does. A value of the same name that came from the
-    same file before is replaced. Raises DataError where something else has the name, or where
-    the value cannot be used.
+    It then works wherever one of the library's does. A value of the same name that came from the same
+    file before is replaced.
+
+    Parameters
+    ----------
+    *values : MeasurementModel, Filter, Reader, Figure or Quantity
+        docs/how-to/plugins.md has an example of each.
+
+    Raises
+    ------
+    DataError
+        Where something else has the name, or the value cannot be used.
     """
     homes = _homes()
     caller = inspect.currentframe()
@@ -35,7 +44,7 @@ def registration_rows() -> list[tuple[str, str, str, str]]:
     found = [
         (plugin, f"{kind.__name__} {name}")
         for kind, home in _homes().items()
-        for name, (_, plugin) in home.brought().items()
+        for name, (_, plugin) in home.plugin_values().items()
     ]
     return [
         (

@@ -22,16 +22,16 @@ ARM = (1.2, -0.7, 2.5)  # m, body
 
 def antenna(b, arm):
     """Geodetic position of a point of the body."""
-    return np.array(pymap3d.ned2geodetic(*(b.C @ arm), *b.lla, deg=False))
+    return np.array(pymap3d.ned2geodetic(*(b.C_nb @ arm), *b.lla, deg=False))
 
 
 def velocity(b, arm):
     """Its velocity in n; what turns the Earth under it (7e-5 rad/s) is left out."""
-    return b.v + b.C @ np.cross(b.omega, arm)
+    return b.v_n + b.C_nb @ np.cross(b.omega, arm)
 
 
 def heading(b):
-    return Rotation.from_matrix(b.C).as_euler("ZYX")[0]
+    return Rotation.from_matrix(b.C_nb).as_euler("ZYX")[0]
 
 
 def earth_rate(b):
@@ -70,20 +70,20 @@ SENSORS = {
     "heading": ((), lambda b: heading(b)),
     "course": (ARM, lambda b: math.atan2(velocity(b, ARM)[1], velocity(b, ARM)[0])),
     "altitude": (ARM, lambda b: antenna(b, ARM)[2]),
-    "speed": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[0]),
-    "zero-lateral-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[1]),
-    "zero-vertical-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[2]),
-    "zero-velocity": ((), lambda b: b.v),
-    "zero-angular-rate": ((), lambda b: b.bg + b.C.T @ earth_rate(b)),
-    "gravity": ((), lambda b: b.C @ b.f + [leaning(b), 0, normal_gravity(b)]),
-    "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
+    "speed": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[0]),
+    "zero-lateral-velocity": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[1]),
+    "zero-vertical-velocity": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[2]),
+    "zero-velocity": ((), lambda b: b.v_n),
+    "zero-angular-rate": ((), lambda b: b.b_g + b.C_nb.T @ earth_rate(b)),
+    "gravity": ((), lambda b: b.C_nb @ b.f + [leaning(b), 0, normal_gravity(b)]),
+    "magnetic-field": (FIELD, lambda b: b.C_nb.T @ FIELD),
     "pressure": (
         ARM,
-        lambda b: atmosphere(antenna(b, ARM)[2] + b.extra_states[0]),
+        lambda b: atmosphere(antenna(b, ARM)[2] + b.augmented[0]),
     ),
-    "pressure-altitude": (ARM, lambda b: antenna(b, ARM)[2] + b.extra_states[0]),
+    "pressure-altitude": (ARM, lambda b: antenna(b, ARM)[2] + b.augmented[0]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
-    "attitude": ((), lambda b: Rotation.from_matrix(b.C).as_euler("ZYX")[::-1]),
+    "attitude": ((), lambda b: Rotation.from_matrix(b.C_nb).as_euler("ZYX")[::-1]),
 }
 TOGETHER = {"attitude": (0, 1)}  # components that are measured together or not at all
 
@@ -130,14 +130,14 @@ STATES = 17  # two more than the library's: a sensor leaves those of others alon
 def belief_at(name):
     lla, v, rph, omega = BELIEFS[name]
     C = Rotation.from_euler("ZYX", rph[::-1], degrees=True).as_matrix()
-    ba, bg = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
+    b_a, b_g = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
     f = np.array([0.3, -1.0, -9.7])
     return FilterState(
         np.array(lla) * [DEG, DEG, 1],
         np.array(v),
         C,
-        ba,
-        bg,
+        b_a,
+        b_g,
         np.eye(STATES),
         np.array(omega),
         f,
@@ -149,18 +149,18 @@ def belief_at(name):
 def moved(b, error):
     """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less
     the biases."""
-    p, dv, theta, ba, bg = error[:15].reshape(5, 3)
+    p, dv, theta, b_a, b_g = error[:15].reshape(5, 3)
     lla = np.array(pymap3d.ned2geodetic(*p, *b.lla, deg=False))
-    C = Rotation.from_rotvec(theta).as_matrix() @ b.C
+    C = Rotation.from_rotvec(theta).as_matrix() @ b.C_nb
     return b._replace(
         lla=lla,
-        v=b.v + dv,
-        C=C,
-        ba=b.ba + ba,
-        bg=b.bg + bg,
-        omega=b.omega - bg,
-        f=b.f - ba,
-        extra_states=b.extra_states + error[15:],
+        v_n=b.v_n + dv,
+        C_nb=C,
+        b_a=b.b_a + b_a,
+        b_g=b.b_g + b_g,
+        omega=b.omega - b_g,
+        f=b.f - b_a,
+        augmented=b.augmented + error[15:],
     )
 
 
@@ -230,7 +230,7 @@ def test_the_earths_rate_tells_the_attitude(at):
     _, _, H = observe("zero-angular-rate", b, np.zeros(3))
     for state in range(6, 9):
         error = 1e-3 * (np.arange(STATES) == state)
-        ahead, behind = (b.C.T @ earth_rate(b) for b in (moved(b, error), moved(b, -error)))
+        ahead, behind = (b.C_nb.T @ earth_rate(b) for b in (moved(b, error), moved(b, -error)))
         np.testing.assert_allclose(H[:, state], (ahead - behind) / 2e-3, atol=1e-9)
 
 
@@ -274,7 +274,7 @@ def test_longitude_is_wrapped(at, turns):
 
 def test_at_vertical_pitch_heading_is_finite():
     b = belief_at("level, north")._replace(
-        C=Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()
+        C_nb=Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()
     )
     rows, innovation, H = observe("heading", b, 1.0)
     assert np.all(np.isfinite(innovation[:rows])) and np.all(np.isfinite(H))

@@ -14,12 +14,12 @@ from strapdown.core.loop.contract import (
 )
 from strapdown.core.loop.stages.clock import followed_back, keep
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.data.vehicle import find
 from strapdown.engine.plausible_limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 
 pytestmark = pytest.mark.short
 CLOCK, ARM, MOUNTING, SCALE, STATES = 15, 16, 19, 22, 23
@@ -55,14 +55,14 @@ def force(t):
     return BA + np.array([1.0 + 0.2 * t, 2.0 - 0.3 * t, -9.7 + 0.1 * t])
 
 
-def back(t, v, attitude, ba, bg, r, step=1e-3):
+def back(t, v, attitude, b_a, b_g, r, step=1e-3):
     """(p, v, attitude) at a time before or after `NOW`, where p is 0, by the midpoint rule."""
     count = max(1, round(abs(t - NOW) / step))
     h, p, now = (t - NOW) / count, np.zeros(3), NOW
     for _ in range(count):
-        omega = rate(now + 0.5 * h) - bg
+        omega = rate(now + 0.5 * h) - b_g
         middle = attitude * Rotation.from_rotvec(0.5 * h * omega)
-        a = middle.apply(force(now + 0.5 * h) - ba) + r
+        a = middle.apply(force(now + 0.5 * h) - b_a) + r
         p, v = p + h * v + 0.5 * h * h * a, v + h * a
         attitude, now = attitude * Rotation.from_rotvec(h * omega), now + h
     return p, v, attitude
@@ -70,15 +70,15 @@ def back(t, v, attitude, ba, bg, r, step=1e-3):
 
 def truth(kind, error, r):
     """What is measured where the states are `error` off the belief, rad, rad, m or m/s."""
-    p0, dv, theta, ba, bg = error[:15].reshape(5, 3)
+    p0, dv, theta, b_a, b_g = error[:15].reshape(5, 3)
     own = ESTIMATES + error[15:]
     clock, arm, mounting, scale = own[0], GIVEN + own[1:4], own[4:7], own[7]
     t = NOW - WAIT + clock
     if kind == "heading":  # has no clock to be estimated, and is used when it comes
         attitude = Rotation.from_rotvec(theta) * C * Rotation.from_rotvec(mounting).inv()
         return attitude.as_euler("ZYX")[:1]
-    p, v, attitude = back(t, V + dv, Rotation.from_rotvec(theta) * C, BA + ba, BG + bg, r)
-    omega, to_body = rate(t) - BG - bg, Rotation.from_rotvec(mounting).inv()
+    p, v, attitude = back(t, V + dv, Rotation.from_rotvec(theta) * C, BA + b_a, BG + b_g, r)
+    omega, to_body = rate(t) - BG - b_g, Rotation.from_rotvec(mounting).inv()
     if kind == "position":
         place = p0 + p + attitude.apply(to_body.apply(arm))
         return np.array(pymap3d.ned2geodetic(*place, *LLA, deg=False))
@@ -91,16 +91,16 @@ def truth(kind, error, r):
 
 def believed(change=np.zeros(STATES)):
     """The belief now, moved by `change`; rate and force are the last ones less the biases."""
-    dp, dv, theta, ba, bg = change[:15].reshape(5, 3)
+    dp, dv, theta, b_a, b_g = change[:15].reshape(5, 3)
     return FilterState(
         np.array(pymap3d.ned2geodetic(*dp, *LLA, deg=False)),
         V + dv,
         (Rotation.from_rotvec(theta) * C).as_matrix(),
-        BA + ba,
-        BG + bg,
+        BA + b_a,
+        BG + b_g,
         1e-8 * np.eye(STATES),
-        rate(NOW) - BG - bg,
-        force(NOW) - BA - ba,
+        rate(NOW) - BG - b_g,
+        force(NOW) - BA - b_a,
         np.zeros(1),
         ESTIMATES + change[15:],
     )
@@ -114,14 +114,14 @@ def parameters():
     row.parameters[:3], row.delay, row.estimated = GIVEN, WAIT, 1
     row.clock_state, row.scale_state, row.turn[:] = CLOCK, SCALE, np.eye(3)
     row.arm_state[:], row.mounting_state[:] = ARM + np.arange(3), MOUNTING + np.arange(3)
-    noise, dt = grade("tactical").noise(), 0.005
-    gnss = Aiding("position", [1.0], [LLA], [[1.0] * 3], estimate={"clock": (0.1,)})
+    noise, dt = imu_spec("tactical").noise(), 0.005
+    gnss = Source("position", [1.0], [LLA], [[1.0] * 3], estimate={"clock": (0.1,)})
     cursor = new_cursor(CLOSED_LOOP, 0.0, (gnss,), limits(None, noise, find(None)))
     belief = believed()
     for k in range(1, 201):
         middle = (k - 0.5) * dt
         belief.omega[:], belief.f[:] = rate(middle) - BG, force(middle) - BA
-        belief.C[...] = back(k * dt, V, C, BA, BG, np.zeros(3), 5e-3)[2].as_matrix()
+        belief.C_nb[...] = back(k * dt, V, C, BA, BG, np.zeros(3), 5e-3)[2].as_matrix()
         keep.py_func(belief, np.zeros(6), dt, cursor, np.zeros(0))
     last = believed()
     assert followed_back(last, row, cursor)

@@ -1,4 +1,4 @@
-"""A Measurement from outside that cannot be used is refused where it is registered, in words that
+"""A MeasurementModel from outside that cannot be used is refused where it is registered, in words that
 name the field; and every kind of the library's own passes."""
 
 import pytest
@@ -44,10 +44,10 @@ def test_a_field_that_cannot_be_is_named(field, value, said):
 
 def test_states_need_an_initial_standard_deviation():
     sensor = aiding.find("altitude")._replace(states=("b [m]",))
-    with pytest.raises(DataError, match="state_sd"):
-        aiding.check(sensor._replace(state_sd=0.0))
-    aiding.check(sensor._replace(state_sd=1e-9))
-    aiding.check(sensor._replace(states=(), state_sd=0.0))
+    with pytest.raises(DataError, match="state_std"):
+        aiding.check(sensor._replace(state_std=0.0))
+    aiding.check(sensor._replace(state_std=1e-9))
+    aiding.check(sensor._replace(states=(), state_std=0.0))
 
 
 def test_up_to_three_quantities_are_right():

@@ -13,9 +13,9 @@ from strapdown.core.mathematics.source import new_source
 pytestmark = pytest.mark.short
 
 
-def course(v, sd=(0.01, 0.01), omega=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0)):
-    """Innovation of a course of 0 rad at that velocity (m/s), known to sd."""
-    P = np.diag(np.r_[np.ones(3), np.square(sd), np.ones(10)])
+def course(v, std=(0.01, 0.01), omega=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0)):
+    """Innovation of a course of 0 rad at that velocity (m/s), known to std."""
+    P = np.diag(np.r_[np.ones(3), np.square(std), np.ones(10)])
     C = Rotation.from_euler("ZYX", [0.7, 0.2, -0.1]).as_matrix()
     zero = np.zeros(3)
     belief = FilterState(
@@ -54,10 +54,10 @@ def test_at_walking_pace_there_is_none(speed, told):
         assert np.isfinite(course(v)) == told
 
 
-@pytest.mark.parametrize("sd", [(2.0, 0.1), (0.1, 2.0)])
-def test_nor_where_the_speed_may_be_none(sd):
-    assert np.isnan(course((SURELY * 2.0 - 0.01, 0.0), sd))
-    assert np.isfinite(course((SURELY * 2.0 + 0.01, 0.0), sd))
+@pytest.mark.parametrize("std", [(2.0, 0.1), (0.1, 2.0)])
+def test_nor_where_the_speed_may_be_none(std):
+    assert np.isnan(course((SURELY * 2.0 - 0.01, 0.0), std))
+    assert np.isfinite(course((SURELY * 2.0 + 0.01, 0.0), std))
 
 
 @pytest.mark.parametrize("p", [0.0, -1.0, np.nan])

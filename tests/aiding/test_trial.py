@@ -7,7 +7,7 @@ import pytest
 from strapdown import aiding, plugins
 from strapdown.aiding.trial import derivative_complaints
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import OBSERVE, Measurement, compile_kernel, kernel
+from strapdown.core.loop.contract import OBSERVE, MeasurementModel, compile_kernel, kernel
 
 
 @pytest.mark.short
@@ -18,14 +18,14 @@ def test_the_kinds_of_the_library_pass(name):
 
 @kernel(OBSERVE)
 def two_rows(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
+    innovation[0] = y[0] - belief.v_n[2]
     H[0, 5] = 1.0
     return 2
 
 
 @kernel(OBSERVE)
 def beside(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
+    innovation[0] = y[0] - belief.v_n[2]
     H[0, 5] = 1.0
     H[0, 400] = 1.0
     return 1
@@ -33,7 +33,7 @@ def beside(belief, y, parameters, innovation, H):
 
 @kernel(OBSERVE)
 def second_row(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
+    innovation[0] = y[0] - belief.v_n[2]
     H[0, 5], H[1, 5] = 1.0, 1.0
     return 1
 
@@ -47,15 +47,15 @@ def raises(belief, y, parameters, innovation, H):
 
 @kernel(OBSERVE)
 def writes(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
-    belief.v[2] = 0.0
+    innovation[0] = y[0] - belief.v_n[2]
+    belief.v_n[2] = 0.0
     H[0, 5] = 1.0
     return 1
 
 
 @kernel(OBSERVE)
 def wrong_sign(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] + belief.v[2]
+    innovation[0] = y[0] + belief.v_n[2]
     H[0, 5] = 1.0
     return 1
 
@@ -65,8 +65,8 @@ def left_out(belief, y, parameters, innovation, H):
     """Forward speed without its derivative by the attitude."""
     innovation[0] = y[0]
     for i in range(3):
-        innovation[0] -= belief.C[i, 0] * belief.v[i]
-        H[0, 3 + i] = belief.C[i, 0]
+        innovation[0] -= belief.C_nb[i, 0] * belief.v_n[i]
+        H[0, 3 + i] = belief.C_nb[i, 0]
     return 1
 
 
@@ -90,7 +90,7 @@ def sometimes(belief, y, parameters, innovation, H):
 def test_mistakes_are_refused(observe, said):
     compile_kernel(observe)
     with pytest.raises(DataError, match=said) as error:
-        derivative_complaints(Measurement("mine", observe, ("speed",)), observe)
+        derivative_complaints(MeasurementModel("mine", observe, ("speed",)), observe)
     assert "\n" not in str(error.value)
 
 
@@ -106,7 +106,7 @@ def test_mistakes_are_refused(observe, said):
 )
 def test_derivatives_that_are_not_the_innovations_are_told(observe, said):
     compile_kernel(observe)
-    found = derivative_complaints(Measurement("mine", observe, ("speed",)), observe)
+    found = derivative_complaints(MeasurementModel("mine", observe, ("speed",)), observe)
     if said is None:
         assert found == []
     else:
@@ -117,12 +117,14 @@ def test_derivatives_that_are_not_the_innovations_are_told(observe, said):
 def test_a_registered_sensor_is_tried_once_before_it_is_used(monkeypatch):
     monkeypatch.setattr(plugins, "_plugins", {})
     monkeypatch.setattr(aiding, "_tried", {})
-    aiding.REGISTRY.add(Measurement("mine", wrong_sign, ("speed",)), __name__)
-    with pytest.warns(plugins.PluginWarning, match=r"test_trial.py: Measurement 'mine': H\[0, 5\]"):
+    aiding.REGISTRY.add(MeasurementModel("mine", wrong_sign, ("speed",)), __name__)
+    with pytest.warns(
+        plugins.PluginWarning, match=r"test_trial.py: MeasurementModel 'mine': H\[0, 5\]"
+    ):
         aiding.compile_observation("mine")
     aiding.compile_observation("mine")  # and says no more
-    aiding.REGISTRY.add(Measurement("other", two_rows, ("speed",)), __name__)
+    aiding.REGISTRY.add(MeasurementModel("other", two_rows, ("speed",)), __name__)
     with pytest.raises(
-        DataError, match="plugin test_trial.py: Measurement 'other': observe returns 2"
+        DataError, match="plugin test_trial.py: MeasurementModel 'other': observe returns 2"
     ):
         aiding.compile_observation("other")

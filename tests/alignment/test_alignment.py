@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.alignment.initial import UNKNOWN_SD, level
+from strapdown.alignment.initial import UNKNOWN_STD, level
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
@@ -83,12 +83,12 @@ def test_from_rest_to_the_first_course():
         and "level from the rest" in start.note
         and "gyro bias from" in start.note
     )
-    assert 20 < start.t < 30 and np.abs(position / start.sd[:3]).max() < 4
-    assert np.abs(attitude / start.sd[6:9]).max() < 3 and abs(attitude[2]) < 5 * DEG
+    assert 20 < start.t < 30 and np.abs(position / start.std[:3]).max() < 4
+    assert np.abs(attitude / start.std[6:9]).max() < 3 and abs(attitude[2]) < 5 * DEG
     b_g = recording.meta["b_g"][0]
     assert (
-        np.abs((b_g - start.bg) / start.sd[12:]).max() < 4
-        and start.sd[12] < 5e-4 < np.abs(b_g).max()
+        np.abs((b_g - start.b_g) / start.std[12:]).max() < 4
+        and start.std[12] < 5e-4 < np.abs(b_g).max()
     )
 
 
@@ -102,7 +102,7 @@ def test_smooth_motion_is_not_taken_for_rest():
         lambda t: (0 * t, 0.05 + 0 * t, 0 * t),
     )
     start = sd.align(sd.simulate(motion, 20.0, SPEC, 1, 50.0), SPEC, at=15.0)
-    assert "rest" not in start.note and start.sd[12] == pytest.approx(SPEC.bias_sd()[1])
+    assert "rest" not in start.note and start.std[12] == pytest.approx(SPEC.bias_std()[1])
 
 
 @pytest.mark.short
@@ -110,33 +110,34 @@ def test_heading_as_the_caller_knows_it_or_as_it_is_measured():
     recording = sd.simulate(
         static((DEG * 50, DEG * 10, 100.0), (0.02, -0.01, 2.0)), 6.0, SPEC, 2, 20.0
     )
-    given = sd.align(recording, SPEC, heading=2.0, heading_sd=0.01)
-    assert given.rph[2] == 2.0 and given.sd[8] == 0.01 and "heading given" in given.note
-    compass = Aiding("heading", np.arange(1.0, 6.0), np.full((5, 1), 1.99), np.full((5, 1), 0.02))
-    measured = sd.align(replace(recording, aidings=(*recording.aidings, compass)), SPEC)
+    given = sd.align(recording, SPEC, heading=2.0, heading_std=0.01)
+    assert given.rph[2] == 2.0 and given.std[8] == 0.01 and "heading given" in given.note
+    compass = Source("heading", np.arange(1.0, 6.0), np.full((5, 1), 1.99), np.full((5, 1), 0.02))
+    measured = sd.align(replace(recording, sources=(*recording.sources, compass)), SPEC)
     assert (
-        measured.rph[2] == 1.99 and measured.sd[8] == 0.02 and "heading measured" in measured.note
+        measured.rph[2] == 1.99 and measured.std[8] == 0.02 and "heading measured" in measured.note
     )
 
 
 @pytest.mark.short
 def test_an_unknown_heading_is_stated_with_its_uncertainty():
     start = sd.align(sd.simulate(static((DEG * 50, DEG * 10, 100.0)), 6.0, SPEC, 2, 20.0), SPEC)
-    assert start.sd[8] == pytest.approx(UNKNOWN_SD) and "heading unknown" in start.note
+    assert start.std[8] == pytest.approx(UNKNOWN_STD) and "heading unknown" in start.note
 
 
 def test_a_poor_heading_converges_once_the_vehicle_manoeuvres():
     recording = parked_then_driving(seconds=120.0)
     start = sd.align(recording, SPEC)
     off = start._replace(
-        rph=(*start.rph[:2], start.rph[2] + 25 * DEG), sd=(*start.sd[:8], 30 * DEG, *start.sd[9:])
+        rph=(*start.rph[:2], start.rph[2] + 25 * DEG),
+        std=(*start.std[:8], 30 * DEG, *start.std[9:]),
     )
     solution = sd.fuse(recording, imu=SPEC, start=off)
     e = sd.errors(solution, recording.reference)
     late = e.t > 90
     assert (
         np.degrees(np.abs(e.rph[late, 2])).max() < 3
-        and (np.abs(e.rph[late, 2]) < 4 * e.sd[late, 8]).mean() > 0.95
+        and (np.abs(e.rph[late, 2]) < 4 * e.std[late, 8]).mean() > 0.95
     )
 
 
@@ -167,7 +168,7 @@ def test_velocity_comes_from_positions_where_nothing_else_tells_it():
     )
     recording = sd.simulate(motion, 6.0, SPEC, 1, 20.0, Gnss(1.0, (0.01,) * 3, None))
     start = sd.align(recording, SPEC)
-    assert np.allclose(start.v, [30, 40, 0], atol=0.1) and start.rph[2] == pytest.approx(
+    assert np.allclose(start.v_n, [30, 40, 0], atol=0.1) and start.rph[2] == pytest.approx(
         np.arctan2(40, 30), abs=0.01
     )
 
@@ -176,7 +177,7 @@ def test_velocity_comes_from_positions_where_nothing_else_tells_it():
 def test_without_a_position_there_is_no_start():
     recording = sd.simulate(static((DEG * 50, DEG * 10, 100.0)), 6.0, SPEC, 2, 20.0)
     with pytest.raises(DataError, match="no position fix"):
-        sd.align(replace(recording, aidings=recording.aidings[1:]), SPEC)
+        sd.align(replace(recording, sources=recording.sources[1:]), SPEC)
     with pytest.raises(DataError, match="no position fix .* or choose a filter of attitude alone"):
         sd.fuse(Recording(Imu(*recording.imu)), imu=SPEC)
 

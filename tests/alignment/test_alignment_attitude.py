@@ -8,13 +8,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.alignment.course_heading import COURSE_SD
+from strapdown.alignment.course_heading import COURSE_STD
 from strapdown.alignment.initial import EARTH_RADIUS, align
-from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
+from strapdown.alignment.initial_heading import (
+    GYROCOMPASS_STD,
+    MAGNETIC_STD,
+    UNKNOWN_STD,
+    mean_force,
+)
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.preprocessing.stationary import motionless
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
@@ -22,23 +27,23 @@ from strapdown.sim.trajectory import DEG, Motion, ramp, static
 FIELD = np.array([17e-6, 1.5e-6, 46e-6])  # T, NED
 MEMS = ImuSpec("MEMS", Triad(noise=2e-4, turn_on_bias=0.005), Triad(noise=1e-3, turn_on_bias=0.02))
 LLA = (DEG * 52, DEG * 10, 100.0)
-NAVIGATION = sd.grade("navigation")
+NAVIGATION = sd.imu("navigation")
 
 
 def with_field(
-    recording, noise=0.3e-6, distort=lambda m: m, field=FIELD, seed=1, every=5, aidings=()
+    recording, noise=0.3e-6, distort=lambda m: m, field=FIELD, seed=1, every=5, sources=()
 ):
-    """The recording with a magnetometer, whose reference is `field`, and `aidings` instead of
+    """The recording with a magnetometer, whose reference is `field`, and `sources` instead of
     its fixes."""
     truth = recording.reference
     rows = np.arange(0, len(truth), every)
     m = distort(truth.rotation[rows].inv().apply(field)) + np.random.default_rng(seed).normal(
         0, noise, (len(rows), 3)
     )
-    compass = Aiding(
+    compass = Source(
         "magnetic-field", truth.t[rows], m, np.full((len(rows), 3), noise), tuple(field)
     )
-    return replace(recording, aidings=(*aidings, compass))
+    return replace(recording, sources=(*sources, compass))
 
 
 def resting(rph, seconds=10.0, seed=1, imu=MEMS, rate=50.0):
@@ -78,16 +83,16 @@ def test_from_rest_without_any_fix(rph):
     assert (
         "place unknown: 0 deg latitude assumed" in start.note
         and start.lla == (0.0, 0.0, 0.0)
-        and start.sd[0] == EARTH_RADIUS
+        and start.std[0] == EARTH_RADIUS
     )
     assert (
-        np.abs(attitude_error(start, recording) / start.sd[6:9]).max() < 3
-        and start.sd[6] < 0.6 * DEG
+        np.abs(attitude_error(start, recording) / start.std[6:9]).max() < 3
+        and start.std[6] < 0.6 * DEG
     )
-    assert start.sd[8] > MAGNETIC_SD and np.degrees(start.sd[8]) < 7
+    assert start.std[8] > MAGNETIC_STD and np.degrees(start.std[8]) < 7
     assert (
-        np.abs((recording.meta["b_g"][0] - start.bg) / start.sd[12:]).max() < 4
-        and start.sd[12] < 1e-3
+        np.abs((recording.meta["b_g"][0] - start.b_g) / start.std[12:]).max() < 4
+        and start.std[12] < 1e-3
     )
 
 
@@ -98,22 +103,24 @@ def test_place_is_that_of_the_recording_or_of_a_fix():
         replace(recording, meta=recording.meta | {"place": [0.9, 0.1, 50.0]}), MEMS, position=False
     )
     assert (
-        given.lla == (0.9, 0.1, 50.0) and "place given" in given.note and given.v == (0.0, 0.0, 0.0)
+        given.lla == (0.9, 0.1, 50.0)
+        and "place given" in given.note
+        and given.v_n == (0.0, 0.0, 0.0)
     )
     fixed = align(resting((0, 0, 1)), MEMS, position=False)
     assert (
         fixed.lla == pytest.approx(LLA, abs=10)
         and "place of the nearest fix" in fixed.note
-        and fixed.sd[8] == UNKNOWN_SD
+        and fixed.std[8] == UNKNOWN_STD
     )
 
 
 @pytest.mark.short
 def test_a_record_without_anything_but_samples():
-    start = align(replace(resting((0.1, 0.2, 1.0)), aidings=()), MEMS, position=False)
+    start = align(replace(resting((0.1, 0.2, 1.0)), sources=()), MEMS, position=False)
     assert (
         start.rph == pytest.approx((0.1, 0.2, 0.0), abs=0.02)
-        and start.sd[8] == UNKNOWN_SD
+        and start.std[8] == UNKNOWN_STD
         and "heading unknown" in start.note
     )
 
@@ -128,7 +135,7 @@ def test_the_shortest_records(samples):
         np.tile([0, 0, -9.8 * 0.02], (samples, 1)),
     )
     start = align(Recording(imu), MEMS, position=False)
-    assert start.rph[:2] == pytest.approx((0, 0)) and start.t == 0 and start.sd[6] >= 5 * DEG
+    assert start.rph[:2] == pytest.approx((0, 0)) and start.t == 0 and start.std[6] >= 5 * DEG
 
 
 @pytest.mark.short
@@ -164,10 +171,10 @@ def test_anywhere_in_a_tumble_errors_are_as_large_as_the_start_says():
     starts = [
         align(recording, MEMS, at=float(t), position=False) for t in np.arange(0.0, 60.0, 1.7)
     ]
-    z = np.array([attitude_error(start, recording) / start.sd[6:9] for start in starts])
+    z = np.array([attitude_error(start, recording) / start.std[6:9] for start in starts])
     assert np.sqrt((z**2).mean(axis=0)).max() < 1.3 and np.abs(z).max() < 3.5
     assert all(
-        "level from specific force alone" in start.note and start.bg == (0.0, 0.0, 0.0)
+        "level from specific force alone" in start.note and start.b_g == (0.0, 0.0, 0.0)
         for start in starts
     )
 
@@ -201,12 +208,12 @@ def test_a_slow_turn_of_the_hand_is_no_sure_gyro_bias():
         lambda t: (0 * t, 0 * t, 0 * t),
         lambda t: (0 * t, 0 * t, 0.03 / 0.8 * np.sin(0.8 * t)),
     )
-    recording = replace(sd.simulate(motion, 20.0, MEMS, 3, 100.0), aidings=())
+    recording = replace(sd.simulate(motion, 20.0, MEMS, 3, 100.0), sources=())
     start = align(recording, MEMS, position=False)
     assert (
-        np.abs((recording.meta["b_g"][0] - start.bg) / start.sd[12:]).max() < 3
-        and start.bg[2] == 0.0
-        and start.sd[14] == MEMS.bias_sd()[1]
+        np.abs((recording.meta["b_g"][0] - start.b_g) / start.std[12:]).max() < 3
+        and start.b_g[2] == 0.0
+        and start.std[14] == MEMS.bias_std()[1]
     )
 
 
@@ -218,18 +225,18 @@ def test_after_a_rest_the_surer_of_gyros_and_force():
         lambda t: (0 * t, 0 * t, 0 * t),
         lambda t: (0.3 * turn(t), 0.1 + 0 * t, 1 + turn(t)),
     )
-    recording = replace(sd.simulate(still, 14.0, MEMS, 3, 100.0), aidings=())
+    recording = replace(sd.simulate(still, 14.0, MEMS, 3, 100.0), sources=())
     soon = align(recording, MEMS, at=11.2, position=False)
     assert (
         "level from the rest" in soon.note
-        and np.abs(attitude_error(soon, recording)[:2] / soon.sd[6:8]).max() < 3
+        and np.abs(attitude_error(soon, recording)[:2] / soon.std[6:8]).max() < 3
     )
     wild = lambda t: 8.0 * np.maximum(0, 1) * (t - 11.0) * ramp(t, 11.0, 0.05)
     spun = Motion(
         "stand, then spin", LLA, lambda t: (0 * t, 0 * t, 0 * t), lambda t: (wild(t), 0 * t, 0 * t)
     )
     late = align(
-        replace(sd.simulate(spun, 30.0, MEMS, 3, 100.0), aidings=()), MEMS, at=29.0, position=False
+        replace(sd.simulate(spun, 30.0, MEMS, 3, 100.0), sources=()), MEMS, at=29.0, position=False
     )
     assert "level from specific force alone" in late.note  # the gyros have turned 144 rad since
 
@@ -242,18 +249,18 @@ def test_declination_is_that_of_the_reference_field():
     east = np.array([0.0, 20e-6, 40e-6])
     recording = resting((0.0, 0.0, 1.0))
     truth = recording.reference
-    compass = Aiding(
+    compass = Source(
         "magnetic-field",
         truth.t,
         truth.rotation.inv().apply(east),
         np.full((len(truth), 3), 1e-7),
         tuple(east),
     )
-    assert align(replace(recording, aidings=(compass,)), MEMS, position=False).rph[
+    assert align(replace(recording, sources=(compass,)), MEMS, position=False).rph[
         2
     ] == pytest.approx(1.0, abs=0.02)
     magnetic = align(
-        replace(recording, aidings=(replace(compass, parameters=()),)), MEMS, position=False
+        replace(recording, sources=(replace(compass, parameters=()),)), MEMS, position=False
     )
     # without a reference north is where the field points
     assert magnetic.rph[2] == pytest.approx(1.0 - np.pi / 2, abs=0.02)
@@ -274,8 +281,8 @@ def test_a_disturbed_field_shows_in_the_deviation():
             base, distort=lambda m: m + base.reference.rotation[0].inv().apply(other)
         )
         start = align(recording, MEMS, position=False)
-        z.append(attitude_error(start, recording)[2] / start.sd[8])
-        stated.append(start.sd[8])
+        z.append(attitude_error(start, recording)[2] / start.std[8])
+        stated.append(start.std[8])
     z = np.abs(z)
     assert (z < 2).mean() >= 0.85 and 0.35 < np.median(z) < 0.9 and np.degrees(np.mean(stated)) > 12
 
@@ -294,13 +301,13 @@ def test_a_field_that_tells_no_heading(field, words):
         resting((0, 0, 1)), noise=1e-9 if any(field) else 0.0, field=np.array(field)
     )
     start = align(recording, MEMS, position=False)
-    assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note and words in start.note
+    assert start.std[8] == UNKNOWN_STD and "heading unknown" in start.note and words in start.note
 
 
 @pytest.mark.short
 def test_a_field_that_comes_later_is_no_heading_yet():
     recording = with_field(resting((0, 0, 1)))
-    late = replace(recording, aidings=(recording.aidings[0].between(3, 10),))
+    late = replace(recording, sources=(recording.sources[0].between(3, 10),))
     assert "no sample of the magnetic field there" in align(late, MEMS, position=False).note
     assert "heading from the magnetic field" in align(late, MEMS, position=False, at=5.0).note
 
@@ -311,21 +318,21 @@ def test_order_of_sources():
         "east", LLA, lambda t: (0 * t, speed(t), 0 * t), lambda t: (0 * t, 0 * t, np.pi / 2 + 0 * t)
     )
     plain = sd.simulate(motion, 20.0, MEMS, 1, 50.0)
-    both = with_field(plain, aidings=plain.aidings)
+    both = with_field(plain, sources=plain.sources)
     start = align(both, MEMS)
-    assert start.t == plain.aidings[0].t[0] and "magnetic" in start.note  # no waiting for a course
+    assert start.t == plain.sources[0].t[0] and "magnetic" in start.note  # no waiting for a course
     assert "position and velocity" in start.note and abs(start.rph[2] - np.pi / 2) < 0.2
-    compass = Aiding("heading", np.arange(1.0, 19.0), np.full((18, 1), 1.5), np.full((18, 1), 0.02))
-    assert "heading measured" in align(replace(both, aidings=(*both.aidings, compass)), MEMS).note
+    compass = Source("heading", np.arange(1.0, 19.0), np.full((18, 1), 1.5), np.full((18, 1), 0.02))
+    assert "heading measured" in align(replace(both, sources=(*both.sources, compass)), MEMS).note
     assert (
         "heading given" in align(both, MEMS, heading=1.0).note
         and align(both, MEMS, heading=1.0, position=False).rph[2] == 1.0
     )
-    steep = with_field(plain, field=np.array([0.1e-6, 0, 50e-6]), aidings=plain.aidings)
+    steep = with_field(plain, field=np.array([0.1e-6, 0, 50e-6]), sources=plain.sources)
     course = align(steep, MEMS)
     assert (
         course.t > 3
-        and course.sd[8] == pytest.approx(COURSE_SD, rel=0.1)
+        and course.std[8] == pytest.approx(COURSE_STD, rel=0.1)
         and "heading from the course" in course.note
         and "magnetic field" in course.note
     )
@@ -362,13 +369,13 @@ def test_gyrocompass_from_a_long_rest(seed, latitude):
         and "level at rest" in start.note
     )
     assert (
-        abs(attitude_error(start, recording)[2]) < 4 * start.sd[8]
-        and start.sd[8] < GYROCOMPASS_SD
-        and start.sd[6] < 0.6 * DEG
+        abs(attitude_error(start, recording)[2]) < 4 * start.std[8]
+        and start.std[8] < GYROCOMPASS_STD
+        and start.std[6] < 0.6 * DEG
     )
-    alone = align(replace(recording, aidings=()), NAVIGATION, position=False)
+    alone = align(replace(recording, sources=()), NAVIGATION, position=False)
     assert (
-        abs(attitude_error(alone, recording)[2]) < 4 * alone.sd[8] and "Earth's rate" in alone.note
+        abs(attitude_error(alone, recording)[2]) < 4 * alone.std[8] and "Earth's rate" in alone.note
     )
 
 
@@ -384,7 +391,7 @@ def test_gyrocompass_ends_where_the_vehicle_drives_off():
 @pytest.mark.parametrize(
     "recording, imu",
     [
-        (parked(300.0), sd.grade("tactical")),
+        (parked(300.0), sd.imu("tactical")),
         (parked(20.0), NAVIGATION),
         (parked(300.0, bump=3e-5), NAVIGATION),
         (parked(60.0, latitude=DEG * 88.5), NAVIGATION),
@@ -393,7 +400,7 @@ def test_gyrocompass_ends_where_the_vehicle_drives_off():
 )
 def test_no_gyrocompass_where_it_would_be_wrong(recording, imu):
     start = align(recording, imu)
-    assert "Earth's rate over" not in start.note and start.sd[8] == UNKNOWN_SD
+    assert "Earth's rate over" not in start.note and start.std[8] == UNKNOWN_STD
 
 
 def test_cruise_is_no_rest_where_fixes_tell():
@@ -406,14 +413,14 @@ def test_cruise_is_no_rest_where_fixes_tell():
     assert "course" in align(recording, NAVIGATION).note
     assert (
         "Earth's rate over"
-        in align(replace(recording, aidings=()), NAVIGATION, position=False).note
+        in align(replace(recording, sources=()), NAVIGATION, position=False).note
     )
 
 
 def test_the_surer_of_field_and_earth_rate():
     recording = parked(300.0)
-    start = align(with_field(recording, aidings=recording.aidings), NAVIGATION)
-    assert "Earth's rate" in start.note and start.sd[8] < MAGNETIC_SD
+    start = align(with_field(recording, sources=recording.sources), NAVIGATION)
+    assert "Earth's rate" in start.note and start.std[8] < MAGNETIC_STD
 
 
 @pytest.mark.short
@@ -430,7 +437,7 @@ def test_motionless_needs_samples_all_the_time():
         whole.stop == 40.0
         and whole.rate == pytest.approx([1e-6] * 3)
         and whole.force == pytest.approx([0, 0, -9.8])
-        and whole.rate_sd < 1e-12
+        and whole.rate_std < 1e-12
     )
     holed = Imu(*(np.delete(column, slice(120, 180), axis=0) for column in imu))
     assert motionless(holed, 0.0) is None and motionless(imu, 1e6) is None
@@ -444,13 +451,13 @@ def test_a_tilt_that_goes_on_is_in_the_deviation_of_the_rate():
     f = np.c_[9.8 * np.sin(1e-6 * t), 0 * t, -9.8 * np.cos(1e-6 * t)]
     assert motionless(
         Imu(t, np.full(1000, 0.1), np.full((1000, 3), 1e-7), 0.1 * f), 0.0
-    ).rate_sd == pytest.approx(1e-6, rel=1e-3)
+    ).rate_std == pytest.approx(1e-6, rel=1e-3)
 
 
 def test_the_ring_laser_record_starts_with_a_gyrocompass_heading(data_folder):
     recording = sd.read(data_folder / "lasergyro" / "lasergyro.imu.xz")
     start = align(recording, NAVIGATION)
     assert (
-        np.degrees(start.rph[2]) == pytest.approx(88, abs=2) and 0.5 < np.degrees(start.sd[8]) < 5
+        np.degrees(start.rph[2]) == pytest.approx(88, abs=2) and 0.5 < np.degrees(start.std[8]) < 5
     )
     assert "over 1840 s of rest" in start.note and "level at rest" in start.note

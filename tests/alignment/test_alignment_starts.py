@@ -8,13 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.alignment.course_heading import COURSE_SD
-from strapdown.alignment.initial import UNKNOWN_SD, align, body_to_navigation
+from strapdown.alignment.course_heading import COURSE_STD
+from strapdown.alignment.initial import UNKNOWN_STD, align, body_to_navigation
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
@@ -22,7 +22,7 @@ from strapdown.sim.trajectory import DEG, Motion, demo_flight, ramp, static
 
 GRAVITY = 9.80665
 MEMS = ImuSpec("MEMS", Triad(noise=2e-4, turn_on_bias=0.005), Triad(noise=1e-3, turn_on_bias=0.02))
-TACTICAL = sd.grade("tactical")
+TACTICAL = sd.imu("tactical")
 
 
 def departing():
@@ -48,20 +48,20 @@ def scores(recording, start):
     turn = truth.rotation[row] * Rotation.from_euler("ZYX", start.rph[::-1]).inv()
     biases = (
         recording.meta[name][max(row - 1, 0)] - estimate
-        for name, estimate in (("b_a", start.ba), ("b_g", start.bg))
+        for name, estimate in (("b_a", start.b_a), ("b_g", start.b_g))
     )
     error = np.concatenate(
         [
             displacement(truth.lla[row], np.array(start.lla)),
-            truth.v_n[row] - start.v,
+            truth.v_n[row] - start.v_n,
             turn.as_rotvec(),
             *biases,
         ]
     )
-    return error / start.sd, np.r_[error[:6], np.degrees(error[6:9])]
+    return error / start.std, np.r_[error[:6], np.degrees(error[6:9])]
 
 
-def at_rest(seconds=20.0, seed=1, rph=(0.1, -0.2, 2.0), gnss=Gnss(velocity_sd=(0.05,) * 3)):
+def at_rest(seconds=20.0, seed=1, rph=(0.1, -0.2, 2.0), gnss=Gnss(velocity_std=(0.05,) * 3)):
     return sd.simulate(static((0.8, 0.2, 100.0), rph), seconds, MEMS, seed, 50.0, gnss)
 
 
@@ -70,8 +70,8 @@ def at_rest(seconds=20.0, seed=1, rph=(0.1, -0.2, 2.0), gnss=Gnss(velocity_sd=(0
 
 @pytest.mark.parametrize("seed", range(4))
 def test_at_rest(seed):
-    recording = at_rest(60.0, seed, gnss=Gnss(position_sd=(1.0,) * 3, velocity_sd=(0.05,) * 3))
-    start = align(recording, MEMS, heading=2.0, heading_sd=0.01, at=50.0)
+    recording = at_rest(60.0, seed, gnss=Gnss(position_std=(1.0,) * 3, velocity_std=(0.05,) * 3))
+    start = align(recording, MEMS, heading=2.0, heading_std=0.01, at=50.0)
     z, error = scores(recording, start)
     assert np.abs(z).max() < 3.5 and np.abs(error[6:8]).max() < 0.5
     assert (
@@ -80,22 +80,22 @@ def test_at_rest(seed):
         and "heading given" in start.note
     )
     assert (
-        start.sd[12] == pytest.approx(RATE, rel=0.2)
-        and np.abs(np.array(start.bg) - recording.meta["b_g"][0]).max() < 2 * RATE
+        start.std[12] == pytest.approx(RATE, rel=0.2)
+        and np.abs(np.array(start.b_g) - recording.meta["b_g"][0]).max() < 2 * RATE
     )
-    assert start.ba == (0.0, 0.0, 0.0) and start.sd[9:12] == (0.02,) * 3
+    assert start.b_a == (0.0, 0.0, 0.0) and start.std[9:12] == (0.02,) * 3
 
 
 def test_a_good_gyro_is_not_calibrated_against_the_rotation_of_the_earth():
     recording = replace(at_rest(), meta={})
-    start = align(recording, sd.grade("navigation"), at=15.0)
-    assert start.bg == (0.0, 0.0, 0.0) and "biases smaller than the Earth's rate" in start.note
-    assert start.sd[12] == sd.grade("navigation").bias_sd()[1]
+    start = align(recording, sd.imu("navigation"), at=15.0)
+    assert start.b_g == (0.0, 0.0, 0.0) and "biases smaller than the Earth's rate" in start.note
+    assert start.std[12] == sd.imu("navigation").bias_std()[1]
 
 
-@pytest.mark.parametrize("velocity_sd", [None, (0.1,) * 3])
-def test_noisy_fixes_do_not_hide_rest(velocity_sd):
-    recording = at_rest(40.0, gnss=Gnss(position_sd=(1.5, 1.5, 3.0), velocity_sd=velocity_sd))
+@pytest.mark.parametrize("velocity_std", [None, (0.1,) * 3])
+def test_noisy_fixes_do_not_hide_rest(velocity_std):
+    recording = at_rest(40.0, gnss=Gnss(position_std=(1.5, 1.5, 3.0), velocity_std=velocity_std))
     start = align(recording, MEMS, at=35.0)
     assert "level from the rest" in start.note and "gyro bias from" in start.note
 
@@ -114,7 +114,7 @@ def test_smooth_flight_is_not_taken_for_rest():
     z, error = scores(recording, start)
     assert (
         "rest" not in start.note
-        and start.bg == (0.0, 0.0, 0.0)
+        and start.b_g == (0.0, 0.0, 0.0)
         and np.abs(z).max() < 3.5
         and np.abs(error[6:8]).max() < 2
     )
@@ -128,7 +128,7 @@ def test_smooth_flight_is_not_taken_for_rest():
     [
         (Gnss(lever_arm=(1.0, -0.5, -1.0)), 4.0, 0.6),
         (Gnss(interval=5.0), 7.0, 4.0),
-        (Gnss(velocity_sd=None), 7.0, 8.0),
+        (Gnss(velocity_std=None), 7.0, 8.0),
     ],
     ids=["1 s", "5 s", "position alone"],
 )
@@ -147,21 +147,21 @@ def test_course_is_heading_once_it_moves():
     recording = sd.simulate(departing(), 60.0, TACTICAL, 5, 50.0)
     start = align(recording, TACTICAL)
     assert (
-        np.hypot(*start.v[:2]) > 5
-        and start.rph[2] == pytest.approx(np.arctan2(start.v[1], start.v[0]), abs=0.02)
-        and start.sd[8] == pytest.approx(COURSE_SD, rel=0.1)
+        np.hypot(*start.v_n[:2]) > 5
+        and start.rph[2] == pytest.approx(np.arctan2(start.v_n[1], start.v_n[0]), abs=0.02)
+        and start.std[8] == pytest.approx(COURSE_STD, rel=0.1)
     )
-    fast = recording.aidings[1].t[np.hypot(*recording.aidings[1].y[:, :2].T) > 5]
+    fast = recording.sources[1].t[np.hypot(*recording.sources[1].y[:, :2].T) > 5]
     assert start.t == fast[0] and f"{start.t:.2f} s" in start.note
 
 
 def test_a_lever_arm_is_taken_off_position_and_velocity():
     arm = (2.0, -1.0, -1.0)
-    still = at_rest(gnss=Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3, lever_arm=arm))
+    still = at_rest(gnss=Gnss(position_std=(1e-3,) * 3, velocity_std=(1e-3,) * 3, lever_arm=arm))
     start = align(still, MEMS, heading=2.0, at=15.0)
     truth = still.reference.lla[0]
     assert np.abs(displacement(truth, np.array(start.lla))).max() < 0.1
-    antenna = displacement(still.aidings[0].y[0], truth)
+    antenna = displacement(still.sources[0].y[0], truth)
     np.testing.assert_allclose(antenna, body_to_navigation(0.1, -0.2, 2.0) @ arm, atol=0.01)
     turning = Motion(
         "turning",
@@ -175,12 +175,12 @@ def test_a_lever_arm_is_taken_off_position_and_velocity():
         MEMS,
         1,
         50.0,
-        Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3, lever_arm=arm),
+        Gnss(position_std=(1e-3,) * 3, velocity_std=(1e-3,) * 3, lever_arm=arm),
     )
-    start = align(spun, MEMS, heading=2.5, heading_sd=0.01, at=5.0)
+    start = align(spun, MEMS, heading=2.5, heading_std=0.01, at=5.0)
     assert (
-        np.abs(np.array(start.v) - [10, 0, 0]).max() < 0.15
-        and np.abs(spun.aidings[1].y - [10, 0, 0]).max() > 0.5
+        np.abs(np.array(start.v_n) - [10, 0, 0]).max() < 0.15
+        and np.abs(spun.sources[1].y - [10, 0, 0]).max() > 0.5
     )
 
 
@@ -189,37 +189,37 @@ def test_a_lever_arm_is_taken_off_position_and_velocity():
 
 def test_heading_given_or_measured():
     recording = sd.simulate(departing(), 60.0, TACTICAL, 5, 50.0)
-    given = align(recording, TACTICAL, heading=40 * DEG, heading_sd=0.03)
-    assert given.rph[2] == 40 * DEG and given.sd[8] == 0.03 and "heading given" in given.note
+    given = align(recording, TACTICAL, heading=40 * DEG, heading_std=0.03)
+    assert given.rph[2] == 40 * DEG and given.std[8] == 0.03 and "heading given" in given.note
     assert given.t == 1.0  # no need to wait for motion
     t = np.arange(0.2, 60.0, 0.2)
-    compass = Aiding(
+    compass = Source(
         "heading",
         t,
         np.interp(t, recording.reference.t, np.unwrap(recording.reference.rph[:, 2]))[:, None],
         np.full((len(t), 1), 0.02),
     )
-    measured = align(replace(recording, aidings=(*recording.aidings, compass)), TACTICAL)
+    measured = align(replace(recording, sources=(*recording.sources, compass)), TACTICAL)
     assert (
         measured.t == 1.0
         and measured.rph[2] == pytest.approx(40 * DEG, abs=1e-3)
-        and measured.sd[8] == pytest.approx(0.02, abs=1e-3)
+        and measured.std[8] == pytest.approx(0.02, abs=1e-3)
     )
     turning = align(
-        replace(recording, aidings=(*recording.aidings, compass.between(0, 59))),
+        replace(recording, sources=(*recording.sources, compass.between(0, 59))),
         TACTICAL,
         at=60.0 - 0.1,
     )
-    assert turning.sd[8] > 0.02 and "heading measured" in turning.note
+    assert turning.std[8] > 0.02 and "heading measured" in turning.note
 
 
 def test_an_unknown_heading_converges_in_motion():
     recording = sd.simulate(departing(), 120.0, TACTICAL, 5, 50.0)
     start = align(recording, TACTICAL, at=20.0)
-    assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note
+    assert start.std[8] == UNKNOWN_STD and "heading unknown" in start.note
     solution = sd.fuse(recording, start=start)
     error = np.degrees(np.abs(sd.errors(solution, recording.reference).rph[:, 2]))
-    assert error[0] > 30 and error[-1] < 5 and np.degrees(solution.trajectory.sd[-1, 8]) < 5
+    assert error[0] > 30 and error[-1] < 5 and np.degrees(solution.trajectory.std[-1, 8]) < 5
 
 
 # ---- refusals and overrides
@@ -244,9 +244,19 @@ def test_a_high_antenna_on_a_rolling_ship_leaves_an_honest_start():
 
 
 @pytest.mark.short
-def test_a_grade_by_its_name_is_refused_here():
-    with pytest.raises(DataError, match="imu is 'tactical'; it must be an ImuSpec"):
-        align(at_rest(), "tactical")
+def test_an_imu_is_given_by_name_or_by_the_recording_as_to_fuse():
+    recording = at_rest()
+    named = align(recording, "tactical", heading=1.0)
+    assert named == align(recording, sd.imu("tactical"), heading=1.0)
+    assert named == align(recording.with_meta(grade="tactical"), heading=1.0)
+    with pytest.raises(DataError, match="^the recording does not name its IMU: give imu=, one of"):
+        align(recording.without_meta("grade"))
+    with pytest.raises(DataError, match="^unknown IMU grade 'tacticle' .did you mean 'tactical'"):
+        align(recording, "tacticle")
+    with pytest.raises(
+        DataError, match=r"^imu is \[1\]; it must be an ImuSpec, the name of a grade"
+    ):
+        align(recording, [1])
 
 
 @pytest.mark.short
@@ -266,7 +276,7 @@ def test_two_samples_and_one_fix_are_enough():
         np.zeros((2, 3)),
         np.tile([0, 0, -9.8 * 0.02], (2, 1)),
     )
-    fix = Aiding("position", np.array([0.0]), np.array([[0.8, 0.2, 100.0]]), np.ones((1, 3)))
+    fix = Source("position", np.array([0.0]), np.array([[0.8, 0.2, 100.0]]), np.ones((1, 3)))
     start = align(Recording(imu, (fix,)), MEMS)
     assert (
         start.t == 0.0
@@ -274,13 +284,15 @@ def test_two_samples_and_one_fix_are_enough():
         and start.lla == pytest.approx((0.8, 0.2, 100.0))
     )
     assert (
-        start.v == (0.0, 0.0, 0.0) and min(start.sd[3:6]) >= 10 and "heading unknown" in start.note
+        start.v_n == (0.0, 0.0, 0.0)
+        and min(start.std[3:6]) >= 10
+        and "heading unknown" in start.note
     )
 
 
 # ---- runs that begin there
 
-BOTH, POSITION, ARM = Gnss(), Gnss(velocity_sd=None), Gnss(lever_arm=(1.0, 0.5, -1.5))
+BOTH, POSITION, ARM = Gnss(), Gnss(velocity_std=None), Gnss(lever_arm=(1.0, 0.5, -1.5))
 # at 20 s the heading is unknown, which positions alone take long to find
 STARTS = [
     {},
@@ -301,7 +313,7 @@ def test_a_run_converges_from_any_start(options, gnss):
     solution = sd.fuse(recording, start=start)
     r = sd.rms(sd.errors(solution, recording.reference), (125.0, 150.0))
     # an unknown heading is found in steps too large for a linear filter
-    most = 6 if start.sd[8] == UNKNOWN_SD else 3
+    most = 6 if start.std[8] == UNKNOWN_STD else 3
     rejected = sum(count for _, count in solution.counts().values())
     assert (
         r.position.max() < 1.5

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.short
 
 
 def test_what_is_left_open_is_found_as_by_align():
-    recording, spec = flight(), sd.grade("tactical")
+    recording, spec = flight(), sd.imu("tactical")
     truth = start(recording, 5.0)
     found = sd.align(recording, spec, heading=truth.rph[2], at=truth.t)
     solution = sd.fuse(recording, start=InitialState(truth.t, rph=(np.nan, np.nan, truth.rph[2])))
@@ -21,17 +21,17 @@ def test_what_is_left_open_is_found_as_by_align():
     assert begin[:7] == found[:7] and begin.note.startswith("time given; ")
     given = sd.fuse(recording, start=InitialState(truth.t, lla=truth.lla, rph=truth.rph))
     begin = InitialState(**given.meta["start"])
-    assert begin.lla == truth.lla and begin.rph == truth.rph and begin.v == found.v
-    assert begin.sd[:3] == (10.0,) * 3 and np.degrees(begin.sd[6:9]) == pytest.approx([2.0] * 3)
-    assert begin.sd[9:] == found.sd[9:] and begin.note.startswith("lla, rph given; ")
+    assert begin.lla == truth.lla and begin.rph == truth.rph and begin.v_n == found.v_n
+    assert begin.std[:3] == (10.0,) * 3 and np.degrees(begin.std[6:9]) == pytest.approx([2.0] * 3)
+    assert begin.std[9:] == found.std[9:] and begin.note.startswith("lla, rph given; ")
     assert np.abs(given.trajectory.v_n[-1] - recording.reference.v_n[-1]).max() < 1.0
 
 
 def test_at_rest_without_fixes_the_velocity_is_zero():
-    recording = replace(at_rest(), aidings=())
+    recording = replace(at_rest(), sources=())
     solution = sd.fuse(
         recording, start=InitialState(1.0, lla=(0.8, 0.2, 300.0), rph=(0.0, 0.0, 1.0))
     )
     begin = InitialState(**solution.meta["start"])
-    assert begin.v == (0.0,) * 3 and begin.sd[3:6] == (0.1,) * 3
+    assert begin.v_n == (0.0,) * 3 and begin.std[3:6] == (0.1,) * 3
     assert begin.lla == (0.8, 0.2, 300.0)

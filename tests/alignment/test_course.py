@@ -1,10 +1,12 @@
 """Courses as headings: as sure as their fixes, at any speed, and none where nothing moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from strapdown.alignment.course_heading import (
-    COURSE_SD,
+    COURSE_STD,
     DRIFT,
     MOVING,
     best_instant,
@@ -12,7 +14,7 @@ from strapdown.alignment.course_heading import (
     heading_of,
 )
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.geometry.geodesy import displace_lla
 
 LLA = np.array([0.9, 0.1, 100.0])
@@ -32,18 +34,18 @@ def imu(seconds=40.0, rate=0.0, shake=1.0, step=0.02):
     )
 
 
-def positions(v, sd, seconds=40, seed=1):
+def positions(v, std, seconds=40, seed=1):
     """A fix a second, at a constant velocity (m/s, north and east)."""
     t = np.arange(1.0, seconds)
-    noise = np.random.default_rng(seed).normal(0, sd, (len(t), 3))
+    noise = np.random.default_rng(seed).normal(0, std, (len(t), 3))
     y = displace_lla(LLA, t[:, None] * np.array([*v, 0.0]) + noise)
-    return Aiding("position", t, y, np.full((len(t), 3), sd))
+    return Source("position", t, y, np.full((len(t), 3), std))
 
 
-def speeds(v, sd, seconds=40, interval=1.0, seed=1):
+def speeds(v, std, seconds=40, interval=1.0, seed=1):
     t = np.arange(interval, seconds, interval)
-    noise = np.random.default_rng(seed).normal(0, sd, (len(t), 3))
-    return Aiding("velocity", t, np.array([*v, 0.0]) + noise, np.full((len(t), 3), sd))
+    noise = np.random.default_rng(seed).normal(0, std, (len(t), 3))
+    return Source("velocity", t, np.array([*v, 0.0]) + noise, np.full((len(t), 3), std))
 
 
 def test_at_walking_speed_a_course_is_as_sure_as_its_velocities():
@@ -51,23 +53,23 @@ def test_at_walking_speed_a_course_is_as_sure_as_its_velocities():
         courses(imu(), positions((0.6, 0.8), 2.0), speeds((0.6, 0.8), 0.05)), imu(), 20.0
     )
     assert found.heading == pytest.approx(np.arctan2(0.8, 0.6), abs=0.15)
-    assert found.sd == pytest.approx(np.linalg.norm([COURSE_SD, DRIFT, 0.05]), rel=0.05)
+    assert found.std == pytest.approx(np.linalg.norm([COURSE_STD, DRIFT, 0.05]), rel=0.05)
     assert found.note == "heading from the course at 1.0 m/s"
 
 
 def test_several_fixes_make_a_course_where_one_does_not():
     slow, noise = (0.6, 0.8), 0.4
     found = courses(imu(), positions(slow, 5.0), speeds(slow, noise))
-    assert found.sd[10] == pytest.approx(noise / np.sqrt(8), rel=1e-6)
+    assert found.std[10] == pytest.approx(noise / np.sqrt(8), rel=1e-6)
     assert np.abs(found.v[10:] - slow).max() < 4 * noise / np.sqrt(8)
     walked = courses(imu(), positions(slow, 0.5), None)
     # over 8 s, of which each end errs
-    assert walked.sd[12] == pytest.approx(np.hypot(0.5, 0.5) / 8, rel=1e-6)
+    assert walked.std[12] == pytest.approx(np.hypot(0.5, 0.5) / 8, rel=1e-6)
 
 
 def test_velocities_of_the_same_second_count_as_one():
     found = courses(imu(), positions((1.0, 0.0), 5.0), speeds((1.0, 0.0), 0.4, interval=0.1))
-    assert found.sd[100] == pytest.approx(0.4 / np.sqrt(1 + 6.3), rel=1e-6)  # 64 fixes
+    assert found.std[100] == pytest.approx(0.4 / np.sqrt(1 + 6.3), rel=1e-6)  # 64 fixes
 
 
 def test_a_body_that_turns_makes_the_course_of_several_fixes_doubtful():
@@ -87,7 +89,7 @@ def test_differences_of_noisy_positions_are_no_course():
 
 def test_at_rest_fixes_that_are_worse_than_they_say_are_no_course():
     liars = speeds((0.0, 0.0), 0.3, 600)
-    liars = Aiding("velocity", liars.t, liars.y, 0.4 * liars.sd)
+    liars = Source("velocity", liars.t, liars.y, 0.4 * liars.std)
     still, shaken = imu(600.0, shake=0.0), imu(600.0)
     found = courses(still, positions((0.0, 0.0), 2.0, 600), liars)
     assert best_instant(found, shaken) is not None and best_instant(found, still) is None
@@ -99,7 +101,8 @@ def test_a_fast_course_is_waited_for_but_not_for_ever():
     def after(seconds):
         fixes = positions((1.0, 0.0), 2.0, 600)
         moving = speeds((1.0, 0.0), 0.05, 600)
-        moving.y[moving.t >= seconds, 0] = 12.0
+        fast = (moving.t >= seconds)[:, None] & [True, False, False]
+        moving = replace(moving, y=np.where(fast, 12.0, moving.y))
         found = courses(imu(600.0), fixes, moving)
         return found.t[best_instant(found, imu(600.0))]
 

@@ -12,7 +12,12 @@ from strapdown.alignment.first_fixes import position_and_velocity
 from strapdown.alignment.initial_heading import mean_force
 from strapdown.alignment.rest import rests
 from strapdown.geometry.geodesy import wrap
-from strapdown.preprocessing.unbroken import is_covered, is_unbroken, nearest_felt, unbroken
+from strapdown.preprocessing.unbroken import (
+    is_covered,
+    is_unbroken,
+    nearest_felt,
+    unbroken_stretches,
+)
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
@@ -22,18 +27,18 @@ def test_random_gaps_leave_a_start_that_is_honest(seed):
     """Of a tactical IMU. Angles off by more than 4.5 of their standard deviations are one in 1.5e5 of
     a consistent start; 40 starts have 120 angles, so a false alarm is one in 1200 runs."""
     recording = gapped(seed, "tactical")
-    start = sd.align(recording, sd.grade("tactical"))
+    start = sd.align(recording, sd.imu("tactical"))
     assert is_covered(recording.imu, np.array([start.t])).all()
     k = int(np.argmin(np.abs(recording.reference.t - start.t)))
     off = np.abs(wrap(np.array(start.rph) - recording.reference.rph[k]))
-    assert (off < 4.5 * np.array(start.sd[6:9])).all()
+    assert (off < 4.5 * np.array(start.std[6:9])).all()
 
 
 @pytest.mark.parametrize("grade", ["consumer", "navigation"])
 @pytest.mark.parametrize("seed", range(100, 124))
 def test_random_gaps_and_sources_leave_a_start(seed, grade):
     """With positions, a magnetometer or an altimeter, with and without a position, at any instant."""
-    recording, spec = with_sources(gapped(seed), seed), sd.grade(grade)
+    recording, spec = with_sources(gapped(seed), seed), sd.imu(grade)
     at = float(np.random.default_rng(seed).uniform(*recording.span))
     for moment in (None, at):
         for position in (True, False):
@@ -43,12 +48,12 @@ def test_random_gaps_and_sources_leave_a_start(seed, grade):
                 in_gap = moment is not None and not is_covered(recording.imu, np.array([at])).all()
                 assert in_gap and f"cannot start at {at:g} s, in a gap of the IMU" in str(error)
             else:
-                assert np.isfinite([*start.lla, *start.v, *start.rph, *start.sd]).all()
+                assert np.isfinite([*start.lla, *start.v_n, *start.rph, *start.std]).all()
 
 
 def test_stretches_end_at_gaps_and_not_at_single_lost_samples():
     made = without_samples(at_rest(20.0, 20.0), (3.0, 3.05), (5.0, 7.0), (11.0, 11.45))
-    assert made.imu.t[unbroken(made.imu)[:, 0]].tolist() == [0.05, 7.05]
+    assert made.imu.t[unbroken_stretches(made.imu)[:, 0]].tolist() == [0.05, 7.05]
     inside = is_covered(
         made.imu, np.array([-1.0, 0.0, 3.02, 5.0, 5.01, 6.99, 7.0, 11.2, 20.0, 20.1])
     )
@@ -67,11 +72,11 @@ def test_an_empty_window_has_no_mean_force():
 
 def test_the_level_of_a_rest_is_not_carried_across_a_gap():
     """A car that stood until 19 s drives on a slope when samples come back."""
-    recording, spec = whole("car", 0, "tactical"), sd.grade("tactical")
+    recording, spec = whole("car", 0, "tactical"), sd.imu("tactical")
     assert "level from the rest" in sd.align(recording, spec, at=26.0).note
     made = without_samples(recording, (19.0, 24.0))
     start = sd.align(made, spec, at=26.0)
-    assert "level from the rest" not in start.note and start.sd[6] > np.radians(2.0)
+    assert "level from the rest" not in start.note and start.std[6] > np.radians(2.0)
     # the rest tells the bias of the gyros all the same
     assert rests(made, 26.0).before
 
@@ -99,5 +104,5 @@ def test_a_course_before_a_gap_is_no_heading_after_it():
 def test_a_start_lies_in_no_gap(gap):
     """Where the first fix, or the best course, does."""
     made = without_samples(whole("car", 3), gap)
-    start = sd.align(made, sd.grade("consumer"))
+    start = sd.align(made, sd.imu("consumer"))
     assert not gap[0] < start.t < gap[1] - 0.01

@@ -24,8 +24,8 @@ def sideways():
 
 
 def test_its_course_is_no_heading(sideways):
-    assert "course" in sd.align(sideways["any"], sd.grade("consumer")).note
-    start = sd.align(sideways["multicopter"], sd.grade("consumer"))
+    assert "course" in sd.align(sideways["any"], sd.imu("consumer")).note
+    start = sd.align(sideways["multicopter"], sd.imu("consumer"))
     assert "heading unknown" in start.note
 
 

@@ -9,7 +9,7 @@ import strapdown as sd
 from strapdown.alignment.initial import align
 from strapdown.alignment.rest import gyro_bias, rests
 from strapdown.core.mathematics.earth import RATE
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
@@ -37,11 +37,11 @@ def stopping(at=20.0):
 def test_a_rest_after_the_start_tells_the_gyro_bias():
     recording = sd.simulate(stopping(), 40.0, MEMS, 3, 50.0)
     start = align(recording, MEMS, at=5.0)
-    z = (recording.meta["b_g"][0] - start.bg) / start.sd[12:]
+    z = (recording.meta["b_g"][0] - start.b_g) / start.std[12:]
     assert "s of rest 1" in start.note and "later" in start.note and np.abs(z).max() < 4
-    assert start.sd[12] < 0.1 * MEMS.bias_sd()[1]
+    assert start.std[12] < 0.1 * MEMS.bias_std()[1]
     none = align(recording.between(0.0, 19.0), MEMS, at=5.0)
-    assert "biases unknown" in none.note and none.sd[12] == MEMS.bias_sd()[1]
+    assert "biases unknown" in none.note and none.std[12] == MEMS.bias_std()[1]
 
 
 def test_the_older_the_rest_the_less_sure():
@@ -66,30 +66,30 @@ def test_a_steady_turn_that_feels_like_rest_is_a_bias_only_as_far_as_the_gyro_ma
     )
     recording = sd.simulate(turning, 20.0, MEMS, 1, 50.0)
     start = align(recording, MEMS, at=10.0)
-    assert start.sd[14] == pytest.approx(0.06, rel=0.2) and start.sd[12] < 2 * RATE
+    assert start.std[14] == pytest.approx(0.06, rel=0.2) and start.std[12] < 2 * RATE
 
 
 @pytest.mark.parametrize("part", ["none", "some", "two columns"])
 def test_a_velocity_without_vertical_part_serves(part):
     recording = sd.simulate(stopping(), 40.0, MEMS, 3, 50.0, Gnss(0.5, 0.5, 0.05))
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     y = velocity.y.copy()
     y[:: 2 if part == "some" else 1, 2] = np.nan
     columns = slice(2 if part == "two columns" else 3)
-    flat = replace(velocity, y=y[:, columns], sd=velocity.sd[:, columns])
-    flat = replace(recording, aidings=(position, flat))
+    flat = replace(velocity, y=y[:, columns], std=velocity.std[:, columns])
+    flat = replace(recording, sources=(position, flat))
     whole, start = align(recording, MEMS, at=5.0), align(flat, MEMS, at=5.0)
-    assert start.v[:2] == whole.v[:2] and abs(start.v[2]) < 3 * start.sd[5]
-    assert np.degrees(start.sd[8]) < 20 and start.sd[3] == whole.sd[3]
+    assert start.v_n[:2] == whole.v_n[:2] and abs(start.v_n[2]) < 3 * start.std[5]
+    assert np.degrees(start.std[8]) < 20 and start.std[3] == whole.std[3]
     solution = sd.fuse(flat, imu=MEMS)
     assert sd.rms(sd.errors(solution, recording.reference), (20.0, 40.0)).position.max() < 1
 
 
 def test_nothing_vertical_at_all():
     recording = sd.simulate(stopping(), 10.0, MEMS, 3, 50.0)
-    position, velocity = recording.aidings
-    one = Aiding("position", position.t[:1], position.y[:1], position.sd[:1])
+    position, velocity = recording.sources
+    one = Source("position", position.t[:1], position.y[:1], position.std[:1])
     y = velocity.y.copy()
     y[:, 2] = np.nan
-    start = align(replace(recording, aidings=(one, replace(velocity, y=y))), MEMS)
-    assert start.v[2] == pytest.approx(0.0, abs=0.1) and start.sd[5] >= 10
+    start = align(replace(recording, sources=(one, replace(velocity, y=y))), MEMS)
+    assert start.v_n[2] == pytest.approx(0.0, abs=0.1) and start.std[5] >= 10

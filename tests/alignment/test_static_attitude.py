@@ -132,15 +132,15 @@ def test_gyrocompass_finds_heading_and_latitude(latitude, heading):
 
 def test_deviation_of_the_gyrocompass_is_that_of_its_errors():
     """4000 draws; the standard deviation of a sample has 1.1 %, so 5 % is over four of its own."""
-    rng, latitude, rate_sd, tilt_sd = np.random.default_rng(3), 50 * DEG, 5e-8, 5e-4
+    rng, latitude, rate_std, tilt_std = np.random.default_rng(3), 50 * DEG, 5e-8, 5e-4
     rph = np.array([0, 0, 200]) * DEG
     rate, f = at_rest(latitude, rph)
-    errors, tilts = rng.normal(0, rate_sd, (4000, 3)), rng.normal(0, tilt_sd, (4000, 2))
+    errors, tilts = rng.normal(0, rate_std, (4000, 3)), rng.normal(0, tilt_std, (4000, 2))
     forces = f + 9.8 * np.c_[-tilts[:, 1], tilts[:, 0], np.zeros(len(tilts))]
     off = np.array([gyrocompass(rate + e, g).rph[2] for e, g in zip(errors, forces)]) - rph[2]
-    stated = gyrocompass(rate, f, rate_sd, tilt_sd).heading_sd
+    stated = gyrocompass(rate, f, rate_std, tilt_std).heading_std
     assert stated == pytest.approx(
-        np.hypot(rate_sd / (earth.RATE * np.cos(latitude)), np.tan(latitude) * tilt_sd)
+        np.hypot(rate_std / (earth.RATE * np.cos(latitude)), np.tan(latitude) * tilt_std)
     )
     assert off.std() == pytest.approx(stated, rel=0.05)
 
@@ -151,7 +151,7 @@ def test_gyrocompass_refuses_what_tells_nothing():
     with pytest.raises(ValueError, match="must be finite"):
         gyrocompass([np.nan, 0, 0], [0, 0, -9.8])
     pole = gyrocompass([0, 0, -earth.RATE], [0, 0, -9.8], 1e-8)
-    assert np.isnan(pole.rph[2]) and pole.heading_sd == np.inf
+    assert np.isnan(pole.rph[2]) and pole.heading_std == np.inf
     assert np.isnan(gyrocompass([0, 0, -2 * earth.RATE], [0, 0, -9.8]).latitude)
 
 

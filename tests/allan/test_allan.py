@@ -12,7 +12,7 @@ from strapdown.allan.suggested_grade import expected_deviation, suggest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import Triad
-from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.imu import ImuSpec, imu as imu_spec
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 
 N, DT = 36_000, 0.1
@@ -32,7 +32,7 @@ def recorded(spec, seed, n=N, dt=DT):
 
 @cache
 def fits(seeds, ramp=0.0, angle_noise=0.0, **terms):
-    """A Fit per axis and seed; `ramp` in units/s, `angle_noise` the sd of white noise of the
+    """A Fit per axis and seed; `ramp` in units/s, `angle_noise` the std of white noise of the
     integral."""
     found = []
     for seed in range(seeds):
@@ -106,7 +106,7 @@ def test_gauss_markov_variance_against_its_spectrum():
 
 @pytest.mark.deep
 def test_bounds_hold_the_true_deviation_as_often_as_they_say():
-    """60 axes with some 9 independent cluster times each: binomial sd about 2.5 %, bound 4 of
+    """60 axes with some 9 independent cluster times each: binomial std about 2.5 %, bound 4 of
     them."""
     spec = ImuSpec("test", Triad(noise=1e-3), Triad(noise=2e-3))
     inside = []
@@ -136,7 +136,7 @@ def test_a_coefficient_that_went_in_comes_out_within_its_standard_error(name, tr
     found = fits(8, **terms)
     seen = [f for f in found if np.isfinite(f.value[name])]
     assert len(seen) >= 0.9 * len(found)
-    z = np.array([(f.value[name] - true) / f.sd[name] for f in seen])
+    z = np.array([(f.value[name] - true) / f.std[name] for f in seen])
     assert np.abs(z).max() < 5 and abs(z.mean()) < 1 and z.std() < 1.6
     assert np.mean([f.value[name] for f in seen]) == pytest.approx(true, rel=0.1)
 
@@ -165,9 +165,9 @@ def test_a_gauss_markov_bias_is_fitted_where_it_is_asked_for():
     ]
     for f in found:
         assert "bias instability" not in f.names
-        assert f.value["gauss-markov"] == pytest.approx(1e-3, abs=5 * f.sd["gauss-markov"])
-        assert f.value["time constant"] == pytest.approx(30.0, abs=5 * f.sd["time constant"])
-        assert f.sd["gauss-markov"] < 3e-4 and f.sd["time constant"] < 20
+        assert f.value["gauss-markov"] == pytest.approx(1e-3, abs=5 * f.std["gauss-markov"])
+        assert f.value["time constant"] == pytest.approx(30.0, abs=5 * f.std["time constant"])
+        assert f.std["gauss-markov"] < 3e-4 and f.std["time constant"] < 20
 
 
 @pytest.mark.short
@@ -192,7 +192,7 @@ def test_a_hump_that_no_term_explains_lifts_no_term_above_the_curve():
 
 @pytest.mark.parametrize("name", ["consumer", "industrial", "tactical", "navigation"])
 def test_a_simulated_grade_is_recognised_and_its_fit_describes_it(tmp_path, name):
-    true = grade(name)
+    true = imu_spec(name)
     result = allan(recorded(true, 2, 20_000, 0.1))
     found = suggest(result)
     assert found.grade == name and found.factors[name] < 1.3
@@ -205,11 +205,11 @@ def test_a_simulated_grade_is_recognised_and_its_fit_describes_it(tmp_path, name
         expected_deviation(found.spec.gyro, tau), expected_deviation(true.gyro, tau), rtol=0.5
     )
     found.spec.to_toml(tmp_path / "found.toml")
-    assert grade(tmp_path / "found.toml") == found.spec
+    assert imu_spec(tmp_path / "found.toml") == found.spec
 
 
 def test_tables_hold_both_units():
-    result = allan(recorded(grade("tactical"), 2, 4000))
+    result = allan(recorded(imu_spec("tactical"), 2, 4000))
     table = result.table().set_index(["sensor", "axis", "coefficient"])
     row = table.loc[("gyro", "x", "white noise")]
     assert row.unit == "deg/sqrt(h)" and row.value == pytest.approx(np.degrees(row.value_si) * 60)
@@ -250,7 +250,7 @@ def test_the_triad_has_the_mean_variance_of_its_axes_and_more_degrees_of_freedom
     ],
 )
 def test_what_has_no_allan_deviation_is_refused(change, words):
-    imu = recorded(grade("consumer"), 1, 1000)
+    imu = recorded(imu_spec("consumer"), 1, 1000)
     with pytest.raises(DataError, match=words):
         allan(change(imu))
     assert first_gap(imu) == 0

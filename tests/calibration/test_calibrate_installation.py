@@ -68,22 +68,22 @@ def test_what_is_wrong_is_found_within_its_interval(found):
     }
     for name, value in TRUE.items():
         one = of(found, name)
-        assert one.status == FOUND and abs(one.change - value) < 3 * one.sd
-        assert abs(one.by_states - one.change) < 3 * np.hypot(one.sd, one.states_sd)
-        assert one.sd >= one.states_sd
-    assert of(found, "clock").sd < 0.01 and of(found, "mounting pitch").sd < 0.05
+        assert one.status == FOUND and abs(one.change - value) < 3 * one.std
+        assert abs(one.by_states - one.change) < 3 * np.hypot(one.std, one.states_std)
+        assert one.std >= one.states_std
+    assert of(found, "clock").std < 0.01 and of(found, "mounting pitch").std < 0.05
     # in the terms of recording.toml: what was given, of which 1 m lacks, and what is found
     assert of(found, "lever arm forward").given == pytest.approx(-0.5)
     assert of(found, "lever arm right").status == CONSISTENT
 
 
 def test_the_recording_as_found_is_the_right_one_and_has_nothing_to_change(found):
-    known = constants(found.given.aidings)
+    known = constants(found.given.sources)
     again = apply_constants(found.given, known, theta_of(known, found.given, found.found))
-    for a, b in zip(found.recording.aidings, again.aidings):
+    for a, b in zip(found.recording.sources, again.sources):
         np.testing.assert_array_equal(a.t, b.t)
     right = car(1070)
-    np.testing.assert_allclose(found.recording.aidings[0].t, right.aidings[0].t, atol=0.012)
+    np.testing.assert_allclose(found.recording.sources[0].t, right.sources[0].t, atol=0.012)
     second = sd.calibrate_installation(found.recording)
     assert not second.found and not second.edits and not second.changes
     assert {each.status for each in second.parameters} == {CONSISTENT}
@@ -97,7 +97,7 @@ def test_straight_at_one_speed_nothing_shows_and_it_is_said():
 
 def test_without_motion_or_velocity_it_is_refused():
     right = car(1072, 60.0)
-    alone = replace(right, aidings=right.aidings[:1])
+    alone = replace(right, sources=right.sources[:1])
     with pytest.raises(DataError, match="has no source of velocity, and positions alone do not"):
         sd.calibrate_installation(alone)
     still = sd.simulate("static", 60.0, "tactical", 1072)
@@ -123,11 +123,11 @@ def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatc
     others = [
         replace(a, name=f"{a.name} {k}", parameters=(float(k), 0.0, 0.0))
         for k in range(2, 8)
-        for a in right.aidings[:2]
+        for a in right.sources[:2]
     ]
     monkeypatch.setattr(module, "settle", None)
     with pytest.raises(DataError, match="there are 31 states beside the filter's own.*at most 30"):
-        sd.calibrate_installation(replace(right, aidings=(*right.aidings, *others)))
+        sd.calibrate_installation(replace(right, sources=(*right.sources, *others)))
 
 
 def changing(first, second):
@@ -137,9 +137,9 @@ def changing(first, second):
         replace(a, t=a.t - np.where(a.t < 100.0, first, second))
         if a.kind in ("position", "velocity")
         else a
-        for a in right.aidings
+        for a in right.sources
     ]
-    return sd.calibrate_installation(replace(right, aidings=tuple(late)))
+    return sd.calibrate_installation(replace(right, sources=tuple(late)))
 
 
 def test_a_change_that_harms_half_of_the_recording_is_not_constant():
@@ -179,7 +179,7 @@ def test_nothing_is_written_beside_what_is_not_sure(found, drive):
 
 def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch):
     def far(recording, sought, asking):
-        return {each: SimpleNamespace(change=10 * each.sd, sd=each.sd) for each in sought}
+        return {each: SimpleNamespace(change=10 * each.std, std=each.std) for each in sought}
 
     monkeypatch.setattr(module, "as_states", far)
     made = sd.calibrate_installation(wrong(car(1073, 100.0), "clock", 0.2))
@@ -204,7 +204,7 @@ def test_a_clock_by_leap_seconds_is_not_plausible_and_nothing_is_written(tmp_pat
 def test_clocks_that_differ_are_told_apart():
     made = sd.calibrate_installation(wrong(car(1075), "clock", 0.15, of="velocity"))
     clock = of(made, "clock of GNSS velocity")
-    assert clock.status == FOUND and abs(clock.change - 0.15) < 3 * clock.sd
+    assert clock.status == FOUND and abs(clock.change - 0.15) < 3 * clock.std
     assert of(made, "clock of GNSS position").status == CONSISTENT
     assert [edit.source for edit in made.edits] == [1]
     with pytest.raises(DataError, match="--imu-clock: the sources do not share one offset"):
@@ -216,7 +216,7 @@ def test_the_clock_of_the_imu_is_the_other_way_round():
     made = sd.calibrate_installation(recording, imu_clock=True)
     ((source, what, (value,), (deviation,)),) = made.edits
     assert source is None and what is CLOCK and value == pytest.approx(-0.2, abs=0.02)
-    assert deviation == of(made, "clock").sd
+    assert deviation == of(made, "clock").std
     assert made.changes == (f"[imu] time: add {value:+.3f} s to offset",)
     with pytest.raises(DataError, match="--imu-clock: no offset was estimated of speed"):
         sd.calibrate_installation(wrong(car(1070), "clock", 0.2), imu_clock=True)
@@ -234,7 +234,7 @@ def test_two_clocks_that_trade_off_are_said():
         )
         for name, change in (("a", 0.5), ("b", 0.1))
     )
-    nothing = np.zeros(len(constants(recording.aidings)))
+    nothing = np.zeros(len(constants(recording.sources)))
     settled = Settled((), nothing, nothing, diagnosis, (), 1)
     assert module._notes(settled, recording, clocks, False) == (
         "clock of a and clock of b trade off: they differ by +0.400 s, but the motion does not show "
@@ -277,8 +277,8 @@ def test_what_was_written_is_right_and_settles(drive):
     assert [line for line in lines if "by tape" in line][0].startswith("lever_arm = [0.")
     assert sum("calibrate installation" in line for line in lines) == 6
     found = sd.read(drive)
-    assert found.aidings[0].parameters == pytest.approx((0.5, 0.2, -1.0), abs=0.12)
-    assert found.aidings[1].parameters == found.aidings[0].parameters
+    assert found.sources[0].parameters == pytest.approx((0.5, 0.2, -1.0), abs=0.12)
+    assert found.sources[1].parameters == found.sources[0].parameters
     assert np.degrees(found.meta["imu_mounting"]) == pytest.approx([0, -2, 0], abs=0.15)
     second = sd.calibrate_installation(found)
     assert not second.edits and second.write(drive) is None
@@ -312,7 +312,7 @@ def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
         with pytest.raises(DataError, match=said):
             made.diff(tmp_path / name)
     # what was changed after reading, and what was read otherwise
-    known = constants(read.aidings)
+    known = constants(read.sources)
     for other in (apply_constants(read, known, np.full(len(known), 0.01)), replace(read, meta={})):
         with pytest.raises(DataError, match="was not read as a recording.toml has it; read that"):
             replace(made, given=other).write(drive)

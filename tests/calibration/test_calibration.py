@@ -16,7 +16,7 @@ from strapdown.calibration.methods import coverage, hard_and_soft_iron, missing_
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import gravity
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 G = 9.81
@@ -79,7 +79,7 @@ def recording(imu, y, **meta):
     return Recording(
         imu,
         (
-            Aiding(
+            Source(
                 "magnetic-field",
                 imu.t,
                 y,
@@ -230,12 +230,12 @@ def test_too_few_directions_are_refused_with_those_that_lack():
     with pytest.raises(sd.DataError, match="0 rests of 2 s|1 rest of 2 s.*six and more"):
         sd.calibrate(recording(imu, y), "accelerometer")
     with pytest.raises(sd.DataError, match="no source of kind magnetic-field"):
-        sd.calibrate(replace(recording(imu, y), aidings=()), "magnetometer")
+        sd.calibrate(replace(recording(imu, y), sources=()), "magnetometer")
     with pytest.raises(sd.DataError, match="sensor 'compass' is unknown; there is accelerometer"):
         sd.calibrate(recording(imu, y), "compass")
-    twice = replace(recording(imu, y).aidings[0], name="magnetometer")
+    twice = replace(recording(imu, y).sources[0], name="magnetometer")
     with pytest.raises(sd.DataError, match="there is accelerometer, magnetometer$"):
-        sd.calibrate(replace(recording(imu, y), aidings=(twice,)), "gyro")
+        sd.calibrate(replace(recording(imu, y), sources=(twice,)), "gyro")
 
 
 @pytest.mark.short
@@ -250,7 +250,7 @@ def test_a_sensor_that_never_turned_is_refused_where_the_strength_is_unknown(fie
         sd.DataError,
         match=r"changes by \+-0\.2\d uT .* too few directions; turn the sensor through all directions, upside down too",
     ):
-        sd.calibrate(replace(still, aidings=(replace(still.aidings[0], parameters=field),)))
+        sd.calibrate(replace(still, sources=(replace(still.sources[0], parameters=field),)))
 
 
 @pytest.mark.short
@@ -333,7 +333,7 @@ def test_rests_are_found_and_the_accelerometer_is_calibrated():
     bias = np.array([0.2, -0.15, 0.3])
     imu = poses(TILTED, M=SYMMETRIC, b=bias)
     found = rests(imu)
-    assert len(found.t) == len(TILTED) and 0 < found.sd < 0.02 / np.sqrt(100)
+    assert len(found.t) == len(TILTED) and 0 < found.std < 0.02 / np.sqrt(100)
     made = sd.calibrate(Recording(imu, meta={"place": [0.8, 0.1, 200.0]}), "accelerometer")
     g = float(gravity(np.sin(0.8), 200.0))
     np.testing.assert_allclose(made.bias, bias, atol=0.005)
@@ -405,7 +405,7 @@ def test_the_magnetometer_of_the_flight(data_folder, monkeypatch):
 
     monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
     whole = sd.read(EXAMPLES / "thor75-attitude.toml")
-    (source,) = [a for a in whole.aidings if a.kind == "magnetic-field"]
+    (source,) = [a for a in whole.sources if a.kind == "magnetic-field"]
     reference, rows = whole.reference, slice(*np.searchsorted(source.t, [240, 575]))
     t, m = source.t[rows], source.y[rows]
     R = Slerp(reference.t, reference.rotation)(t)
@@ -414,7 +414,7 @@ def test_the_magnetometer_of_the_flight(data_folder, monkeypatch):
     residual = np.sqrt(np.mean((m - R.inv().apply(field.field)) ** 2, axis=0)) * 1e4
     assert (residual < 0.015).all(), residual
     heading, pitch, roll = R.as_euler("ZYX").T
-    level = Rotation.from_euler("ZYX", np.c_[0 * heading, pitch, roll]).apply(m)
+    level = Rotation.from_euler("ZYX", np.c_[0 * heading, pitch, roll]).apply(m.copy())
     error = np.arctan2(-level[:, 1], level[:, 0]) + field.declination - heading
     error = np.degrees((error + np.pi) % (2 * np.pi) - np.pi)
     assert np.sqrt(np.mean(error**2)) < 4, np.sqrt(np.mean(error**2))

@@ -17,6 +17,7 @@ from synthetic import DOUBTFUL, TRUSTED, WRONG
 
 import strapdown as sd
 from strapdown.cli.console import print_verdicts
+from strapdown.io.solution import read_origin
 from strapdown.sim.trajectory import demo_flight
 
 COMMAND = shutil.which(
@@ -31,21 +32,21 @@ gyro = { columns = ["gx", "gy", "gz"], unit = "deg/s" }
 accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 grade = "tactical"
 
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "alt"]
 unit = ["deg", "deg", "m"]
-sd = [1.0, 1.0, 1.5]
+std = [1.0, 1.0, 1.5]
 
-[[aiding]]
+[[source]]
 kind = "velocity"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["vn", "ve", "vd"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 
 [reference]
 file = "truth.csv"
@@ -57,7 +58,7 @@ def tables(tmp_path_factory):
     """Folder with the tables of 30 s of flight at 50 Hz and their description."""
     folder = tmp_path_factory.mktemp("flight")
     flight = sd.simulate(demo_flight(), 30.0, "tactical", seed=1, rate=50.0)
-    imu, position, velocity = flight.imu, *flight.aidings
+    imu, position, velocity = flight.imu, *flight.sources
     rates = np.degrees(imu.dtheta) / imu.dt[:, None], imu.dv / imu.dt[:, None]
     pd.DataFrame(np.c_[imu.t, *rates], columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(
         folder / "imu.csv", index=False
@@ -143,7 +144,7 @@ def test_lists(good):
     assert "estimates: position down, velocity down, attitude roll pitch" in good("filters", "vru")
     out = good("imus")
     header, _, *rows = out.splitlines()
-    assert header.split() == sd.grades()
+    assert header.split() == sd.imus()
     (noise,) = [row for row in rows if row.startswith("gyro noise, deg/sqrt(h)")]
     assert float(noise.split()[-1]) == 0.15 and "6012" in out
 
@@ -228,7 +229,13 @@ def test_fuse_writes_further_files_with_utc(good, command, flight):
     assert sd.read_solution("a/solution.csv").meta["epoch"] == "2024-05-01T12:00:00Z"
     assert "2024-05-01 12:00:" in Path("a/report.html").read_text(encoding="utf-8")
     flight.write_text(text)
+    good("fuse", flight, "--also", "tum", "--origin", "47.63,9.35,400", "--out", "c")
+    place = np.r_[np.degrees(read_origin("c/track.tum")[:2]), read_origin("c/track.tum")[2]]
+    assert place == pytest.approx([47.63, 9.35, 400.0], abs=1e-9)
     for words, said in (
+        (["--origin", "47.63,9.35,400"], "only track.tum has positions from it; add --also tum"),
+        (["--also", "tum", "--origin", "here"], "write latitude,longitude,height in deg and m"),
+        (["--also", "tum", "--origin", "147,9,0"], "latitude goes to 1.571 rad (90 deg)"),
         (["--utc"], "--utc: the recording has no absolute clock"),
         (["--also", "gpz"], "did you mean 'gpx'?"),
         (["--write", "b.toml"], "is a recording already"),
@@ -270,7 +277,7 @@ def test_the_verdict_is_the_first_line_and_goes_into_the_files(good, flight, mon
         assert "Not to be trusted" in Path("a/report.html").read_text()
     judged(monkeypatch, TRUSTED)
     assert good("fuse", flight, "--out", "a").startswith(
-        "verdict: trusted; not tested: heading without turns\n"
+        "verdict: trusted; not tested: heading: no turns\n"
     )
 
 
@@ -319,7 +326,7 @@ def test_hide(good, flight):
 def test_heading(good, flight):
     assert "heading given" in good("fuse", flight, "--heading", -304.5, "--out", "a")
     start = sd.read_solution("a/solution.nc").meta["start"]
-    np.testing.assert_allclose(np.degrees([start["rph"][2], start["sd"][8]]), [-304.5, 2.0])
+    np.testing.assert_allclose(np.degrees([start["rph"][2], start["std"][8]]), [-304.5, 2.0])
 
 
 def test_options_of_a_filter(good, flight):
@@ -355,12 +362,12 @@ def test_options_of_a_filter(good, flight):
 
 
 def test_imu_of_ones_own(good, flight):
-    sd.grade("consumer").to_toml("mine.toml")
+    sd.imu("consumer").to_toml("mine.toml")
     good("fuse", flight, "--imu", "mine.toml", "--out", "a")
     good("fuse", flight, "--imu", "consumer", "--out", "b")
     mine, consumer = (sd.read_solution(f"{folder}/solution.nc") for folder in "ab")
     np.testing.assert_allclose(mine.trajectory.lla, consumer.trajectory.lla, rtol=1e-12)
-    assert mine.meta["noise"]["gyro"] == pytest.approx(sd.grade("consumer").noise().gyro)
+    assert mine.meta["noise"]["gyro"] == pytest.approx(sd.imu("consumer").noise().gyro)
 
 
 def change(old, new):
@@ -399,7 +406,11 @@ BAD = [
         TOML,
         "no IMU samples between 1000 and inf s; the recording covers 0.000 to 30.000 s",
     ),
-    ([*FUSE, "--from", "20", "--to", "10"], TOML, "no IMU samples between 20 and 10 s"),
+    (
+        [*FUSE, "--from", "20", "--to", "10"],
+        TOML,
+        "20 s is after 10 s; write the earlier time first",
+    ),
     ([*FUSE, "--from", "soon"], TOML, "--from"),
     ([*FUSE, "--every", "0"], TOML, "every is 0"),
     ([*FUSE, "--heading", "900"], TOML, "clockwise from true north"),
@@ -435,7 +446,7 @@ BAD = [
         ),
         "the limit is 90",
     ),
-    (FUSE, TOML.split("[[aiding]]")[0], "no position fix to start from"),
+    (FUSE, TOML.split("[[source]]")[0], "no position fix to start from"),
     (FUSE, "", "is empty"),
     (["fuse", "recording.toml", "--out", "imu.csv"], TOML, "choose another folder"),
     (["fuse", "recording.toml", "--out", "imu.csv/result"], TOML, "choose another folder"),

@@ -82,7 +82,7 @@ def test_what_cannot_be_written_is_said_in_one_line(late, drive, command, tmp_pa
     plain = tmp_path / "late.nc"
     sd.write_recording(late, plain)
     code, out, err = command("calibrate", "installation", plain, "--write")
-    assert code == 2 and "  [[aiding]] 1 (GNSS position) time: add +0." in out
+    assert code == 2 and "  [[source]] 1 (GNSS position) time: add +0." in out
     assert err == [
         f"strapdown: {plain}: only a recording.toml can be changed; change what it was made from"
     ]

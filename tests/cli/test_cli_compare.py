@@ -98,7 +98,7 @@ def test_verdicts_come_first_and_decide_the_strict_exit_code(here, command, monk
     lines = out.splitlines()
     assert lines[0].startswith("verdict on open-loop: not to be trusted: axes of the IMU:")
     assert lines[1] == "  also time stamps of gnss velocity, description of the IMU"
-    assert lines[2] == "verdict on closed-loop, mekf: trusted; not tested: heading without turns"
+    assert lines[2] == "verdict on closed-loop, mekf: trusted; not tested: heading: no turns"
     assert code == 3 and "not trusted" in err[0] and (here / "made" / "table.csv").exists()
     html = (here / "made" / "index.html").read_text()
     assert html.index("Not to be trusted") < html.index("<strong>Trusted") < html.index("<section")
@@ -125,7 +125,7 @@ def test_a_verdict_is_on_the_run_to_the_end_with_rows_by_the_second(monkeypatch,
     whole = sd.fuse(seen, start=sd.InitialState(**found.settings["start"]))
     np.testing.assert_array_equal(solution.innovations.nis, whole.innovations.nis)
     assert solution.t[-1] == recording.span[1] and 0.9 < np.diff(solution.t[:-1]).max() < 1.1
-    assert len(solution.recording.aidings) == len(recording.aidings)
+    assert len(solution.recording.sources) == len(recording.sources)
 
 
 def test_it_is_what_python_finds(here, command):

@@ -20,7 +20,7 @@ def test_what_is_wrong_is_printed_with_what_to_change(late, command):
     assert (code, err) == (0, [])
     assert lines[0].startswith("clock of GNSS position and GNSS velocity: found to be off by -0.3")
     assert lines[-3].startswith("to change in recording.toml (")
-    assert lines[-1].startswith("  [[aiding]] 2 (GNSS velocity) time: add -0.")
+    assert lines[-1].startswith("  [[source]] 2 (GNSS velocity) time: add -0.")
 
 
 def test_fuse_diagnoses_after_it_has_written(late, command, tmp_path):

@@ -71,8 +71,8 @@ def test_compare_estimates_too(here, command):
     "asked, said",
     [
         ("clok", "--estimate is 'clok' (did you mean 'clock'?); it must be one of"),
-        ("clock=", "--estimate 'clock=': write clock=SD, a standard deviation in s"),
-        ("scale=x", "--estimate 'scale=x': write scale=SD, a standard deviation"),
+        ("clock=", "--estimate 'clock=': write clock=STD, a standard deviation in s"),
+        ("scale=x", "--estimate 'scale=x': write scale=STD, a standard deviation"),
         ("clock=-1", "--estimate: standard deviation of clock is -1.0 s; it must be"),
         ("mounting=0/90/0", "--estimate: standard deviation of mounting is 90.0 deg; it must be"),
         ("lever-arm=1,2,3", "--estimate: 'lever-arm=1' and '2': between the components of one"),
@@ -94,5 +94,5 @@ def test_a_filter_that_cannot_is_refused(here, command):
 
 
 def test_priors_are_numbers():
-    with pytest.raises(DataError, match="write clock=SD"):
+    with pytest.raises(DataError, match="write clock=STD"):
         estimates(["clock=0.1 x"])

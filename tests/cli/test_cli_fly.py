@@ -10,9 +10,8 @@ import pytest
 
 import strapdown as sd
 from strapdown.cli import fly as cli_fly
-from strapdown.flight import figures, plan
-from strapdown.flight.asked import Loop, Sensors, World
-from strapdown.flight.fly import LOG, fly
+from strapdown.flight import Loop, Sensors, World, figures, plan
+from strapdown.flight.run_flight import LOG, fly
 from strapdown.geometry.geodesy import displacement
 from strapdown.pages.drawing import together
 from strapdown.pages.page import Added
@@ -96,7 +95,7 @@ def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
             "feedback"
         ] == ("truth" if name == "truth" else "estimate")
         assert ("model, not measured" in out) == (name == "model")
-    assert [a.kind for a in sd.read(tmp_path / "high" / "recording.nc").aidings] == [
+    assert [a.kind for a in sd.read(tmp_path / "high" / "recording.nc").sources] == [
         "position",
         "velocity",
         "pressure",
@@ -211,10 +210,10 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
         "truth",
         "IMU",
         "<dd>5</dd>",
-        "every 0.2 s, sd 1 1 1.5 m",
+        "every 0.2 s, std 1 1 1.5 m",
     ):
         assert said in head, said
-    assert figures.blown(flight) is None and len(figures.blown(windy).data) == 3
+    assert figures.wind_figure(flight) is None and len(figures.wind_figure(windy).data) == 3
     titles = [heading for _, shown in figures.sections(windy) for _, heading, _ in shown]
     assert "Wind" in titles and "Wind" not in [
         heading for _, shown in figures.sections(flight) for _, heading, _ in shown

@@ -24,10 +24,10 @@ def entry(name, value, version=strapdown.__version__, package="strapdown-reprodu
     return made
 
 
-def study(out, runs=3, say=None):
+def study(out, runs=3, notify=None):
     """A reproduction as a package outside could bring it: writes its page and returns its claims."""
     (out / "index.html").write_text("<p>done</p>")
-    say("begun")
+    notify("begun")
     return [{"claim": f"holds in {runs} runs", "verdict": "reproduced"}]
 
 
@@ -72,7 +72,7 @@ def test_without_the_reproductions_the_library_has_its_own_grades_and_scenarios(
     monkeypatch.setattr(files, "entry_points", lambda group: ())
     files.shipped_files.cache_clear()
     try:
-        assert strapdown.grades() == ["consumer", "dmu10", "industrial", "navigation", "tactical"]
+        assert strapdown.imus() == ["consumer", "dmu10", "industrial", "navigation", "tactical"]
         assert "demo" in strapdown.scenarios() and "paper1-01" not in strapdown.scenarios()
         with pytest.raises(strapdown.DataError, match="unknown scenario 'paper1-01'"):
             strapdown.scenario("paper1-01")
@@ -95,8 +95,8 @@ def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
             ),
             pytest.raises(strapdown.DataError, match="unknown IMU grade 'nonsense'"),
         ):
-            strapdown.grade("nonsense")
-        assert strapdown.grade("tactical").name == "tactical"
+            strapdown.imu("nonsense")
+        assert strapdown.imu("tactical").name == "tactical"
     finally:
         files.shipped_files.cache_clear()
 
@@ -122,7 +122,7 @@ def test_help_names_what_takes_an_option_that_few_take():
 
 def test_a_filter_of_the_faults_is_all_that_runs():
     faults = pytest.importorskip("strapdown_reproductions.faults.main")
-    assert [each.name for each in faults.chosen(["vru"])] == ["vru"]
-    assert len(faults.chosen(())) > 20
+    assert [each.name for each in faults.choose_subjects(["vru"])] == ["vru"]
+    assert len(faults.choose_subjects(())) > 20
     with pytest.raises(strapdown.DataError, match="leave out --quick"):
         faults.reproduce("nowhere", quick=True, filter=["vru"])

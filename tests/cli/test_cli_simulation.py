@@ -37,13 +37,13 @@ def test_a_simulated_recording_is_read_and_fused(hop, command):
 
 
 def test_a_receiver_by_name_rides_on_the_scenario(hop, command):
-    (hop / "mine.toml").write_text("interval_s = 2\nposition_sd_m = 0.3\n")
+    (hop / "mine.toml").write_text("interval_s = 2\nposition_std_m = 0.3\n")
     for gnss, fixes in (("rtk-float", 50), ("mine.toml", 5)):
         code, out, err = command(
             "simulate", "hop.toml", "--gnss", gnss, "--duration", 10, "--out", "short.nc"
         )
         assert code == 0 and f"{fixes} GNSS position" in out
-        made = sd.read("short.nc").aidings[0]
+        made = sd.read("short.nc").sources[0]
         assert made.correlated == sd.receiver(gnss).position_correlated
     words = "study", "hop.toml", "--gnss", "sbas", "--filter", "closed-loop", "--runs", 1
     assert command(*words, "--out", "table", "--workers", 1)[0] == 0
@@ -117,7 +117,7 @@ def test_a_study_draws_an_installation_in_the_units_of_a_user(hop, command):
         "mounting": pytest.approx([0.0, np.radians(2), np.radians(1)]),
     }
     for given, said in (
-        ("clock=", "write clock=SD, a standard deviation in s"),
+        ("clock=", "write clock=STD, a standard deviation in s"),
         ("clock=9", "standard deviation of clock is 9.0 s; it must be"),
         ("", "--installation is empty"),
     ):
@@ -249,7 +249,7 @@ def test_allan_of_a_record_at_rest(hop, command):
         "allan.csv",
         "allan.html",
     ]
-    assert sd.grade("found/allan-imu.toml").gyro.noise > 0
+    assert sd.imu("found/allan-imu.toml").gyro.noise > 0
 
 
 def test_advice_in_a_few_lines(hop, command):

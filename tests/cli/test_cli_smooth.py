@@ -27,11 +27,12 @@ def turning(tmp_path_factory):
 def outage(tmp_path_factory):
     """Path of 20 s of flight at 20 Hz whose fixes end at 12 s."""
     path, whole = tmp_path_factory.mktemp("flight") / "outage.nc", flight()
-    kept = [a.t < 12 for a in whole.aidings]
+    kept = [a.t < 12 for a in whole.sources]
     fixes = tuple(
-        replace(a, t=a.t[keep], y=a.y[keep], sd=a.sd[keep]) for a, keep in zip(whole.aidings, kept)
+        replace(a, t=a.t[keep], y=a.y[keep], std=a.std[keep])
+        for a, keep in zip(whole.sources, kept)
     )
-    sd.write_recording(replace(whole, aidings=fixes), path)
+    sd.write_recording(replace(whole, sources=fixes), path)
     return path
 
 
@@ -62,7 +63,7 @@ def test_it_writes_the_same_files_beside_the_filters(command, turning):
         "hand-held-attitude-mekf-smooth/report.html"
     ).read_text(encoding="utf-8")
     filtered = read_solution("hand-held-attitude-mekf/solution.nc")
-    assert (solution.trajectory.sd[:, 8] <= filtered.trajectory.sd[:, 8] * (1 + 1e-9)).all()
+    assert (solution.trajectory.std[:, 8] <= filtered.trajectory.std[:, 8] * (1 + 1e-9)).all()
 
 
 def test_options_reach_the_smoother(command, turning):
@@ -122,9 +123,11 @@ def test_a_recording_that_ends_in_an_outage(command, outage):
         and smoothed.t[-1] == pytest.approx(20.0)
     )
     late = smoothed.t > 12.1
-    assert smoothed.trajectory.sd[late] == pytest.approx(filtered.trajectory.sd[late], rel=1e-6)
-    assert (smoothed.trajectory.sd[~late, 8] <= filtered.trajectory.sd[~late, 8] * (1 + 1e-9)).all()
-    assert smoothed.trajectory.sd[0, 3] < 0.8 * filtered.trajectory.sd[0, 3]
+    assert smoothed.trajectory.std[late] == pytest.approx(filtered.trajectory.std[late], rel=1e-6)
+    assert (
+        smoothed.trajectory.std[~late, 8] <= filtered.trajectory.std[~late, 8] * (1 + 1e-9)
+    ).all()
+    assert smoothed.trajectory.std[0, 3] < 0.8 * filtered.trajectory.std[0, 3]
 
 
 @pytest.mark.parametrize("name", ("attitude-mekf", "closed-loop"))

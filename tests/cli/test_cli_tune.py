@@ -107,13 +107,13 @@ def test_what_cannot_be_written_is_refused_before_the_work(
 def test_the_noise_of_sources_is_taken_from_a_file(plain, command, tmp_path):
     file = tmp_path / "a-sources.toml"
     words = ["fuse", "drive.nc", "--imu", "consumer", "--to", "40", "--sources", file]
-    file.write_text('["GNSS position"]\nsd_factor = 10\n')
+    file.write_text('["GNSS position"]\nstd_factor = 10\n')
     code, _, _ = command(*words, "--out", "wide")
-    wide = sd.read_solution("wide/solution.nc").trajectory.sd[-1, 0]
-    file.write_text('["GNSS position"]\nsd_factor = 1\n')
+    wide = sd.read_solution("wide/solution.nc").trajectory.std[-1, 0]
+    file.write_text('["GNSS position"]\nstd_factor = 1\n')
     assert (code, command(*words, "--out", "same")[0]) == (0, 0)
-    assert wide > 3 * sd.read_solution("same/solution.nc").trajectory.sd[-1, 0]
-    file.write_text('["GPS position"]\nsd_factor = 1\n')
+    assert wide > 3 * sd.read_solution("same/solution.nc").trajectory.std[-1, 0]
+    file.write_text('["GPS position"]\nstd_factor = 1\n')
     code, _, (err,) = command(*words, "--out", "none")
     assert code == 2 and "no source of that name (did you mean 'GNSS position'?)" in err
     assert not (tmp_path / "none").exists()

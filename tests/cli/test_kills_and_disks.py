@@ -22,7 +22,7 @@ from strapdown.cli import app
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.fileio.locks import PART
 
 pytestmark = [
@@ -51,7 +51,7 @@ def tumble():
     body = Rotation.concatenate(C[1:]).inv()
     noise = np.random.default_rng(3).normal(0, 1e-7, (len(t), 3))
     y = body.apply([20e-6, 1e-6, 44e-6]) + [3e-5, -2e-5, 4e-5] + noise
-    field = Aiding("magnetic-field", t, y, np.full(y.shape, 3e-7), (20e-6, 1e-6, 44e-6), name="m")
+    field = Source("magnetic-field", t, y, np.full(y.shape, 3e-7), (20e-6, 1e-6, 44e-6), name="m")
     imu = Imu(t, np.full(len(t), 0.05), rates / 20, body.apply([0, 0, -9.81]) / 20)
     return Recording(imu, (field,), None, {"name": "tumble"})
 

@@ -13,12 +13,12 @@ PARAMETERS = {**calibration_parameters.OF_SOURCE, **calibration_parameters.OF_IM
 
 @pytest.mark.parametrize("of", PARAMETERS, ids=lambda of: of.name)
 def test_each_component_has_a_prior_and_a_motion_and_the_limits_are_in_order(of):
-    assert len(of.components) == len(of.sd) == len(of.motions) and all(of.motions)
+    assert len(of.components) == len(of.std) == len(of.motions) and all(of.motions)
     assert of.cause in CAUSES
-    assert of.min_reported < of.known_sd < max(of.sd) < of.most
+    assert of.min_reported < of.known_std < max(of.std) < of.most
     if of in (CLOCK, LEVER_ARM, MOUNTING, SCALE):
         assert 0 < of.min_reported <= of.min_doubted and of.key and of.digits
-        assert of.known_sd < of.left_sd <= of.given_sd
+        assert of.known_std < of.left_std <= of.given_std
 
 
 def test_a_component_and_a_size_in_words():

@@ -10,7 +10,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution import BIAS_COLUMNS, NAV_COLUMNS, OF_WHOLE, SD_COLUMNS, UNITS
+from strapdown.data.solution import BIAS_COLUMNS, NAV_COLUMNS, OF_WHOLE, STD_COLUMNS, UNITS
 from strapdown.data.verdict import Reason, Verdict
 from strapdown.sim.trajectory import demo_flight, sample
 
@@ -29,12 +29,12 @@ def solution(recording):
 
 def test_every_column_of_the_table_has_a_unit(solution):
     table = solution.table()
-    assert set(NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS) <= set(table.columns) and set(UNITS) >= set(
-        table.columns
-    ) - {"status"}
+    assert set(NAV_COLUMNS + BIAS_COLUMNS + STD_COLUMNS) <= set(table.columns) and set(
+        UNITS
+    ) >= set(table.columns) - {"status"}
     assert table["lat"].iloc[0] == pytest.approx(np.degrees(solution.trajectory.lla[0, 0]))
-    assert table["sd_gyro_bias_x"].iloc[0] == pytest.approx(
-        np.degrees(solution.trajectory.sd[0, 12]) * 3600
+    assert table["std_gyro_bias_x"].iloc[0] == pytest.approx(
+        np.degrees(solution.trajectory.std[0, 12]) * 3600
     )
     assert table["heading"].between(0, 360).all()
 
@@ -78,25 +78,26 @@ def test_cutting_keeps_fixes_inside_and_refuses_an_empty_part(recording):
     assert (
         part.imu.t[0] > 2.0
         and part.imu.t[-1] <= 5.0
-        and all((2 <= a.t).all() and (a.t <= 5).all() for a in part.aidings)
+        and all((2 <= a.t).all() and (a.t <= 5).all() for a in part.sources)
     )
     with pytest.raises(DataError, match="covers"):
         recording.between(100.0, 200.0)
 
 
-def test_a_slice_by_times_cuts_all_parts_of_a_recording(recording):
-    part = recording[2:5]
+def test_between_cuts_all_parts_of_a_recording(recording):
+    part = recording.between(2, 5)
     assert len(recording) == 400 and len(part) == 150
     assert part.imu.t[0] == pytest.approx(2.02) and part.imu.t[-1] == pytest.approx(5.0)
-    assert all(a.t.min() >= 2 and a.t.max() <= 5 for a in part.aidings)
+    assert all(a.t.min() >= 2 and a.t.max() <= 5 for a in part.sources)
     assert part.reference.t[0] <= 2 < 5 <= part.reference.t[-1] and len(part.reference) < 155
-    assert len(recording[:]) == 400 and len(recording[6:]) == 100
+    assert len(recording.between()) == 400 and len(recording.between(6.0)) == 100
+    assert recording.between() == recording
 
 
-def test_a_slice_by_times_cuts_rows_fixes_and_events_of_a_solution(recording):
+def test_between_cuts_rows_fixes_and_events_of_a_solution(recording):
     whole = sd.fuse(recording, covariance=True)
     whole = replace(whole, events=((1.0, "early"), (3.0, "within")), columns={"x [m]": whole.t})
-    part = whole[2:5]
+    part = whole.between(2, 5)
     assert len(part) == 151 and (part.t[0], part.t[-1]) == pytest.approx((2.0, 5.0))
     assert part.covariance.shape == (151, 15, 15) and (part.columns["x [m]"] == part.t).all()
     assert len(part.b_a) == len(part.b_g) == len(part.status) == 151
@@ -104,11 +105,11 @@ def test_a_slice_by_times_cuts_rows_fixes_and_events_of_a_solution(recording):
     assert len(part.innovations.whitened) == len(part.innovations.t) < len(whole.innovations.t)
     assert part.events == ((3.0, "within"),)
     assert part.verdict.word == whole.verdict.word and OF_WHOLE in part.verdict.untested
-    assert part[3:4].verdict.untested.count(OF_WHOLE) == 1
-    assert len(whole.trajectory[2:5]) == 151 and len(part[2:2]) == 1
+    assert part.between(3, 4).verdict.untested.count(OF_WHOLE) == 1
+    assert len(whole.trajectory.between(2, 5)) == 151 and len(part.between(2, 2)) == 1
 
 
-def test_dates_slice_where_the_clock_is_absolute(recording, solution):
+def test_between_takes_dates_where_the_clock_is_absolute(recording, solution):
     epoch = {"epoch": "2016-12-31T23:59:55Z"}  # five seconds before a leap second
     dated, made = (replace(each, meta=each.meta | epoch) for each in (recording, solution))
     for start in (
@@ -116,43 +117,48 @@ def test_dates_slice_where_the_clock_is_absolute(recording, solution):
         datetime(2017, 1, 1),
         np.datetime64("2017-01-01T00:00:00"),
     ):
-        assert made[start:].t[0] == pytest.approx(6.0)
-        assert dated[start:].imu.t[0] == pytest.approx(6.02)
+        assert made.between(start).t[0] == pytest.approx(6.0)
+        assert dated.between(start).imu.t[0] == pytest.approx(6.02)
     with pytest.raises(DataError, match="'2017-01-01' is a date, and the clock is not absolute"):
-        solution["2017-01-01":]
+        solution.between("2017-01-01")
     with pytest.raises(DataError, match="solution: 'noon' is no time"):
-        made["noon":]
+        made.between("noon")
 
 
 @pytest.mark.parametrize(
     "part, said",
     [
-        (slice(5, 2), "5 s is after 2 s; write the earlier time first"),
-        (slice(2, 5, 2), "a step takes no part of it"),
-        (7, "7 takes no part of it; write solution.100:200., in s"),
-        (slice(100, 200), "no rows from 100 to 200 s; it covers 1.020 to 8.000 s"),
-        (slice(float("nan"), 2), "nan is no time"),
-        (slice([1], 2), r".1. is no time; give seconds, or a date"),
+        ((5, 2), "5 s is after 2 s; write the earlier time first"),
+        ((100, 200), "no rows from 100 to 200 s; it covers 1.020 to 8.000 s"),
+        ((float("nan"), 2), "nan is no time"),
+        (([1], 2), r".1. is no time; give seconds, or a date"),
     ],
 )
-def test_what_is_no_slice_by_times_is_told_in_a_line(solution, part, said):
+def test_what_is_no_part_by_time_is_told_in_a_line(solution, part, said):
     with pytest.raises(DataError, match=f"^solution: {said}") as refused:
-        solution[part]
+        solution.between(*part)
     assert "\n" not in str(refused.value)
+
+
+def test_an_index_is_refused_and_between_named(recording, solution):
+    for value in (recording, solution, solution.trajectory):
+        for part in (0, slice(10, 20), slice("2017-01-01", None)):
+            with pytest.raises(TypeError, match=r"has no index; .* with .between\(10.0, 20.0\)"):
+                value[part]
 
 
 def test_hiding_withholds_recorded_fixes_only(recording):
     rows = np.arange(0, 8, 0.5)
-    constraint = sd.Aiding(
+    constraint = sd.Source(
         "zero-lateral-velocity",
         rows,
         np.zeros((len(rows), 1)),
         np.full((len(rows), 1), 0.1),
         (0.0, 0.0, 0.0),
     )
-    hidden = replace(recording, aidings=(*recording.aidings, constraint)).hidden([(3.0, 5.0)])
-    assert not any(((a.t >= 3) & (a.t < 5)).any() for a in hidden.aidings[:2]) and len(
-        hidden.aidings[2].t
+    hidden = replace(recording, sources=(*recording.sources, constraint)).hidden([(3.0, 5.0)])
+    assert not any(((a.t >= 3) & (a.t < 5)).any() for a in hidden.sources[:2]) and len(
+        hidden.sources[2].t
     ) == len(rows)
 
 
@@ -165,8 +171,8 @@ def test_arrays_and_frames_give_the_same_recording(recording):
         index=imu.t,
         columns=[f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"],
     )
-    a = sd.Recording.from_frames(frame, recording.aidings, kind="increment")
-    b = sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, recording.aidings, kind="increment")
+    a = sd.Recording.from_frames(frame, recording.sources, kind="increment")
+    b = sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, recording.sources, kind="increment")
     assert all(np.array_equal(x, y) for x, y in zip(a.imu, b.imu))
     with pytest.raises(DataError, match="gyro_z"):
         sd.Recording.from_frames(frame.drop(columns="gyro_z"))

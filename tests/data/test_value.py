@@ -25,7 +25,7 @@ def value(request, solution):
         "recording": flight(),
         "solution": solution,
         "trajectory": solution.trajectory,
-        "source": flight().aidings[0],
+        "source": flight().sources[0],
         "innovations": solution.innovations,
         "errors": solution.errors(),
     }[request.param]

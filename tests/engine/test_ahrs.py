@@ -42,8 +42,10 @@ def notes(solution):
 @pytest.mark.short
 def test_deviations_are_those_of_the_turned_covariance():
     solution = made_up(circling(60.0))
-    solution.trajectory.sd[:, 6] *= 3
-    north, east, down = solution.trajectory.sd[:, 6:9].T
+    path = solution.trajectory
+    path = replace(path, std=path.std * np.r_[np.ones(6), 3, np.ones(8)])
+    solution = replace(solution, trajectory=path)
+    north, east, down = solution.trajectory.std[:, 6:9].T
     forward = Rotation.from_rotvec(
         solution.trajectory.rph[:, 2:] * [0, 0, 1]
     ).as_matrix()  # its columns: forward, right, down in n
@@ -76,14 +78,14 @@ def test_it_is_the_solution_at_every_nth_sample(rate, every):
     assert (
         np.array_equal(made.t, alone.t)
         and np.array_equal(made.y, alone.trajectory.rph)
-        and np.array_equal(made.sd, deviations(alone.trajectory))
+        and np.array_equal(made.std, deviations(alone.trajectory))
     )
     assert np.isin(made.t, recording().imu.t).all() and np.diff(made.t) == pytest.approx(every / 20)
     truth = recording().reference
     error = (made.y - truth.rph[np.searchsorted(truth.t, made.t - 1e-6)] + np.pi) % (
         2 * np.pi
     ) - np.pi
-    assert np.abs(error / made.sd).max() < 4
+    assert np.abs(error / made.std).max() < 4
 
 
 @pytest.mark.short
@@ -103,7 +105,7 @@ def test_without_claimed_deviations_stated_ones_are_assumed():
     solution = sd.fuse(recording(), FED, ahrs=silent, every=50)
     assert "mahony claims no standard deviations: 1.5, 1.5, 5 deg" in notes(solution)
     made, _ = source(recording(), silent)
-    assert (made.sd == ASSUMED).all() and np.isfinite(made.y).all()
+    assert (made.std == ASSUMED).all() and np.isfinite(made.y).all()
 
 
 @pytest.mark.short
@@ -113,7 +115,7 @@ def test_a_heading_that_is_not_known_is_not_measured(name, kinds):
     assert (
         np.isfinite(made.y[:, :2]).all()
         and np.isnan(made.y[:, 2]).all()
-        and np.isnan(made.sd[:, 2]).all()
+        and np.isnan(made.std[:, 2]).all()
     )
     assert f"{name} gives roll and pitch and no heading" in said
     solution = sd.fuse(only("position", "velocity", *kinds), "closed-loop", ahrs=name)
@@ -215,7 +217,7 @@ def test_without_anything_that_measures_the_heading():
 
 @pytest.mark.short
 def test_the_ahrs_begins_with_a_heading_that_is_known():
-    bare, imu = only("position", "velocity"), sd.grade("tactical")
+    bare, imu = only("position", "velocity"), sd.imu("tactical")
     known = sd.align(bare, imu, heading=2.2)
     for at in (known, known._replace(t=known.t - 1000)):  # the other one is outside of the record
         made, _ = source(bare, find("attitude-mekf"), start=at)
@@ -224,14 +226,14 @@ def test_the_ahrs_begins_with_a_heading_that_is_known():
             2 * np.pi
         ) - np.pi
         assert (
-            (np.degrees(made.sd[:, 2]).max() < 3)
+            (np.degrees(made.std[:, 2]).max() < 3)
             == (np.degrees(np.abs(error)).max() < 3)
             == (at is known)
         )
     rough, _ = source(
         recording(),
         find("attitude-mekf"),
-        start=known._replace(sd=known.sd[:8] + (2.0,) + known.sd[9:]),
+        start=known._replace(std=known.std[:8] + (2.0,) + known.std[9:]),
     )
     # the field knows better
     assert np.array_equal(rough.y, source(recording(), find("attitude-mekf"))[0].y)
@@ -249,7 +251,7 @@ def test_hidden_fixes_are_hidden_from_the_ahrs_too():
         source(recording(), find("attitude-mekf"))[0],
     )
     later = np.searchsorted(made.t, 13.9)
-    assert made.sd[later, 2] > whole.sd[later, 2]  # and knows the heading less
+    assert made.std[later, 2] > whole.std[later, 2]  # and knows the heading less
 
 
 @pytest.mark.short
@@ -257,7 +259,7 @@ def test_smoothing_runs_it_as_well():
     fed = find("attitude-mekf")._replace(name="smoothable", needs=("attitude",), uses=("attitude",))
     filtered, smoothed = (run(recording(), fed, every=20) for run in (sd.fuse, sd.smooth))
     assert notes(filtered) == notes(smoothed) and same_innovations(filtered, smoothed)
-    assert (smoothed.trajectory.sd[:, 8] <= filtered.trajectory.sd[:, 8] * (1 + 1e-9)).all()
+    assert (smoothed.trajectory.std[:, 8] <= filtered.trajectory.std[:, 8] * (1 + 1e-9)).all()
     assert (
         sd.smooth(recording(), fed, ahrs_rate=5, every=20).counts()["attitude-mekf"][0]
         < smoothed.counts()["attitude-mekf"][0]
@@ -341,7 +343,7 @@ def test_names(filter, ahrs, text):
     "wrong, text",
     [
         ("foo", "start is 'foo'; it must be an InitialState"),
-        ({"sd": (1.0,) * 3}, "start: sd is .* it must be 15 finite numbers"),
+        ({"std": (1.0,) * 3}, "start: std is .* it must be 15 finite numbers"),
         ({"t": None}, "start: t is None"),
         ({"rph": None}, "start: rph is None"),
     ],
@@ -350,7 +352,7 @@ def test_a_wrong_start_is_refused_before_the_ahrs_has_it(wrong, text):
     start = (
         wrong
         if isinstance(wrong, str)
-        else sd.align(recording(), sd.grade("tactical"))._replace(**wrong)
+        else sd.align(recording(), sd.imu("tactical"))._replace(**wrong)
     )
     for filter, more in (("direct-ahrs", {}), ("closed-loop", {"ahrs": "attitude-mekf"})):
         with pytest.raises(DataError, match=f"^{text}"):
@@ -373,26 +375,28 @@ def test_the_imu_must_be_known_even_beside_a_start():
     nameless = replace(
         recording(), meta={key: value for key, value in recording().meta.items() if key != "grade"}
     )
-    imu = sd.grade("tactical")
+    imu = sd.imu("tactical")
     with pytest.raises(DataError, match="does not name its IMU"):
         sd.fuse(nameless, FED, start=sd.align(nameless, imu), noise=imu.noise())
     assert sd.fuse(nameless, FED, imu=imu, start=sd.align(nameless, imu), every=100).counts()
 
 
-def in_order(aidings):
+def in_order(sources):
     return sorted(
-        sd.Fix(t, s, y, e) for s, a in enumerate(aidings) for t, y, e in zip(a.t, a.y, a.sd)
+        sd.Measurement(t, s, y, e)
+        for s, a in enumerate(sources)
+        for t, y, e in zip(a.t, a.y, a.std)
     )
 
 
 @pytest.mark.short
 def test_a_stream_is_given_attitude():
-    start = sd.align(recording(), sd.grade("tactical"))
+    start = sd.align(recording(), sd.imu("tactical"))
     with pytest.raises(DataError, match="^fed needs attitude aiding, and there is none: add an"):
-        sd.Stream(FED, start=start, imu="tactical", aidings=recording().aidings[:2])
+        sd.Stream(FED, start=start, imu="tactical", sources=recording().sources[:2])
     sources = beside(recorded())
-    stream, imu = sd.Stream(FED, start=start, imu="tactical", aidings=sources.aidings), sources.imu
-    fixes = in_order(sources.aidings)
+    stream, imu = sd.Stream(FED, start=start, imu="tactical", sources=sources.sources), sources.imu
+    fixes = in_order(sources.sources)
     for k, t in enumerate(imu.t):
         while fixes and fixes[0].t <= t:
             stream.step(fixes.pop(0))
@@ -408,12 +412,12 @@ def test_one_that_gives_no_attitude_for_long_says_so():
     whole = recording(60.0)
     dv = whole.imu.dv.copy()
     dv[199, 0] = 1e6
-    fixes = tuple(a for a in whole.aidings if a.kind in ("position", "velocity"))
-    wild = replace(whole, aidings=fixes, imu=whole.imu._replace(dv=dv))
-    start = sd.align(whole, sd.grade("tactical"))
+    fixes = tuple(a for a in whole.sources if a.kind in ("position", "velocity"))
+    wild = replace(whole, sources=fixes, imu=whole.imu._replace(dv=dv))
+    start = sd.align(whole, sd.imu("tactical"))
     solution = sd.fuse(wild, FED, start=start, ahrs="vru")
     assert "vru gave no attitude from 9.9 to 40.1 s: its samples" in notes(solution)
-    stream = sd.Stream(FED, start=start, imu="tactical", aidings=fixes, ahrs="vru")
+    stream = sd.Stream(FED, start=start, imu="tactical", sources=fixes, ahrs="vru")
     pending, imu = in_order(fixes), wild.imu
     for k, t in enumerate(imu.t):
         while pending and pending[0].t <= t:

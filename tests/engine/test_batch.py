@@ -12,10 +12,10 @@ from scripted_filter import SCRIPTED, scripted
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.compile.jit import Kernel
-from strapdown.data.solution import BRIDGED, INVALID, Aiding
+from strapdown.data.solution import BRIDGED, INVALID, Source
 from strapdown.data.vehicle import Vehicle
 from strapdown.engine import prepare as preparation
-from strapdown.sensor_models.imu import grades
+from strapdown.sensor_models.imu import imus
 from strapdown.sim.trajectory import DEG
 
 short = pytest.mark.short
@@ -123,7 +123,7 @@ def test_covariance_belongs_to_the_rows():
     assert solution.covariance.shape == (40, 15, 15)
     np.testing.assert_allclose(
         np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2)),
-        solution.trajectory.sd,
+        solution.trajectory.std,
         rtol=1e-14,
     )
     np.testing.assert_array_equal(solution.covariance, solution.covariance.transpose(0, 2, 1))
@@ -177,7 +177,7 @@ def test_a_start_before_the_first_sample_is_a_gap():
 def test_the_latitude_limit_ends_a_run_with_its_reason():
     recording, begin = alike()
     begin = begin._replace(
-        lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0)
+        lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v_n=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0)
     )
     solution = sd.fuse(recording, start=begin)
     t, text = solution.events[-1]
@@ -279,20 +279,20 @@ def test_the_antimeridian_is_crossed(name):
         (dict(t=-1e9), "the start at -1e+09 s is 1000000000 s before the first IMU sample"),
         (dict(t=float("nan")), "start: t is nan"),
         (dict(lla=(1.56, 0.0, 0.0)), "start: latitude is 89.3814 deg; results hold up to 89 deg"),
-        (dict(v=(1.0, 2.0)), "start: v is (1.0, 2.0); it must be 3 finite numbers"),
-        (dict(sd=(-1.0,) * 15), "start: sd has -1; standard deviations must be 0 or more"),
-        (dict(sd=(1.0,) * 9), "it must be 15 finite numbers"),
+        (dict(v_n=(1.0, 2.0)), "start: v_n is (1.0, 2.0); it must be 3 finite numbers"),
+        (dict(std=(-1.0,) * 15), "start: std has -1; standard deviations must be 0 or more"),
+        (dict(std=(1.0,) * 9), "it must be 15 finite numbers"),
         (dict(rph=(0.0, 0.0, 180.0)), "start: rph is (0.0, 0.0, 180.0), in rad; is it in degrees?"),
         (dict(rph="north"), "start: rph is 'north'; it must be 3 finite numbers"),
     ],
 )
 def test_refused_in_one_line(wrong, words):
     recording = flight()
-    parts = {key: wrong.pop(key) for key in ("t", "lla", "v", "sd", "rph") if key in wrong}
+    parts = {key: wrong.pop(key) for key in ("t", "lla", "v_n", "std", "rph") if key in wrong}
     if "noise" in wrong:
         wrong["noise"] = sd.Noise(*wrong["noise"])
     if wrong.get("filter") in ("fixed-gain", "direct-ahrs"):
-        recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
+        recording = replace(recording, sources=(*recording.sources, ahrs(recording.reference)))
     with pytest.raises(DataError) as error:
         fused(recording, start=start(recording)._replace(**parts), **wrong)
     assert words in str(error.value) and "\n" not in str(error.value)
@@ -326,7 +326,7 @@ def test_a_start_that_is_none():
 
 @short
 def test_a_noise_that_is_none():
-    good = sd.grade("tactical").noise()
+    good = sd.imu("tactical").noise()
     for wrong in (
         good._asdict(),
         tuple(good),
@@ -345,7 +345,7 @@ def test_an_imu_that_nobody_named():
     recording = replace(flight(), meta={})
     with pytest.raises(DataError) as error:
         fused(recording)
-    assert all(name in str(error.value) for name in grades())
+    assert all(name in str(error.value) for name in imus())
     noise = sd.Noise(1e-4, 1e-3, 1e-6, 1e-5, 0.0, 0.0)
     assert fused(recording, noise=noise).meta["noise"] == noise._asdict()
     with pytest.raises(DataError, match="give imu="):
@@ -381,7 +381,7 @@ def test_a_start_takes_a_unit_quaternion_and_no_other():
     ],
 )
 def test_what_nothing_observes_is_said(name, words):
-    bare = replace(flight(), aidings=())
+    bare = replace(flight(), sources=())
     notes = sd.fuse(bare, name, start=start(flight())).meta["notes"]
     assert (
         words == ""
@@ -395,16 +395,16 @@ def test_what_nothing_observes_is_said(name, words):
 def test_an_unknown_aiding_is_refused():
     recording = flight()
     with pytest.raises(DataError, match="no aiding is of kind 'positon' .did you mean 'position'"):
-        fused(replace(recording, aidings=(replace(recording.aidings[0], kind="positon"),)))
+        fused(replace(recording, sources=(replace(recording.sources[0], kind="positon"),)))
 
 
 @short
 def test_slow_compilation_is_announced_at_most_once():
     said = []
-    fused(flight(), say=said.append)
+    fused(flight(), notify=said.append)
     assert sum("for the first time" in text for text in said) <= 1
     said.clear()
-    fused(flight(), say=said.append)
+    fused(flight(), notify=said.append)
     assert said == []
 
 
@@ -426,7 +426,7 @@ def test_slow_compilation_is_announced_at_most_once():
 def test_a_source_is_left_out_where_lifting_did_not_help(kind, fixes, lifted, in_vain):
     recording, begin = alike(40.0, 5.0)
     nis = [{".": 1.0, "x": 100.0, "?": np.nan}[each] for each in fixes]
-    solution = sd.fuse(replace(recording, aidings=(scripted(nis, kind),)), SCRIPTED, start=begin)
+    solution = sd.fuse(replace(recording, sources=(scripted(nis, kind),)), SCRIPTED, start=begin)
     text = "script: gate opened after 5 or more rejections in a row over 3 s"
     assert said(solution, "gate opened") == [(t, text) for t in lifted]
     assert [t for t, _ in said(solution, "did not help")] == in_vain
@@ -440,7 +440,7 @@ def test_between_keeps_what_lies_within():
     part = flight().between(5.0, 10.0)
     assert part.imu.t[0] == pytest.approx(5.05) and part.imu.t[-1] == pytest.approx(10.0)
     assert part.span == (pytest.approx(5.0), pytest.approx(10.0))
-    assert all(a.t.tolist() == pytest.approx([5, 6, 7, 8, 9, 10]) for a in part.aidings)
+    assert all(a.t.tolist() == pytest.approx([5, 6, 7, 8, 9, 10]) for a in part.sources)
     with pytest.raises(
         DataError,
         match="no IMU samples between 30 and 40 s; the recording covers 0.000 to 20.000 s",
@@ -451,17 +451,17 @@ def test_between_keeps_what_lies_within():
 @short
 def test_hidden_withholds_recorded_fixes_and_keeps_constraints():
     t = np.arange(0.5, 20.0, 0.5)
-    lateral = Aiding("zero-lateral-velocity", t, np.zeros((len(t), 1)), np.ones((len(t), 1)))
-    recording = replace(flight(), aidings=(*flight().aidings, lateral))
+    lateral = Source("zero-lateral-velocity", t, np.zeros((len(t), 1)), np.ones((len(t), 1)))
+    recording = replace(flight(), sources=(*flight().sources, lateral))
     hidden = recording.hidden([(5.0, 8.0), (10.0, 12.0)])
     assert (
-        hidden.aidings[0].t.tolist() == pytest.approx([1, 2, 3, 4, 8, 9, *range(12, 21)])
-        and len(hidden.aidings[1].t) == 15
+        hidden.sources[0].t.tolist() == pytest.approx([1, 2, 3, 4, 8, 9, *range(12, 21)])
+        and len(hidden.sources[1].t) == 15
     )
-    assert hidden.aidings[2] is lateral
+    assert hidden.sources[2] is lateral
     assert [
         len(a.t)
-        for a in recording.hidden([(5.0, 8.0)], kinds=["velocity", "zero-lateral-velocity"]).aidings
+        for a in recording.hidden([(5.0, 8.0)], kinds=["velocity", "zero-lateral-velocity"]).sources
     ] == [20, 17, 33]
     solution = fused(recording.hidden([(5.0, 8.0)]))
     used = solution.innovations.t[solution.innovations.source == 0]
@@ -475,7 +475,7 @@ def test_no_fixes_at_all():
     assert (
         solution.counts() == {}
         and len(solution.t) == 200
-        and (np.diff(solution.trajectory.sd[:, 0]) > 0).all()
+        and (np.diff(solution.trajectory.std[:, 0]) > 0).all()
     )
     with pytest.raises(DataError, match="no position fix to start from"):
         sd.fuse(recording)

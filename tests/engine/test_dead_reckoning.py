@@ -22,7 +22,7 @@ KINDS = ("speed", "zero-lateral-velocity", "zero-vertical-velocity")
 
 def constraints(t):
     zeros = np.zeros((len(t), 1))
-    return tuple(sd.Aiding(kind, t, zeros, zeros + 0.1) for kind in KINDS[1:])
+    return tuple(sd.Source(kind, t, zeros, zeros + 0.1) for kind in KINDS[1:])
 
 
 def drive(seed, shaken):
@@ -31,13 +31,13 @@ def drive(seed, shaken):
     made = sd.simulate("car", 80.0, "consumer", seed=seed, sensors=[wheel])
     noise = np.random.default_rng(seed).normal(size=made.imu.dv.shape)
     dv = made.imu.dv + shaken * noise * made.imu.dt[:, None]
-    speed = made.aidings[-1]
-    aidings = (speed, *constraints(speed.t))
-    return replace(made, imu=made.imu._replace(dv=dv), aidings=aidings)
+    speed = made.sources[-1]
+    sources = (speed, *constraints(speed.t))
+    return replace(made, imu=made.imu._replace(dv=dv), sources=sources)
 
 
 def ungated(recording):
-    return replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings))
+    return replace(recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources))
 
 
 @pytest.mark.parametrize("seed", [5, 6, 7])
@@ -58,10 +58,10 @@ def test_wheels_and_constraints_are_not_locked_out(seed, shaken):
 
 def test_a_single_wild_wheel_speed_is_still_rejected():
     recording = drive(5, 0.0)
-    speed, *others = recording.aidings
+    speed, *others = recording.sources
     y = speed.y.copy()
     y[300] += 20.0
-    recording = replace(recording, aidings=(replace(speed, y=y), *others))
+    recording = replace(recording, sources=(replace(speed, y=y), *others))
     solution = sd.fuse(recording, imu="consumer", start=start(recording))
     own = solution.innovations.source == 0
     (row,) = np.flatnonzero(own & (np.abs(solution.innovations.t - speed.t[300]) < 1e-6))
@@ -93,7 +93,7 @@ def test_a_recorded_robot_comes_home(heading, data_folder):
     vibrates by 1 m/s^2. With gates that locked its only aid out it ended 20 km off."""
     recording = sd.read(data_folder / "native" / "rosbag2" / "jackal_sim_imu_odom_61s.mcap.xz")
     t = np.arange(47.7, 108.7, 0.1)
-    recording = replace(recording, aidings=(*recording.aidings, *constraints(t)))
+    recording = replace(recording, sources=(*recording.sources, *constraints(t)))
     first = recording.imu.t[0] - recording.imu.dt[0]
     lla = (0.8, 0.1, 100.0)
     begin = InitialState(float(first), lla, (0.0,) * 3, (np.nan, np.nan, np.radians(heading)))

@@ -15,7 +15,7 @@ STARTS = [(20.0, 25.0), (16.0, 36.0), (20.5, 31.0)]
 def in_batch_and_live(recording):
     solution = sd.fuse(recording, imu="consumer")
     assert solution.verdict.word and np.isfinite(solution.trajectory.lla).all()
-    stream = sd.Stream("closed-loop", imu="consumer", aidings=recording.aidings)
+    stream = sd.Stream("closed-loop", imu="consumer", sources=recording.sources)
     for event in events_of(recording):
         stream.step(event)
     stream.finish()

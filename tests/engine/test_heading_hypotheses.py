@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.alignment.initial_heading import UNKNOWN_SD
+from strapdown.alignment.initial_heading import UNKNOWN_STD
 from strapdown.engine.heading_hypotheses import DOUBTFUL, REUSE, _mean, align_start
 from strapdown.io.readers.broad import with_positions
 from strapdown.sensor_models.gnss import Gnss
@@ -46,9 +46,9 @@ def heading_error(start, recording):
 @pytest.mark.parametrize("heading", [0.5, 3.1, 5.0])
 def test_the_fixes_of_a_carried_imu_decide_and_not_its_course(heading):
     recording = sd.simulate(carried(heading), 40.0, IMU, 4, 50.0, Gnss(0.2, 1.0, 0.1))
-    start = align_start(recording, sd.grade(IMU))
-    assert "deg found by trying 12 headings over" in start.note and start.sd[8] < DOUBTFUL
-    assert abs(heading_error(start, recording)) < 3 * start.sd[8]
+    start = align_start(recording, sd.imu(IMU))
+    assert "deg found by trying 12 headings over" in start.note and start.std[8] < DOUBTFUL
+    assert abs(heading_error(start, recording)) < 3 * start.std[8]
     solution = sd.fuse(recording)
     assert solution.meta["start"]["note"] == start.note
     late = sd.errors(solution, recording.reference)
@@ -58,22 +58,22 @@ def test_the_fixes_of_a_carried_imu_decide_and_not_its_course(heading):
 def test_a_heading_found_after_a_rest_is_that_of_the_rest():
     recording = sd.simulate(carried(4.0, 15.0), 50.0, IMU, 4, 50.0, Gnss(1.0, 1.5, None))
     recording = recording.between(2.0)
-    start = align_start(recording, sd.grade(IMU))
-    assert abs(heading_error(start, recording)) < 3 * start.sd[8] < 3.0
+    start = align_start(recording, sd.imu(IMU))
+    assert abs(heading_error(start, recording)) < 3 * start.std[8] < 3.0
 
 
 def test_what_stands_has_no_heading():
     recording = sd.simulate(static(LLA, (0.0, 0.0, 2.0)), 30.0, IMU, 1, 50.0, Gnss(0.5, 2.0, None))
-    start = align_start(recording, sd.grade(IMU))
-    assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note
+    start = align_start(recording, sd.imu(IMU))
+    assert start.std[8] == UNKNOWN_STD and "heading unknown" in start.note
 
 
 def test_where_fixes_end_nothing_is_tried():
     recording = sd.simulate(carried(1.0, 15.0), 30.0, IMU, 4, 50.0, Gnss(1.0, 1.5, None))
-    early = replace(recording, aidings=tuple(a.between(0.0, 5.0) for a in recording.aidings))
-    assert "tried" not in align_start(early, sd.grade(IMU)).note
+    early = replace(recording, sources=tuple(a.between(0.0, 5.0) for a in recording.sources))
+    assert "tried" not in align_start(early, sd.imu(IMU)).note
     short = recording.between(0.0, 1.02)
-    assert "heading unknown" in align_start(short, sd.grade(IMU)).note
+    assert "heading unknown" in align_start(short, sd.imu(IMU)).note
 
 
 def test_a_slow_straight_course_is_a_guess_that_nothing_confirms():
@@ -81,17 +81,17 @@ def test_a_slow_straight_course_is_a_guess_that_nothing_confirms():
         "straight", LLA, lambda t: (0 * t, 1 + 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 1.7 + 0 * t)
     )
     recording = sd.simulate(straight, 40.0, IMU, 1, 50.0, Gnss(0.2, 1.0, 0.1))
-    start = align_start(recording, sd.grade(IMU))
+    start = align_start(recording, sd.imu(IMU))
     assert "12 headings tried over" in start.note and "deg" in start.note
-    assert np.degrees(start.sd[8]) > 45 and abs(heading_error(start, recording)) < start.sd[8]
+    assert np.degrees(start.std[8]) > 45 and abs(heading_error(start, recording)) < start.std[8]
 
 
 def test_a_sure_heading_is_not_tried():
     fast = sd.simulate(demo_flight(), 20.0, IMU, 4, 50.0)
-    assert align_start(fast, sd.grade(IMU)) == sd.align(fast, sd.grade(IMU))
+    assert align_start(fast, sd.imu(IMU)) == sd.align(fast, sd.imu(IMU))
     slow = sd.simulate(carried(1.0), 20.0, IMU, 4, 50.0)
-    alone = align_start(slow, sd.grade(IMU), position=False)
-    assert alone == sd.align(slow, sd.grade(IMU), position=False)
+    alone = align_start(slow, sd.imu(IMU), position=False)
+    assert alone == sd.align(slow, sd.imu(IMU), position=False)
 
 
 def test_recorded_hands(data_folder):
@@ -99,14 +99,14 @@ def test_recorded_hands(data_folder):
     errors = []
     for path in sorted((data_folder / "broad").glob("*.npz")):
         trial = sd.read(path)
-        placed = with_positions(replace(trial, aidings=()), 10.0, 0.05)
+        placed = with_positions(replace(trial, sources=()), 10.0, 0.05)
         begin = trial.meta["movement"][0][0]
         for after in (20.0,):
             recording = placed.between(begin + after)
-            start = align_start(recording, sd.grade("consumer"))
+            start = align_start(recording, sd.imu("consumer"))
             row = int(np.argmin(np.abs(trial.reference.t - start.t)))
             turn = trial.reference.rotation[row] * euler(start.rph).inv()
-            errors.append(turn.as_rotvec() / start.sd[6:9])
+            errors.append(turn.as_rotvec() / start.std[6:9])
             assert "12 headings" in start.note, start.note
     assert len(errors) == 5 and np.abs(errors).max() < 3.5
     assert (np.mean(np.square(errors), axis=0) < 2.5).all()

@@ -27,9 +27,9 @@ ERRORS = {
 
 
 @cache
-def simulated(motion="demo", seed=21, seconds=150.0, grade="tactical", sd_m=1.0, rate=10.0):
+def simulated(motion="demo", seed=21, seconds=150.0, grade="tactical", std_m=1.0, rate=10.0):
     motion = demo_flight() if motion == "demo" else motion
-    sensors = [Simulated("altitude", sd_m, rate)]
+    sensors = [Simulated("altitude", std_m, rate)]
     return sd.simulate(motion, seconds, grade, seed=seed, sensors=sensors)
 
 
@@ -42,12 +42,12 @@ def wrong(recording, error, kind="altitude"):
         y[:, column] += error(a.t)
         return replace(a, y=y)
 
-    aidings = (changed(a) if a.kind == kind else a for a in recording.aidings)
-    return replace(recording, aidings=tuple(aidings))
+    sources = (changed(a) if a.kind == kind else a for a in recording.sources)
+    return replace(recording, sources=tuple(sources))
 
 
 def without_altitude(recording):
-    return replace(recording, aidings=tuple(a for a in recording.aidings if a.kind != "altitude"))
+    return replace(recording, sources=tuple(a for a in recording.sources if a.kind != "altitude"))
 
 
 def ratios(spoilt, clean, recording):
@@ -93,7 +93,7 @@ def test_robust_and_adaptive_sources_too(weights, error):
 
 
 @pytest.mark.parametrize(
-    "motion, grade, seed, sd_m, rate",
+    "motion, grade, seed, std_m, rate",
     [
         ("car", "consumer", 22, 1.0, 10.0),
         ("straight", "tactical", 23, 1.0, 5.0),
@@ -101,8 +101,8 @@ def test_robust_and_adaptive_sources_too(weights, error):
     ],
 )
 @pytest.mark.parametrize("error", ["15 m", "-0.5 m/s"])
-def test_other_motions_grades_and_sources(motion, grade, seed, sd_m, rate, error):
-    recording = simulated(motion, seed, 150.0, grade, sd_m, rate)
+def test_other_motions_grades_and_sources(motion, grade, seed, std_m, rate, error):
+    recording = simulated(motion, seed, 150.0, grade, std_m, rate)
     spoilt = sd.fuse(wrong(recording, ERRORS[error]))
     clean = sd.fuse(without_altitude(recording))
     assert ratios(spoilt, clean, recording).max() <= MAX
@@ -114,9 +114,9 @@ def test_a_constant_difference_bounds_the_height():
     verdict = sd.fuse(wrong(recording, ERRORS["15 m"])).verdict
     (reason,) = [each for each in verdict.reasons if each.cause == "height"]
     assert not verdict.trusted and verdict.reasons[0] == reason
-    position = next(a for a in recording.aidings if a.kind == "position")
+    position = next(a for a in recording.sources if a.kind == "position")
     off = sd.fuse(wrong(recording, ERRORS["15 m"])).meta["heights_apart"][0]["difference"]
-    assert abs(off - 15.0) < 3 * np.median(position.sd[:, 2])
+    assert abs(off - 15.0) < 3 * np.median(position.std[:, 2])
     assert "no data tell which of them is wrong" in reason.seen
     assert f"the height may be {off:.3g} m off" in reason.seen
 
@@ -138,14 +138,14 @@ def test_a_position_whose_height_jumps_is_followed_in_the_horizontal():
     assert ratios(solution, clean, recording).max() <= MAX
     e = sd.errors(solution, recording.reference)
     assert np.abs(e.position[e.t > 70.0, 2]).max() < 2.0  # that of the altitude
-    assert solution.counts()["GNSS position"][0] > 0.9 * len(recording.aidings[0].t)
+    assert solution.counts()["GNSS position"][0] > 0.9 * len(recording.sources[0].t)
 
 
 def test_two_altitudes_outvote_one_position():
     recording = simulated()
-    altitude = next(a for a in recording.aidings if a.kind == "altitude")
+    altitude = next(a for a in recording.sources if a.kind == "altitude")
     recording = replace(
-        recording, aidings=(*recording.aidings, replace(altitude, name="second altitude"))
+        recording, sources=(*recording.sources, replace(altitude, name="second altitude"))
     )
     solution = sd.fuse(wrong(recording, lambda t: 15.0 + 0 * t, "position"))
     assert solution.meta["heights_apart"][-1]["source"] == "GNSS position"
@@ -160,13 +160,13 @@ def test_a_height_that_agrees_again_is_used_again():
     (again,) = [t for t, text in solution.events if "agrees with the others again" in text]
     assert 80.0 < again < 100.0
     late = solution.t > again + 10.0
-    assert np.median(solution.trajectory.sd[late, 2]) < 0.2  # the altitude is used again
+    assert np.median(solution.trajectory.std[late, 2]) < 0.2  # the altitude is used again
 
 
 def test_a_stream_does_the_same():
     recording = wrong(simulated(seconds=60.0), ERRORS["15 m"])
     whole = sd.fuse(recording)
-    stream = live(recording, "closed-loop", sd.align(recording, sd.grade("tactical")))
+    stream = live(recording, "closed-loop", sd.align(recording, sd.imu("tactical")))
     assert stream.solution.meta["heights_apart"] == whole.meta["heights_apart"]
     np.testing.assert_array_equal(
         stream.solution.trajectory.lla[-100:], whole.trajectory.lla[-100:]
@@ -182,9 +182,9 @@ def test_smoothing_runs_over_it_twice_alike():
 def test_altitude_alone_bends_neither_attitude_nor_biases():
     """Its gate is opened where nothing else tells the height; it moves the height."""
     recording = simulated()
-    velocity = tuple(a for a in recording.aidings if a.kind != "position")
-    recording = replace(recording, aidings=velocity)
-    start = sd.align(simulated(), sd.grade("tactical"))
+    velocity = tuple(a for a in recording.sources if a.kind != "position")
+    recording = replace(recording, sources=velocity)
+    start = sd.align(simulated(), sd.imu("tactical"))
     jumped = sd.fuse(wrong(recording, ERRORS["jump"]), start=start)
     clean = sd.fuse(recording, start=start)
     assert not left_out(jumped)
@@ -199,7 +199,7 @@ def test_right_sources_stay_in_use(seed, stated):
     """With errors of the position of 3 m that last, stated or taken for white. Of 60 such runs of
     300 s on other seeds (300 to 329) none left a height out."""
     lasting = Correlated((1.5, 1.5, 3.0), 30.0)
-    gnss = Gnss(position_sd=(0.5, 0.5, 0.8), position_correlated=lasting, stated=stated)
+    gnss = Gnss(position_std=(0.5, 0.5, 0.8), position_correlated=lasting, stated=stated)
     sensors = [Simulated("altitude", 1.0, 10.0)]
     recording = sd.simulate("car", 150.0, "tactical", seed=seed, gnss=gnss, sensors=sensors)
     assert not left_out(sd.fuse(recording))

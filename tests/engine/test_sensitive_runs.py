@@ -25,27 +25,27 @@ from strapdown.sensor_models.gnss import Gnss
 def sensitive(recording, filter="closed-loop", **asked):
     """(Run at its end, Corrections of it joined, J)."""
     run = sensitivity.begin_sensitive(recording, filters.find(filter), run_options(**asked))
-    model = InstallationModel(run, constants(run.recording.aidings), "start" not in asked)
+    model = InstallationModel(run, constants(run.recording.sources), "start" not in asked)
     found = list(sensitivity.pieces(run, model.derivatives, model.start))
     joined = [np.concatenate(parts) for parts in zip(*(corrections for corrections, _ in found))]
     return run, sensitivity.Corrections(*joined), np.concatenate([J for _, J in found])
 
 
 def without_gates(recording):
-    return replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings))
+    return replace(recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources))
 
 
 def slopes(recording, direction, step, filter="closed-loop", skip=50):
     """{source: (slope of the change of its innovations over that expected, its size)} when the
     constants change by `step` along `direction`, over whole runs that are aligned anew."""
-    found = constants(recording.aidings)
+    found = constants(recording.sources)
     _, before, J = sensitive(recording, filter)
     there, back = (
         sensitive(apply_constants(recording, found, sign * step * direction), filter)[1]
         for sign in (1, -1)
     )
     made = {}
-    for source in range(len(recording.aidings)):
+    for source in range(len(recording.sources)):
         rows = [np.flatnonzero(run.source == source) for run in (before, there, back)]
         count = min(map(len, rows)) - skip
         first, second, third = (row[-count:] for row in rows)
@@ -62,7 +62,7 @@ STEPS = {LEVER_ARM: 0.01, MOUNTING: 1e-3, SCALE: 1e-3}
 def test_arms_mounting_and_scale_change_innovations_as_said(filter):
     """Each source by itself; constants that hardly show in one are left out there."""
     recording = without_gates(car(1001, seconds=120.0))
-    found = constants(recording.aidings)
+    found = constants(recording.sources)
     seen = 0
     for j, constant in enumerate(found):
         if constant.of is CLOCK:
@@ -79,7 +79,7 @@ def test_arms_mounting_and_scale_change_innovations_as_said(filter):
 def test_lever_arms_change_innovations_as_said_beside_correlated_errors():
     """Of the positions, which have these errors; the vertical arm hardly shows in them."""
     recording = told(without_gates(car(1001, seconds=120.0)), (1.0, 1.0, 2.0), 20.0)
-    arm = [one.of is LEVER_ARM for one in constants(recording.aidings)]
+    arm = [one.of is LEVER_ARM for one in constants(recording.sources)]
     directions = np.eye(len(arm))[arm]
     made = [slopes(recording, direction, STEPS[LEVER_ARM])[0] for direction in directions]
     largest = max(size for _, size in made)
@@ -92,8 +92,8 @@ def test_the_clock_changes_innovations_as_said():
     gnss = Gnss(interval=0.2, lever_arm=(0.5, 0.2, -1.0))
     recording = sd.simulate("demo", 120.0, "navigation", seed=1001, gnss=gnss)
     exact = gnss.plan(recording.reference).exact()
-    recording = without_gates(replace(recording, aidings=tuple(exact)))
-    together = np.array([one.of is CLOCK for one in constants(recording.aidings)], float)
+    recording = without_gates(replace(recording, sources=tuple(exact)))
+    together = np.array([one.of is CLOCK for one in constants(recording.sources)], float)
     for slope, _ in slopes(recording, together, 0.02).values():
         assert slope == pytest.approx(1.0, abs=0.03)
 
@@ -105,10 +105,10 @@ def troubled():
     gnss = Gnss(interval=0.43, lever_arm=(0.3, -0.2, -0.5))  # fixes split samples
     made = without_samples(flight(gnss=gnss), (5.0, 5.4), (9.0, 12.5))
     made = told(made, (1.0, 1.0, 2.0), 20.0)
-    wrong = made.aidings[1]
+    wrong = made.sources[1]
     y = wrong.y.copy()
     y[(wrong.t > 13.5)] += 60.0
-    return replace(made, aidings=(made.aidings[0], replace(wrong, y=y)))
+    return replace(made, sources=(made.sources[0], replace(wrong, y=y)))
 
 
 @pytest.mark.short
@@ -165,7 +165,7 @@ def test_the_run_is_that_of_fuse(troubled):
 def test_sums_add_up_over_blocks(troubled):
     run, corrections, J = sensitive(troubled)
     again = sensitivity.begin_sensitive(troubled, filters.find("closed-loop"), run_options())
-    model = InstallationModel(again, constants(troubled.aidings), True)
+    model = InstallationModel(again, constants(troubled.sources), True)
     found = sensitivity.sums(again, model.derivatives, model.start)
     np.testing.assert_allclose(
         found.information.sum(axis=0), np.einsum("kim,kin->mn", J, J), rtol=1e-9

@@ -32,12 +32,12 @@ def keep_state(belief, k, true, biases, work, kept):
     for i in range(3):
         row[i], row[3 + i], row[6 + i], row[9 + i] = (
             belief.lla[i],
-            belief.v[i],
-            belief.ba[i],
-            belief.bg[i],
+            belief.v_n[i],
+            belief.b_a[i],
+            belief.b_g[i],
         )
         for j in range(3):
-            row[12 + 3 * i + j] = belief.C[i, j]
+            row[12 + 3 * i + j] = belief.C_nb[i, j]
     for i in range(15):
         row[21 + i] = belief.P[i, i]
 
@@ -105,7 +105,7 @@ class Both:
         C = np.empty((len(nav), 3, 3))
         return np.c_[
             nav[:, solution_row.LLA : solution_row.Q],
-            nav[:, solution_row.BIASES : solution_row.SD],
+            nav[:, solution_row.BIASES : solution_row.STD],
             C.reshape(-1, 9),
             np.einsum("kii->ki", P[:, :15, :15]),
         ]
@@ -195,9 +195,9 @@ def rejections(both):
 
 def test_other_standard_deviations_are_refused():
     def wider(lane, recording):
-        gnss = recording.aidings[0]
-        changed = replace(gnss, sd=gnss.sd * (1 + (lane == 2)))
-        return replace(recording, aidings=(changed, *recording.aidings[1:]))
+        gnss = recording.sources[0]
+        changed = replace(gnss, std=gnss.std * (1 + (lane == 2)))
+        return replace(recording, sources=(changed, *recording.sources[1:]))
 
     with pytest.raises(ValueError, match="same times and deviations"):
         Both(sd.scenario("demo").replace(duration=20.0), "closed-loop", spoil=wider)
@@ -207,10 +207,10 @@ def test_a_run_whose_gate_is_to_be_lifted_leaves():
     def moved(lane, recording):
         if lane != 5:
             return recording
-        gnss = recording.aidings[0]
+        gnss = recording.sources[0]
         y = gnss.y.copy()
         y[gnss.t > 20, 2] += 500.0
-        return replace(recording, aidings=(replace(gnss, y=y), *recording.aidings[1:]))
+        return replace(recording, sources=(replace(gnss, y=y), *recording.sources[1:]))
 
     both = Both(sd.scenario("demo").replace(duration=40.0), "closed-loop", spoil=moved)
     assert 20 < both.lanes.left[5] < 40 and np.isinf(np.delete(both.lanes.left, 5)).all()
@@ -219,10 +219,10 @@ def test_a_run_whose_gate_is_to_be_lifted_leaves():
 
 def test_rejected_fixes_stay_in_the_lanes():
     def wild(lane, recording):
-        gnss = recording.aidings[0]
+        gnss = recording.sources[0]
         y = gnss.y.copy()
         y[5 + lane, 2] += 300.0
-        return replace(recording, aidings=(replace(gnss, y=y), *recording.aidings[1:]))
+        return replace(recording, sources=(replace(gnss, y=y), *recording.sources[1:]))
 
     both = Both(sd.scenario("demo").replace(duration=40.0), "closed-loop", spoil=wild)
     assert np.isinf(both.lanes.left).all()

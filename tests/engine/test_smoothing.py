@@ -33,7 +33,7 @@ does not accelerate."""
 SPEC = ImuSpec(
     "walking MEMS", Triad(noise=2e-3, turn_on_bias=5e-3, bias_walk=1e-3), Triad(noise=1e-2)
 )
-START_SD = np.r_[[1.0] * 3, [0.1] * 3, np.radians([0.5, 0.5, 2.0]), [0.0] * 3, [5e-3] * 3]
+START_STD = np.r_[[1.0] * 3, [0.1] * 3, np.radians([0.5, 0.5, 2.0]), [0.0] * 3, [5e-3] * 3]
 BLOCK = np.ix_(SIX, SIX)
 APART = "filter and smoother are up to"
 """Words of the event that only the smoother has."""
@@ -50,17 +50,17 @@ class Turning:
         )
         self.truth, self.ideal = sample(motion, self.t), increments(motion, self.t)
 
-    def drawn(self, seed, gate=np.inf, start_sd=START_SD):
+    def drawn(self, seed, gate=np.inf, start_std=START_STD):
         """(recording, {start, noise}, true gyro bias at the ends of the samples)."""
         of_imu, of_start, of_field = np.random.default_rng(seed).spawn(3)
         imu, _, b_g = SPEC.corrupt(self.ideal, of_imu)
-        field = Magnetometer(rate=10, sd=0.5e-6, field=(21e-6, 1.6e-6, 43.9e-6)).measure(
+        field = Magnetometer(rate=10, std=0.5e-6, field=(21e-6, 1.6e-6, 43.9e-6)).measure(
             self.truth, of_field
         )
         recording = Recording(imu, (replace(field, gate=gate),), self.truth, {"name": "turning"})
         return (
             recording,
-            dict(start=draw_start(self.truth, start_sd, of_start), noise=SPEC.noise()),
+            dict(start=draw_start(self.truth, start_std, of_start), noise=SPEC.noise()),
             b_g,
         )
 
@@ -85,7 +85,7 @@ def apart(solution, attitudes, biases):
     solution."""
     return (
         np.hstack([(attitudes * attitude(solution).inv()).as_rotvec(), biases - solution.b_g])
-        / solution.trajectory.sd[:, SIX]
+        / solution.trajectory.std[:, SIX]
     )
 
 
@@ -95,7 +95,7 @@ def equal(first, second, tolerance=1e-9):
     assert np.array_equal(first.t, second.t) and first.events == second.events
     assert np.abs(apart(first, attitude(second), second.b_g)).max() < tolerance
     np.testing.assert_allclose(
-        first.trajectory.sd[:, SIX], second.trajectory.sd[:, SIX], rtol=tolerance
+        first.trajectory.std[:, SIX], second.trajectory.std[:, SIX], rtol=tolerance
     )
 
 
@@ -119,10 +119,10 @@ def test_as_rauch_tung_and_striebel(short, seed):
         and np.abs(off).max() < 0.3
         and np.abs(off[10:]).max() < 0.1
     )
-    sds = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
-    np.testing.assert_allclose(smoothed.trajectory.sd[:, SIX], sds, rtol=0.01)
+    stds = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+    np.testing.assert_allclose(smoothed.trajectory.std[:, SIX], stds, rtol=0.01)
     correlations = (smoothed.covariance[(slice(None), *BLOCK)] - P) / (
-        sds[:, :, None] * sds[:, None, :]
+        stds[:, :, None] * stds[:, None, :]
     )
     assert np.abs(correlations).max() < 0.03
     assert np.abs(apart(filtered, C, b)).max() > 1.5  # the comparison can tell
@@ -145,7 +145,7 @@ def test_as_least_squares_over_the_whole_log(short, seed):
     off = apart(smoothed, C, b)
     assert np.sqrt((off**2).mean(axis=0)).max() < 0.08 and np.abs(off).max() < 0.3
     np.testing.assert_allclose(
-        smoothed.trajectory.sd[:, SIX], np.sqrt(np.diagonal(P, axis1=1, axis2=2)), rtol=0.015
+        smoothed.trajectory.std[:, SIX], np.sqrt(np.diagonal(P, axis1=1, axis2=2)), rtol=0.015
     )
 
 
@@ -192,7 +192,7 @@ def test_chunks_do_not_matter(short, monkeypatch, chunk):
     monkeypatch.setattr(smoothing, "RECORDED_ROWS", chunk)
     parts = sd.smooth(recording, "attitude-mekf", covariance=True, **given)
     equal(whole, parts)
-    scale = whole.trajectory.sd[:, SIX]
+    scale = whole.trajectory.std[:, SIX]
     off = (whole.covariance - parts.covariance)[(slice(None), *BLOCK)] / (
         scale[:, :, None] * scale[:, None, :]
     )
@@ -211,7 +211,7 @@ def test_kept_rows_are_those_of_all(short, monkeypatch, every):
     assert len(rows) == -(-200 // every) and some.t[-1] == whole.t[-1]
     np.testing.assert_allclose(some.trajectory.q_nb, whole.trajectory.q_nb[rows], atol=1e-12)
     np.testing.assert_allclose(
-        some.trajectory.sd[:, SIX], whole.trajectory.sd[rows][:, SIX], rtol=1e-9
+        some.trajectory.std[:, SIX], whole.trajectory.std[rows][:, SIX], rtol=1e-9
     )
 
 
@@ -229,7 +229,7 @@ def test_all_but_the_estimates_is_the_filters(short):
     )
     assert (
         np.isnan(smoothed.trajectory.lla).all()
-        and np.isnan(smoothed.trajectory.sd[:, :6]).all()
+        and np.isnan(smoothed.trajectory.std[:, :6]).all()
         and np.isnan(smoothed.b_a).all()
     )
     assert smoothed.meta == filtered.meta | {"smoothed": True}
@@ -247,11 +247,11 @@ def test_the_second_pass_is_the_first_with_accelerometer_biases_too(monkeypatch,
     flight = sd.simulate(
         demo_flight(), 60.0, "consumer", seed=3, magnetometer=Magnetometer(), date="2024-01-01"
     )
-    (field,) = (a for a in flight.aidings if a.kind == "magnetic-field")
+    (field,) = (a for a in flight.sources if a.kind == "magnetic-field")
     rng = np.random.default_rng(0)
     angle = rng.normal(0, np.radians(20.0), len(field.t)) * (rng.random(len(field.t)) < 0.3)
-    y = Rotation.from_rotvec(angle[:, None] * [0.6, 0.0, 0.8]).apply(field.y)
-    bent = replace(flight, aidings=(replace(field, y=y),))
+    y = Rotation.from_rotvec(angle[:, None] * [0.6, 0.0, 0.8]).apply(field.y.copy())
+    bent = replace(flight, sources=(replace(field, y=y),))
     smoothed, filtered = (run(bent, "attitude-mekf") for run in (sd.smooth, sd.fuse))
     for part in ("innovation", "nis", "accepted"):
         found, expected = (getattr(each.innovations, part) for each in (smoothed, filtered))
@@ -264,14 +264,14 @@ def ordered(smoothed, filtered):
     """Assert that a smoother is nowhere less sure than its filter, and that they agree at the
     end."""
     loss = filtered.covariance[(slice(None), *BLOCK)] - smoothed.covariance[(slice(None), *BLOCK)]
-    scale = filtered.trajectory.sd[:, SIX]
+    scale = filtered.trajectory.std[:, SIX]
     assert np.linalg.eigvalsh(loss / (scale[:, :, None] * scale[:, None, :])).min() > -1e-9
-    assert (smoothed.trajectory.sd[:, SIX] <= filtered.trajectory.sd[:, SIX] * (1 + 1e-12)).all()
+    assert (smoothed.trajectory.std[:, SIX] <= filtered.trajectory.std[:, SIX] * (1 + 1e-12)).all()
     np.testing.assert_allclose(
         smoothed.trajectory.q_nb[-1], filtered.trajectory.q_nb[-1], atol=1e-14
     )
     np.testing.assert_allclose(
-        smoothed.trajectory.sd[-1, SIX], filtered.trajectory.sd[-1, SIX], rtol=1e-12
+        smoothed.trajectory.std[-1, SIX], filtered.trajectory.std[-1, SIX], rtol=1e-12
     )
     np.testing.assert_allclose(smoothed.b_g[-1], filtered.b_g[-1], atol=1e-15)
 
@@ -317,14 +317,14 @@ def test_gaps(longer, window, rule):
     assert smoothed.t[after] - smoothed.t[after - 1] > 0.4
     at = slice(after, after + 3)
     assert (
-        smoothed.trajectory.sd[at][:, SIX[:3]] < 0.75 * filtered.trajectory.sd[at][:, SIX[:3]]
+        smoothed.trajectory.std[at][:, SIX[:3]] < 0.75 * filtered.trajectory.std[at][:, SIX[:3]]
     ).all()
     here, before = (
         error(smoothed, recording.reference)[at],
         error(filtered, recording.reference)[at],
     )
     bounds = (
-        4 * np.linalg.norm(smoothed.trajectory.sd[at, 6:9], axis=1)
+        4 * np.linalg.norm(smoothed.trajectory.std[at, 6:9], axis=1)
         if rule == "bridged"
         else 0.5 * before
     )
@@ -333,28 +333,28 @@ def test_gaps(longer, window, rule):
 
 def test_the_last_part_without_a_magnetometer(longer):
     recording, given, _ = longer.drawn(8)
-    field = recording.aidings[0]
+    field = recording.sources[0]
     keep = field.t < 10
     recording = replace(
-        recording, aidings=(replace(field, t=field.t[keep], y=field.y[keep], sd=field.sd[keep]),)
+        recording, sources=(replace(field, t=field.t[keep], y=field.y[keep], std=field.std[keep]),)
     )
     smoothed, filtered = both(recording, given, **WHITE)
-    heading = smoothed.trajectory.sd[:, 8]
-    assert heading[-1] > 2 * heading[400] and filtered.trajectory.sd[-1, 8] == pytest.approx(
+    heading = smoothed.trajectory.std[:, 8]
+    assert heading[-1] > 2 * heading[400] and filtered.trajectory.std[-1, 8] == pytest.approx(
         heading[-1]
     )
 
 
 def test_without_any_fix_the_vertical_still_smooths(longer):
     recording, given, _ = longer.drawn(8)
-    smoothed, filtered = both(replace(recording, aidings=()), given, **WHITE)
-    assert smoothed.trajectory.sd[500, 6] < 0.8 * filtered.trajectory.sd[500, 6]
+    smoothed, filtered = both(replace(recording, sources=()), given, **WHITE)
+    assert smoothed.trajectory.std[500, 6] < 0.8 * filtered.trajectory.std[500, 6]
 
 
 def test_rejected_and_missing_fixes_say_nothing(longer):
     """Smoothing with fixes that the gate rejects is smoothing without them."""
     recording, given, _ = longer.drawn(9)
-    field = recording.aidings[0]
+    field = recording.sources[0]
     bad, lost = (
         np.isin(np.arange(len(field.t)), (50, 90, 91)),
         np.isin(np.arange(len(field.t)), (70, 120)),
@@ -363,15 +363,15 @@ def test_rejected_and_missing_fixes_say_nothing(longer):
         bad[:, None], field.y @ Rotation.from_euler("z", 170, degrees=True).as_matrix(), field.y
     )
     y[lost, 1] = np.nan
-    marred = replace(recording, aidings=(replace(field, y=y, gate=50.0),))
+    marred = replace(recording, sources=(replace(field, y=y, gate=50.0),))
     without = replace(
         recording,
-        aidings=(
+        sources=(
             replace(
                 field,
                 t=field.t[~(bad | lost)],
                 y=field.y[~(bad | lost)],
-                sd=field.sd[~(bad | lost)],
+                std=field.std[~(bad | lost)],
             ),
         ),
     )
@@ -388,26 +388,28 @@ def test_a_lifted_gate(longer):
     """From 8 s on the surroundings turn the field by 40 deg: rejected for 3 s, then believed,
     with P made larger, which the way back counts as noise."""
     recording, given, _ = longer.drawn(10, gate=10.828)
-    field = recording.aidings[0]
+    field = recording.sources[0]
     north, east, down = field.parameters
     turned = Rotation.from_euler("z", 40, degrees=True)
     rows = np.searchsorted(recording.reference.t, field.t - 1e-6)
     body = Rotation.from_quat(recording.reference.q_nb[rows][:, [1, 2, 3, 0]])
-    y = np.where((field.t > 8)[:, None], (body.inv() * turned * body).apply(field.y), field.y)
-    smoothed, filtered = both(replace(recording, aidings=(replace(field, y=y),)), given, **WHITE)
+    y = np.where(
+        (field.t > 8)[:, None], (body.inv() * turned * body).apply(field.y.copy()), field.y
+    )
+    smoothed, filtered = both(replace(recording, sources=(replace(field, y=y),)), given, **WHITE)
     assert [t for t, _ in said(smoothed, "gate opened")] == [pytest.approx(11.1, abs=0.11)]
     assert (
-        np.isfinite(smoothed.trajectory.q_nb).all() and (smoothed.trajectory.sd[:, SIX] > 0).all()
+        np.isfinite(smoothed.trajectory.q_nb).all() and (smoothed.trajectory.std[:, SIX] > 0).all()
     )
-    assert smoothed.trajectory.sd[450, 8] < filtered.trajectory.sd[450, 8]
+    assert smoothed.trajectory.std[450, 8] < filtered.trajectory.std[450, 8]
 
 
 @kernel(PREDICT)
 def leaving(belief, u, dt, noise):
     """As the filter's, until 3 s have gone: then it leaves the latitudes where results hold."""
     predict_attitude(belief, u, dt, noise)
-    belief.ba[0] += dt
-    if belief.ba[0] > 3:
+    belief.b_a[0] += dt
+    if belief.b_a[0] > 3:
         belief.lla[0] = 2.0
 
 

@@ -16,7 +16,7 @@ from strapdown.core.loop.contract import Imu, Noise
 from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
 from strapdown.data.recording import Recording
-from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Source
 from strapdown.engine import prepare as preparation, smoothing
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
@@ -84,25 +84,25 @@ class Flight:
         self.t = np.arange(seconds * RATE + 1) / RATE
         self.truth, self.ideal = sample(weaving(), self.t), increments(weaving(), self.t)
 
-    def drawn(self, seed, spec=MEMS, attitude_sd=COARSE, gate=np.inf, barometer=False):
+    def drawn(self, seed, spec=MEMS, attitude_std=COARSE, gate=np.inf, barometer=False):
         """(recording, {start, noise}, true State at all times)."""
         of_imu, of_fix, of_start = np.random.default_rng(seed).spawn(3)
         imu, b_a, b_g = spec.corrupt(self.ideal, of_imu)
-        accel_sd, gyro_sd = spec.bias_sd()
+        accel_std, gyro_std = spec.bias_std()
         start = draw_start(
             self.truth,
-            np.r_[[2.0] * 3, [0.3] * 3, attitude_sd, [accel_sd] * 3, [gyro_sd] * 3],
+            np.r_[[2.0] * 3, [0.3] * 3, attitude_std, [accel_std] * 3, [gyro_std] * 3],
             of_start,
         )
         (fix,) = Gnss(
-            position_sd=(1.0, 1.0, 1.0), velocity_sd=None, lever_arm=(0.5, -0.3, -1.0)
+            position_std=(1.0, 1.0, 1.0), velocity_std=None, lever_arm=(0.5, -0.3, -1.0)
         ).fixes(self.truth, of_fix)
-        aidings = (replace(fix, gate=gate),)
+        sources = (replace(fix, gate=gate),)
         if barometer:
             rows = np.arange(10, len(self.t), 10)
             height = self.truth.lla[rows, 2] + 80.0 + 0.5 * of_fix.standard_normal(len(rows))
-            aidings += (
-                Aiding(
+            sources += (
+                Source(
                     "pressure-altitude",
                     self.t[rows],
                     height[:, None],
@@ -119,7 +119,7 @@ class Flight:
             np.vstack([biases[:1], biases]),
         )
         return (
-            Recording(imu, aidings, self.truth, {"name": "weaving"}),
+            Recording(imu, sources, self.truth, {"name": "weaving"}),
             dict(start=start, noise=spec.noise()),
             truth,
         )
@@ -135,7 +135,7 @@ def state(solution):
     own = [
         column[:, None]
         for name, column in solution.columns.items()
-        if "bias" in name and "sd of" not in name
+        if "bias" in name and "std of" not in name
     ]
     return State(
         solution.trajectory.lla,
@@ -145,34 +145,36 @@ def state(solution):
     )
 
 
-def sds(covariance):
+def stds(covariance):
     return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
 
 
 def apart(solution, other):
     """(n, states): from a solution to another State, in standard deviations of the solution,
     which has its covariances."""
-    return other.less(state(solution)) / sds(solution.covariance)
+    return other.less(state(solution)) / stds(solution.covariance)
 
 
 def equal(first, second, tolerance=1e-9):
     """Assert that two solutions are alike to so many standard deviations and fractions of them;
     positions at least to the 10 nm that doubles have."""
     assert np.array_equal(first.t, second.t) and first.events == second.events
-    deviation, off = first.trajectory.sd, np.abs(state(second).less(state(first)))
+    deviation, off = first.trajectory.std, np.abs(state(second).less(state(first)))
     assert (off[:, 3:15] / deviation[:, 3:] < tolerance).all() and (
         off[:, :3] < tolerance * deviation[:, :3] + 1e-8
     ).all()
-    np.testing.assert_allclose(first.trajectory.sd, second.trajectory.sd, rtol=tolerance)
+    np.testing.assert_allclose(first.trajectory.std, second.trajectory.std, rtol=tolerance)
 
 
 def ordered(smoothed, filtered):
     """Assert that a smoother is nowhere less sure than its filter, and that they agree at the
     end."""
-    scale = sds(filtered.covariance)
+    scale = stds(filtered.covariance)
     loss = (filtered.covariance - smoothed.covariance) / (scale[:, :, None] * scale[:, None, :])
     assert np.linalg.eigvalsh(loss).min() > -1e-9
-    np.testing.assert_allclose(sds(smoothed.covariance)[:, :15], smoothed.trajectory.sd, rtol=1e-9)
+    np.testing.assert_allclose(
+        stds(smoothed.covariance)[:, :15], smoothed.trajectory.std, rtol=1e-9
+    )
     np.testing.assert_allclose(smoothed.covariance[-1], filtered.covariance[-1], rtol=1e-12)
     np.testing.assert_allclose(np.abs(apart(smoothed, state(filtered))[-1]), 0, atol=1e-7)
 
@@ -211,8 +213,8 @@ def both(recording, given, name="closed-loop", **options):
 def test_as_rauch_tung_and_striebel(flight, line, seed):
     """To first order: the filter takes specific force and attitude for constant over a sample in
     its transition, and heading begins 2 deg off."""
-    name, options, spec, attitude_sd = line
-    recording, given, _ = flight.drawn(seed, spec, attitude_sd)
+    name, options, spec, attitude_std = line
+    recording, given, _ = flight.drawn(seed, spec, attitude_std)
     smoothed, filtered = (
         run(recording, name, covariance=True, **given, options=options)
         for run in (sd.smooth, sd.fuse)
@@ -220,8 +222,8 @@ def test_as_rauch_tung_and_striebel(flight, line, seed):
     textbook, P = rauch_tung_striebel(log_of(recording, **given))
     off = apart(smoothed, textbook)
     assert np.sqrt((off**2).mean(axis=0)).max() < 0.05 and np.abs(off).max() < 0.15
-    deviation = sds(P)
-    np.testing.assert_allclose(smoothed.trajectory.sd, deviation, rtol=3e-4)
+    deviation = stds(P)
+    np.testing.assert_allclose(smoothed.trajectory.std, deviation, rtol=3e-4)
     assert (
         np.abs((smoothed.covariance - P) / (deviation[:, :, None] * deviation[:, None, :])).max()
         < 5e-4
@@ -233,8 +235,8 @@ def test_as_rauch_tung_and_striebel(flight, line, seed):
 def test_as_rauch_tung_and_striebel_where_biases_are_held(flight, line):
     """A held estimate is one whose decay an input that is known makes good for: the smoother's
     transition stays that of P."""
-    name, options, spec, attitude_sd = line
-    recording, given, _ = flight.drawn(0, FORGETFUL[spec], attitude_sd)
+    name, options, spec, attitude_std = line
+    recording, given, _ = flight.drawn(0, FORGETFUL[spec], attitude_std)
     given["noise"] = given["noise"]._replace(held=1.0)
     smoothed, decaying = (
         sd.smooth(
@@ -248,7 +250,7 @@ def test_as_rauch_tung_and_striebel_where_biases_are_held(flight, line):
     )
     textbook, P = rauch_tung_striebel(log_of(recording, **given))
     assert np.abs(apart(smoothed, textbook)).max() < 0.05
-    np.testing.assert_allclose(smoothed.trajectory.sd, sds(P), rtol=3e-4)
+    np.testing.assert_allclose(smoothed.trajectory.std, stds(P), rtol=3e-4)
     assert np.abs(apart(decaying, textbook)).max() > 0.2
 
 
@@ -263,8 +265,8 @@ def test_as_least_squares_over_the_whole_log(flight, seed):
     smoothed = sd.smooth(recording, covariance=True, **given)
     off = apart(smoothed, best)
     assert np.sqrt((off**2).mean(axis=0)).max() < 0.08 and np.abs(off).max() < 0.2
-    deviation = sds(P)
-    np.testing.assert_allclose(smoothed.trajectory.sd[rows], deviation, rtol=0.02)
+    deviation = stds(P)
+    np.testing.assert_allclose(smoothed.trajectory.std[rows], deviation, rtol=0.02)
     assert (
         np.abs(
             (smoothed.covariance[rows] - P) / (deviation[:, :, None] * deviation[:, None, :])
@@ -279,23 +281,23 @@ def test_states_of_aidings_are_smoothed_too(flight):
     recording, given, _ = flight.drawn(2, barometer=True)
     smoothed, filtered = both(recording, given)
     log = log_of(recording, **given)._replace(
-        baro=recording.aidings[1],
-        baro_sd=BAROMETER_BIAS["state_sd"],
+        baro=recording.sources[1],
+        baro_std=BAROMETER_BIAS["state_std"],
         baro_walk=BAROMETER_BIAS["state_walk"],
     )
     textbook, P = rauch_tung_striebel(log)
     assert smoothed.covariance.shape[1:] == (16, 16)
     assert np.abs(apart(smoothed, textbook)).max() < 0.25
-    deviation = sds(P)
-    np.testing.assert_allclose(sds(smoothed.covariance), deviation, rtol=3e-3)
+    deviation = stds(P)
+    np.testing.assert_allclose(stds(smoothed.covariance), deviation, rtol=3e-3)
     assert (
         np.abs((smoothed.covariance - P) / (deviation[:, :, None] * deviation[:, None, :])).max()
         < 5e-3
     )
     np.testing.assert_allclose(
-        smoothed.columns["sd of barometer bias [m]"], deviation[:, 15], rtol=3e-3
+        smoothed.columns["std of barometer bias [m]"], deviation[:, 15], rtol=3e-3
     )
-    assert filtered.columns["sd of barometer bias [m]"][0] > 100 > 1 > deviation[0, 15]
+    assert filtered.columns["std of barometer bias [m]"][0] > 100 > 1 > deviation[0, 15]
 
 
 # the same whatever the way
@@ -310,7 +312,7 @@ def test_chunks_do_not_matter(flight, monkeypatch, name, chunk):
     monkeypatch.setattr(smoothing, "RECORDED_ROWS", chunk)
     parts = sd.smooth(recording, name, covariance=True, **given)
     equal(whole, parts)
-    scale = sds(whole.covariance)
+    scale = stds(whole.covariance)
     assert (
         np.abs(
             (whole.covariance - parts.covariance) / (scale[:, :, None] * scale[:, None, :])
@@ -335,7 +337,7 @@ def test_kept_rows_are_those_of_all(flight, monkeypatch, every, covariance):
         and np.array_equal(some.t, whole.t[rows])
     )
     np.testing.assert_allclose(some.trajectory.lla, whole.trajectory.lla[rows], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(some.trajectory.sd, whole.trajectory.sd[rows], rtol=1e-9)
+    np.testing.assert_allclose(some.trajectory.std, whole.trajectory.std[rows], rtol=1e-9)
     assert (some.covariance is None) == (not covariance)
 
 
@@ -358,14 +360,14 @@ def test_a_fix_within_a_sample():
     )
     one, other = (
         sd.smooth(
-            replace(recording, imu=imu, aidings=(fixes,)), start=start, noise=noise, covariance=True
+            replace(recording, imu=imu, sources=(fixes,)), start=start, noise=noise, covariance=True
         )
         for imu in (recording.imu, split)
     )
     assert len(split.t) == len(recording.imu.t) + 4
     rows = np.searchsorted(other.t, one.t - 1e-6)
     assert np.abs(apart(one, state(other).rows(rows))).max() < 1e-6
-    np.testing.assert_allclose(one.trajectory.sd, other.trajectory.sd[rows], rtol=1e-6)
+    np.testing.assert_allclose(one.trajectory.std, other.trajectory.std[rows], rtol=1e-6)
 
 
 # the rules of the loop
@@ -376,18 +378,18 @@ def test_an_outage_of_fixes_at_the_end(flight, name):
     """The last 8 s are dead reckoning for both; the smoother still knows better what biases and
     heading were."""
     recording, given, truth = flight.drawn(6)
-    fix = recording.aidings[0]
+    fix = recording.sources[0]
     keep = fix.t < 12
     recording = replace(
-        recording, aidings=(replace(fix, t=fix.t[keep], y=fix.y[keep], sd=fix.sd[keep]),)
+        recording, sources=(replace(fix, t=fix.t[keep], y=fix.y[keep], std=fix.std[keep]),)
     )
     smoothed, filtered = both(recording, given, name)
-    assert (smoothed.trajectory.sd[:100, 8] < 0.5 * filtered.trajectory.sd[:100, 8]).any()
+    assert (smoothed.trajectory.std[:100, 8] < 0.5 * filtered.trajectory.std[:100, 8]).any()
     # nothing comes after
     np.testing.assert_allclose(
-        smoothed.trajectory.sd[250:], filtered.trajectory.sd[250:], rtol=1e-9
+        smoothed.trajectory.std[250:], filtered.trajectory.std[250:], rtol=1e-9
     )
-    assert smoothed.trajectory.sd[-1, 0] > 3 * smoothed.trajectory.sd[200, 0]
+    assert smoothed.trajectory.std[-1, 0] > 3 * smoothed.trajectory.std[200, 0]
 
 
 @pytest.mark.parametrize(
@@ -405,7 +407,7 @@ def test_gaps_of_samples(flight, window, rule):
     after = int(np.searchsorted(smoothed.t, window[1] + 0.01))
     assert smoothed.t[after] - smoothed.t[after - 1] > 0.5
     at = slice(after, after + 3)
-    assert (smoothed.trajectory.sd[at, 6:9] < 0.75 * filtered.trajectory.sd[at, 6:9]).all()
+    assert (smoothed.trajectory.std[at, 6:9] < 0.75 * filtered.trajectory.std[at, 6:9]).all()
     rows = np.rint(smoothed.t[at] * RATE).astype(int)
     if rule == "bridged":
         assert (
@@ -423,14 +425,14 @@ def test_gaps_of_samples(flight, window, rule):
 def test_rejected_and_missing_fixes_say_nothing(flight):
     """Smoothing with fixes that the gate rejects is smoothing without them."""
     recording, given, _ = flight.drawn(9)
-    fix = recording.aidings[0]
+    fix = recording.sources[0]
     bad, lost = np.isin(np.arange(len(fix.t)), (5, 9, 10)), np.isin(np.arange(len(fix.t)), (7, 15))
     y = fix.y + bad[:, None] * np.array([1e-4, 0.0, 0.0])
     y[lost] = np.nan
-    marred = replace(recording, aidings=(replace(fix, y=y, gate=50.0),))
+    marred = replace(recording, sources=(replace(fix, y=y, gate=50.0),))
     kept = ~(bad | lost)
     without = replace(
-        recording, aidings=(replace(fix, t=fix.t[kept], y=fix.y[kept], sd=fix.sd[kept]),)
+        recording, sources=(replace(fix, t=fix.t[kept], y=fix.y[kept], std=fix.std[kept]),)
     )
     smoothed, _ = both(marred, given)
     assert (smoothed.innovations.nis > 50).sum() == 3 and np.isnan(
@@ -444,17 +446,17 @@ def test_a_lifted_gate(flight):
     """From 8 s on the fixes are 200 m off: rejected for 5 s, then believed, with P made larger,
     which the way back counts as noise."""
     recording, given, _ = flight.drawn(10)
-    fix = recording.aidings[0]
+    fix = recording.sources[0]
     y = fix.y + (fix.t > 8)[:, None] * np.array([200 / 6.38e6, 0.0, 0.0])
-    smoothed, filtered = both(replace(recording, aidings=(replace(fix, y=y, gate=None),)), given)
+    smoothed, filtered = both(replace(recording, sources=(replace(fix, y=y, gate=None),)), given)
     assert [t for t, _ in said(smoothed, "gate opened")] == [pytest.approx(14.0)]
-    assert np.isfinite(smoothed.trajectory.lla).all() and (smoothed.trajectory.sd > 0).all()
-    assert smoothed.trajectory.sd[300, 0] < filtered.trajectory.sd[300, 0]
+    assert np.isfinite(smoothed.trajectory.lla).all() and (smoothed.trajectory.std > 0).all()
+    assert smoothed.trajectory.std[300, 0] < filtered.trajectory.std[300, 0]
 
 
 def test_without_any_fix_it_is_the_filter(flight):
     recording, given, _ = flight.drawn(11)
-    smoothed, filtered = both(replace(recording, aidings=()), given)
+    smoothed, filtered = both(replace(recording, sources=()), given)
     equal(smoothed, filtered)
 
 
@@ -492,10 +494,11 @@ def peak(rows, every):
         np.tile([0.0, 0.0, -0.0981], (rows, 1)),
     )
     fixes = position(np.arange(1.0, rows // 100))
-    given = dict(start=alike()[1]._replace(v=(0.0, 0.0, 0.0)), noise=MEMS.noise(), every=every)
+    given = dict(start=alike()[1]._replace(v_n=(0.0, 0.0, 0.0)), noise=MEMS.noise(), every=every)
+    recording = Recording(imu, (fixes,))  # with arrays of its own
     tracemalloc.start()
     try:
-        assert len(sd.smooth(Recording(imu, (fixes,)), **given).t) == -(-rows // every)
+        assert len(sd.smooth(recording, **given).t) == -(-rows // every)
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -515,18 +518,18 @@ def test_a_day_fits_into_four_gigabytes(every, bound):
 def wrong(solution, reference):
     """(n,) rows that are off by more than five of their standard deviations."""
     path, rows = solution.trajectory, np.searchsorted(reference.t, solution.t - 1e-6)
-    truth = reference.taking(rows)
+    truth = reference.take(rows)
     turn = (path.rotation * truth.rotation.inv()).as_rotvec()
     off = np.c_[displacement(path.lla, truth.lla), path.v_n - truth.v_n, turn]
-    return (np.abs(off) > 5 * path.sd[:, :9]).any(axis=1)
+    return (np.abs(off) > 5 * path.std[:, :9]).any(axis=1)
 
 
 def drifting(recording):
     """Position fixes walk away by 0.5 m/s from 120 s on, which the velocities contradict."""
-    fix, *others = recording.aidings
+    fix, *others = recording.sources
     east = 0.5 * np.clip(fix.t - 120, 0, None)
     y = displace_lla(fix.y, np.c_[0 * east, east, 0 * east])
-    return replace(recording, aidings=(replace(fix, y=y), *others))
+    return replace(recording, sources=(replace(fix, y=y), *others))
 
 
 def stepping(recording):
@@ -562,11 +565,11 @@ def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
     run.complete()
     nav = run.out.nav
     nav[:, solution_row.ROW_STATUS] = status
-    nav[:, solution_row.SD : solution_row.SD + 9], smoothed = 1.0, nav.copy()
-    smoothed[:, solution_row.SD : solution_row.SD + 9] = 0.6  # sd of the difference: 0.8
+    nav[:, solution_row.STD : solution_row.STD + 9], smoothed = 1.0, nav.copy()
+    smoothed[:, solution_row.STD : solution_row.STD + 9] = 0.6  # std of the difference: 0.8
     smoothed[30:32, solution_row.V + 2] += [4.1, -4.5]
     smoothed[50, solution_row.V + 2] += 3.9
-    smoothed[45, solution_row.SD + 2] = 0.99  # nothing to compare
+    smoothed[45, solution_row.STD + 2] = 0.99  # nothing to compare
     smoothed[45, solution_row.LLA + 2] += 100.0
     differences = Differences()
     for rows in (slice(40, 60), slice(0, 40)):
@@ -585,8 +588,8 @@ def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
 def test_an_attitude_that_is_apart_counts():
     filtered, smoothed = np.zeros((2, 3, solution_row.ROW_STATUS))
     (
-        filtered[:, solution_row.SD : solution_row.SD + 9],
-        smoothed[:, solution_row.SD : solution_row.SD + 9],
+        filtered[:, solution_row.STD : solution_row.STD + 9],
+        smoothed[:, solution_row.STD : solution_row.STD + 9],
     ) = 0.01, 0.006
     turn = Rotation.from_rotvec([[0.0, 0.0, 0.02], [0.0, -0.045, 0.0], [0.0, 0.0, 0.0]])
     first = Rotation.from_euler("zyx", [2.0, 0.4, -0.3])
@@ -604,14 +607,14 @@ def test_filter_and_smoother_differ_as_their_standard_deviations_allow():
     rng = np.random.default_rng(5)
     filtered, smoothed = np.zeros((2, 4000, solution_row.ROW_STATUS))
     (
-        filtered[:, solution_row.SD : solution_row.SD + 6],
-        smoothed[:, solution_row.SD : solution_row.SD + 6],
+        filtered[:, solution_row.STD : solution_row.STD + 6],
+        smoothed[:, solution_row.STD : solution_row.STD + 6],
     ) = 1.0, 0.6
     # var(filter) - var(smoother) = 0.64
     filtered[:, solution_row.V : solution_row.Q] = rng.normal(0, 0.8, (4000, 3))
     smoothed[:, solution_row.LLA + 2] = rng.normal(0, 1.6, 4000)
     differences.add(filtered, smoothed)
     found = differences.ratios()
-    # mean of 12 000 squares: sd 0.013; of the position only the height differs, twice too much
+    # mean of 12 000 squares: std 0.013; of the position only the height differs, twice too much
     assert found["velocity"] == pytest.approx(1.0, abs=0.05)
     assert found["position"] == pytest.approx(4 / 3, abs=0.13)

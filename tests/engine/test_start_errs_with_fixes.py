@@ -22,15 +22,15 @@ def covariance(recording, start=None):
 def test_correlations_of_the_start_are_what_a_wrong_set_up_does_to_it():
     """V theta against the starts that the recording gives with its set-up changed by theta."""
     recording = flown(1001, 60.0)
-    P, start = covariance(recording), sd.align(recording, sd.grade("tactical"))
-    found = constants(recording.aidings)
+    P, start = covariance(recording), sd.align(recording, sd.imu("tactical"))
+    found = constants(recording.sources)
     for column, (of, axis, step) in enumerate(
         [(CLOCK, 0, 0.02), *((LEVER_ARM, axis, 0.1) for axis in range(3))]
     ):
         theta = np.array([step if (one.of, one.axis) == (of, axis) else 0.0 for one in found])
-        other = sd.align(apply_constants(recording, found, theta), sd.grade("tactical"))
+        other = sd.align(apply_constants(recording, found, theta), sd.imu("tactical"))
         if of is CLOCK:  # the moment of the start moves with the stamps: both at one time
-            shift = (start.t - other.t) * np.asarray(other.v)
+            shift = (start.t - other.t) * np.asarray(other.v_n)
         else:
             shift = np.zeros(3)
         moved = displacement(np.array([other.lla]), np.array([start.lla]))[0] + shift
@@ -41,15 +41,15 @@ def test_correlations_of_the_start_are_what_a_wrong_set_up_does_to_it():
 
 def test_only_a_start_of_fixes_is_correlated_and_only_with_what_is_estimated():
     recording = flown(1001, 60.0)
-    start = sd.align(recording, sd.grade("tactical"))
+    start = sd.align(recording, sd.imu("tactical"))
     diagonal = covariance(recording, start._replace(motion=()))
     assert np.array_equal(diagonal, np.diag(np.diag(diagonal)))
     P = covariance(recording)
     np.testing.assert_array_equal(P, covariance(recording, start))
     assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P)))).min() > 0
     assert np.all(np.diag(P) >= np.diag(diagonal))
-    given = sd.InitialState(start.t, lla=start.lla, v=start.v)
+    given = sd.InitialState(start.t, lla=start.lla, v_n=start.v_n)
     completed = covariance(recording, given)
     assert not completed[:STATES, STATES:].any()
     plain = begin(with_estimates(recording, {}), "closed-loop", run_options()).belief.P
-    assert np.array_equal(plain, np.diag(np.array(start.sd) ** 2))
+    assert np.array_equal(plain, np.diag(np.array(start.std) ** 2))

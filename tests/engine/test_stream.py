@@ -24,7 +24,7 @@ from strapdown.core.loop.loop import SAME_TIME
 from strapdown.data.solution import BRIDGED, INVALID, VALID
 from strapdown.engine import stream as live
 from strapdown.engine.prepare import has_position
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Measurement, Sample, Stream
 from strapdown.geometry.geodesy import displace_lla
 
 pytestmark = pytest.mark.short
@@ -40,12 +40,12 @@ def eventful(name="closed-loop"):
     With an AHRS where the filter of that `name` needs one.
     """
     recording = without_samples(flight(), (4.8, 5.3), (12.6, 15.1))
-    p, v = recording.aidings
+    p, v = recording.sources
     y = p.y.copy()
     y[7], y[9, 2] = displace_lla(y[7:8], [[60.0, 0, 0]])[0], np.nan
     p = replace(p, t=p.t - 0.013, y=y)._where(np.arange(len(p.t)) != 16)
     attitude = (ahrs(recording.reference, 2.0),) if filters.find(name).needs else ()
-    return replace(recording, aidings=(p, replace(v, t=v.t - 0.02), *attitude))
+    return replace(recording, sources=(p, replace(v, t=v.t - 0.02), *attitude))
 
 
 def play(stream, events):
@@ -56,7 +56,7 @@ def play(stream, events):
 
 def stream_of(recording, begin=None, name="closed-loop", **more):
     return Stream(
-        name, start=begin or start(recording), imu="tactical", aidings=recording.aidings, **more
+        name, start=begin or start(recording), imu="tactical", sources=recording.sources, **more
     )
 
 
@@ -74,7 +74,7 @@ def equal(belief, solution):
     the filter does not estimate."""
     return all(
         np.array_equal(a, b) or np.isnan(b).all()
-        for a, b in zip([belief.lla, belief.v, belief.ba, belief.bg], last_row(solution))
+        for a, b in zip([belief.lla, belief.v_n, belief.b_a, belief.b_g], last_row(solution))
     ) and np.array_equal(belief.P, solution.covariance[-1])
 
 
@@ -112,20 +112,20 @@ def test_a_stream_is_the_batch_bit_for_bit(name):
 def test_an_attitude_stream_is_the_batch_and_leaves_other_sources_alone(name):
     hand = sd.simulate("hand-held", seed=3, duration=8.0)
     recording = without_samples(
-        replace(hand, aidings=(position([3.0, 4.0], (0.9, 0.2, 50.0)), *hand.aidings)),
+        replace(hand, sources=(position([3.0, 4.0], (0.9, 0.2, 50.0)), *hand.sources)),
         (5.0, 5.3),
         (6.0, 7.2),
     )
-    begin = sd.align(recording, sd.grade("consumer"), position=False)
+    begin = sd.align(recording, sd.imu("consumer"), position=False)
     solution = sd.fuse(recording, name, imu="consumer", start=begin, covariance=True)
-    stream = Stream(name, start=begin, imu="consumer", aidings=recording.aidings, lag=0.2)
+    stream = Stream(name, start=begin, imu="consumer", sources=recording.sources, lag=0.2)
     for event in shuffled(events_of(recording), 0.19):
         stream.step(event)
     belief = stream.finish()
-    assert np.array_equal(belief.bg, solution.b_g[-1]) and np.array_equal(
+    assert np.array_equal(belief.b_g, solution.b_g[-1]) and np.array_equal(
         belief.P, solution.covariance[-1]
     )
-    assert np.allclose(belief.C, solution.trajectory.rotation.as_matrix()[-1], atol=1e-12)
+    assert np.allclose(belief.C_nb, solution.trajectory.rotation.as_matrix()[-1], atol=1e-12)
     counts = solution.counts()
     assert stream.dropped == 0 and stream.counts() == [(0, 0), counts.get("magnetometer", (0, 0))]
     assert [event for _, event in solution.events][1].endswith("attitude held")
@@ -140,7 +140,7 @@ def test_every_belief_on_the_way_is_a_row_of_the_batch():
         belief = stream.step(event)
         if type(event) is Sample:
             assert np.array_equal(belief.lla, solution.trajectory.lla[k]) and np.array_equal(
-                belief.v, solution.trajectory.v_n[k]
+                belief.v_n, solution.trajectory.v_n[k]
             )
             assert stream.t == solution.t[k] and stream.status == solution.status[k]
             k += 1
@@ -172,7 +172,7 @@ def test_late_events_are_dropped_and_counted():
         on_time.step(event)
         stream.step(event)
         if type(event) is Sample and 5 < stream.t:
-            stream.step(Fix(stream.t - 0.01, 0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))
+            stream.step(Measurement(stream.t - 0.01, 0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))
             stream.step(Sample(stream.t, 0.05, (9.0,) * 3, (9.0,) * 3))
     assert stream.dropped > 500 and on_time.dropped == 0
     assert all(
@@ -185,7 +185,7 @@ def test_a_fix_may_be_late_until_a_sample_has_passed_it():
     the next one."""
     recording, begin = alike()
     fix = position([2.0], (0.8, 0.20001, 310.0))
-    recording = replace(recording, aidings=(fix,))
+    recording = replace(recording, sources=(fix,))
     solution = sd.fuse(recording, start=begin, covariance=True)
     for late in (0.0, -0.5 * SAME_TIME, 0.5 * SAME_TIME):
         stream = stream_of(recording, begin)
@@ -193,13 +193,13 @@ def test_a_fix_may_be_late_until_a_sample_has_passed_it():
         for event in events[:40]:
             stream.step(event)
         assert stream.t == pytest.approx(2.0)
-        stream.step(Fix(events[39].t + late, 0, tuple(fix.y[0]), tuple(fix.sd[0])))
+        stream.step(Measurement(events[39].t + late, 0, tuple(fix.y[0]), tuple(fix.std[0])))
         for event in events[40:]:
             stream.step(event)
         assert (
             stream.dropped == 0 and stream.counts() == [(1, 0)] and equal(stream.finish(), solution)
         )
-    stream.step(Fix(events[-1].t - 1.5 * SAME_TIME, 0, (0.8, 0.2, 300.0), (1.0, 1.0, 1.0)))
+    stream.step(Measurement(events[-1].t - 1.5 * SAME_TIME, 0, (0.8, 0.2, 300.0), (1.0, 1.0, 1.0)))
     assert stream.dropped == 1
 
 
@@ -208,7 +208,7 @@ def test_fixes_about_the_end_of_a_sample_are_used_as_in_the_batch(off):
     recording, begin = alike()
     recording = replace(
         recording,
-        aidings=(
+        sources=(
             position([2.0 + off * SAME_TIME], (0.8, 0.20001, 310.0)),
             position([2.0], (0.8, 0.2, 301.0)),
         ),
@@ -218,7 +218,9 @@ def test_fixes_about_the_end_of_a_sample_are_used_as_in_the_batch(off):
         stream_of(recording, begin, lag=0.1),
     )
     # a fix after the sample that ends with it
-    for event in sorted(events_of(recording), key=lambda event: (event.t, type(event) is Fix)):
+    for event in sorted(
+        events_of(recording), key=lambda event: (event.t, type(event) is Measurement)
+    ):
         stream.step(event)
     assert equal(stream.finish(), solution)
     one_by_one = stream_of(recording, begin)
@@ -226,7 +228,9 @@ def test_fixes_about_the_end_of_a_sample_are_used_as_in_the_batch(off):
     for event in sorted(events_of(recording), key=lambda event: type(event) is Sample):
         belief = one_by_one.step(event)
         row = int(np.argmin(abs(solution.t - event.t)))
-        assert type(event) is Fix or np.array_equal(belief.lla, solution.trajectory.lla[row])
+        assert type(event) is Measurement or np.array_equal(
+            belief.lla, solution.trajectory.lla[row]
+        )
 
 
 def test_simultaneous_fixes_are_used_in_the_order_of_their_sources():
@@ -234,7 +238,7 @@ def test_simultaneous_fixes_are_used_in_the_order_of_their_sources():
     t = recording.imu.t[19::20]
     recording = replace(
         recording,
-        aidings=(position(t, (0.8, 0.20001, 310.0), 0.5), position(t, (0.8, 0.20002, 320.0), 5.0)),
+        sources=(position(t, (0.8, 0.20001, 310.0), 0.5), position(t, (0.8, 0.20002, 320.0), 5.0)),
     )
     solution, stream = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin)
     for event in sorted(
@@ -248,7 +252,7 @@ def test_simultaneous_fixes_are_used_in_the_order_of_their_sources():
 def test_fixes_before_the_first_sample_wait_for_it():
     recording, begin = alike()
     begin = begin._replace(t=-0.9)
-    recording = replace(recording, aidings=(position([-0.5, -0.2, 0.03], (0.8, 0.20001, 310.0)),))
+    recording = replace(recording, sources=(position([-0.5, -0.2, 0.03], (0.8, 0.20001, 310.0)),))
     solution, stream = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin)
     before = snapshot(stream.belief)
     events = sorted(events_of(recording), key=lambda event: type(event) is Sample)
@@ -264,14 +268,14 @@ def test_fixes_ahead_of_the_samples_wait_and_keep_their_order():
     recording, begin = alike()
     recording = replace(
         recording,
-        aidings=(
+        sources=(
             position([2.0, 2.1], (0.8, 0.20001, 310.0)),
             position([2.05, 9e9], (0.8, 0.20002, 310.0)),
         ),
     )
     solution = sd.fuse(recording, start=begin, covariance=True)
     stream, events = stream_of(recording, begin, lag=0.3), events_of(recording)
-    for event in [e for e in events if type(e) is Fix][::-1] + [
+    for event in [e for e in events if type(e) is Measurement][::-1] + [
         e for e in events if type(e) is Sample
     ]:
         stream.step(event)
@@ -369,11 +373,11 @@ def test_impossible_samples_are_dropped_and_leave_a_gap(bad):
 
 def test_a_fix_that_is_not_finite_is_not_measured():
     recording, begin = alike()
-    recording = replace(recording, aidings=(position([], (0.8, 0.2, 300.0)),))
+    recording = replace(recording, sources=(position([], (0.8, 0.2, 300.0)),))
     stream = stream_of(recording, begin)
     play(stream, events_of(recording)[:10])
-    stream.step(Fix(0.52, 0, (float("nan"), float("inf"), 301.0), (1.0, float("nan"), 1.0)))
-    stream.step(Fix(float("nan"), 0, (0.8, 0.2, 300.0), (1.0, 1.0, 1.0)))
+    stream.step(Measurement(0.52, 0, (float("nan"), float("inf"), 301.0), (1.0, float("nan"), 1.0)))
+    stream.step(Measurement(float("nan"), 0, (0.8, 0.2, 300.0), (1.0, 1.0, 1.0)))
     play(stream, events_of(recording)[10:])
     assert (
         stream.counts() == [(1, 0)]
@@ -382,27 +386,53 @@ def test_a_fix_that_is_not_finite_is_not_measured():
     )
 
 
+def test_a_measurement_names_its_source_or_says_its_place():
+    recording = eventful()
+    names = [a.name or a.kind for a in recording.sources]
+    solutions = []
+    for named in (False, True):
+        stream = stream_of(recording)
+        for event in events_of(recording):
+            if named and isinstance(event, Measurement):
+                event = event._replace(source=names[event.source])
+            stream.step(event)
+        stream.finish()
+        solutions.append(stream.solution)
+    assert np.array_equal(*(s.trajectory.lla for s in solutions))
+    alike = Stream(
+        "closed-loop", start=start(recording), imu="tactical", sources=[recording.sources[0]] * 2
+    )
+    with pytest.raises(DataError, match="2 have that name: give its place"):
+        alike.step(Measurement(1.0, names[0], (0.8, 0.2, 300.0), (1.0,) * 3))
+
+
 @pytest.mark.parametrize(
     "fix, words",
     [
         (
-            Fix(1.0, 2, (0.8, 0.2, 300.0), (1.0,) * 3),
+            Measurement(1.0, 2, (0.8, 0.2, 300.0), (1.0,) * 3),
             "source is 2; the stream has 2, counted from 0",
         ),
-        (Fix(1.0, -1, (0.8, 0.2, 300.0), (1.0,) * 3), "source is -1"),
-        (Fix(1.0, "gnss", (0.8, 0.2, 300.0), (1.0,) * 3), "source is 'gnss'"),
-        (Fix(1.0, 0, (0.8, 0.2), (1.0,) * 3), "y has 2 and sd 3 numbers; source 0 needs 3"),
+        (Measurement(1.0, -1, (0.8, 0.2, 300.0), (1.0,) * 3), "source is -1"),
+        (Measurement(1.0, "gnss", (0.8, 0.2, 300.0), (1.0,) * 3), "source is 'gnss'"),
         (
-            Fix(1.0, 0, (0.8, 0.2, 300.0), 1.0),
-            "y is (0.8, 0.2, 300.0) and sd 1.0; each must be a tuple, source 0 needs 3 numbers",
+            Measurement(1.0, 0, (0.8, 0.2), (1.0,) * 3),
+            "y has 2 and std 3 numbers; source 0 needs 3",
         ),
-        (Fix(1.0, 0, 0.8, (1.0,) * 3), "y is 0.8 and sd"),
-        (Fix(1.0, 0, (0.8, 0.2, None), (1.0,) * 3), "y is (0.8, 0.2, None)"),
         (
-            Fix(1.0, 0, (0.8, 0.2, 300.0), (1.0, 0.0, 1.0)),
+            Measurement(1.0, 0, (0.8, 0.2, 300.0), 1.0),
+            "y is (0.8, 0.2, 300.0) and std 1.0; each must be a tuple, source 0 needs 3 numbers",
+        ),
+        (Measurement(1.0, 0, 0.8, (1.0,) * 3), "y is 0.8 and std"),
+        (Measurement(1.0, 0, (0.8, 0.2, None), (1.0,) * 3), "y is (0.8, 0.2, None)"),
+        (
+            Measurement(1.0, 0, (0.8, 0.2, 300.0), (1.0, 0.0, 1.0)),
             "standard deviations are (1.0, 0.0, 1.0); they must be above zero",
         ),
-        (Fix(1.0, 1, (0.8, 0.2, 300.0), (1.0, float("nan"), 1.0)), "they must be above zero"),
+        (
+            Measurement(1.0, 1, (0.8, 0.2, 300.0), (1.0, float("nan"), 1.0)),
+            "they must be above zero",
+        ),
     ],
 )
 def test_fixes_that_no_source_delivers_are_refused(fix, words):
@@ -419,12 +449,12 @@ def test_fixes_without_samples_are_refused_when_the_room_is_full():
     recording = flight()
     stream = stream_of(recording)
     for k in range(live.MAX_WAITING_FIXES):
-        stream.step(Fix(1 + 1e-3 * k, 0, tuple(recording.aidings[0].y[0]), (1e3,) * 3))
+        stream.step(Measurement(1 + 1e-3 * k, 0, tuple(recording.sources[0].y[0]), (1e3,) * 3))
     with pytest.raises(
         DataError,
         match="1024 fixes wait for an IMU sample, the first at 1.000 s; the stream needs samples to go on",
     ):
-        stream.step(Fix(9.0, 0, tuple(recording.aidings[0].y[0]), (1.0,) * 3))
+        stream.step(Measurement(9.0, 0, tuple(recording.sources[0].y[0]), (1.0,) * 3))
     for event in events_of(recording):
         if type(event) is Sample:
             stream.step(event)
@@ -444,7 +474,7 @@ def test_what_else_is_refused():
     with pytest.raises(DataError, match="has no option 'interval'"):
         stream_of(recording, options={"interval": 3})
     with pytest.raises(DataError, match="give imu="):
-        Stream("closed-loop", start=start(recording), aidings=recording.aidings)
+        Stream("closed-loop", start=start(recording), sources=recording.sources)
     stream = stream_of(recording)
     stream.step(events_of(recording)[0])
     with pytest.raises(
@@ -457,7 +487,7 @@ def test_what_else_is_refused():
 def test_the_latitude_limit_ends_a_stream_with_its_reason():
     recording, begin = alike()
     begin = begin._replace(
-        lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0)
+        lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v_n=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0)
     )
     stream = stream_of(recording, begin, lag=100.0)
     play(stream, events_of(recording))
@@ -474,7 +504,7 @@ def test_the_latitude_limit_ends_a_stream_with_its_reason():
 
 def test_the_sources_of_a_stream_need_no_fixes():
     recording = flight()
-    empty = [a.between(1e6, 2e6) for a in recording.aidings]
-    stream = Stream("closed-loop", start=start(recording), imu="tactical", aidings=empty)
+    empty = [a.between(1e6, 2e6) for a in recording.sources]
+    stream = Stream("closed-loop", start=start(recording), imu="tactical", sources=empty)
     play(stream, events_of(recording))
     assert equal(stream.finish(), sd.fuse(recording, start=start(recording), covariance=True))

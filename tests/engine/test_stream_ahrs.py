@@ -19,8 +19,8 @@ pytestmark = pytest.mark.short
 
 
 def fed(stream):
-    """(the Aiding that the AHRS of a stream made, its stream)."""
-    made = [a for a in stream.solution.recording.aidings if a.kind == "attitude"]
+    """(the Source that the AHRS of a stream made, its stream)."""
+    made = [a for a in stream.solution.recording.sources if a.kind == "attitude"]
     return made[0], stream._ahrs.stream
 
 
@@ -28,7 +28,7 @@ def fed(stream):
 @pytest.mark.parametrize("ahrs", [None, "mahony", "vru"])
 def test_a_fed_stream_is_the_batch_on_the_attitudes_of_its_ahrs(ahrs, lag):
     flown = recording()
-    stream = Stream(FED, imu="tactical", aidings=flown.aidings, lag=lag, ahrs=ahrs, ahrs_rate=5.0)
+    stream = Stream(FED, imu="tactical", sources=flown.sources, lag=lag, ahrs=ahrs, ahrs_rate=5.0)
     play(stream, shuffled(events_of(flown), 0.9 * lag) if lag else events_of(flown))
     stream.finish()
     made, inner = fed(stream)
@@ -50,7 +50,7 @@ def test_a_fed_stream_is_the_batch_on_the_attitudes_of_its_ahrs(ahrs, lag):
 def test_it_is_close_to_what_fuse_makes():
     """Alignment sees the whole recording there and its first 10 s here."""
     flown = recording()
-    stream = Stream(FED, imu="tactical", aidings=flown.aidings)
+    stream = Stream(FED, imu="tactical", sources=flown.sources)
     play(stream, events_of(flown))
     batch = sd.fuse(flown, FED)
     assert stream.start.t == batch.meta["start"]["t"]
@@ -59,13 +59,13 @@ def test_it_is_close_to_what_fuse_makes():
     whole, _ = source(flown, stream._ahrs.stream._filter, run_options())
     assert np.array_equal(whole.t[-len(made.t) :], made.t)
     assert np.abs(whole.y[-len(made.t) :] - made.y).max() < 1e-6
-    assert np.abs(whole.sd[-len(made.t) :] - made.sd).max() < 1e-6
+    assert np.abs(whole.std[-len(made.t) :] - made.std).max() < 1e-6
 
 
 def test_looking_ahead_looks_ahead_in_the_ahrs_too():
     flown = recording()
     ahead, at_once = (
-        Stream(FED, imu="tactical", aidings=flown.aidings, lag=lag) for lag in (1.0, 0.0)
+        Stream(FED, imu="tactical", sources=flown.sources, lag=lag) for lag in (1.0, 0.0)
     )
     for event in events_of(flown):
         ahead.step(event)
@@ -77,18 +77,18 @@ def test_looking_ahead_looks_ahead_in_the_ahrs_too():
 
 def test_a_given_start_begins_both_at_once():
     flown = recording()
-    begin = sd.align(flown, sd.grade("tactical"), position=True)
-    stream = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings)
+    begin = sd.align(flown, sd.imu("tactical"), position=True)
+    stream = Stream(FED, start=begin, imu="tactical", sources=flown.sources)
     play(stream, events_of(flown))
     assert stream.start == begin and fed(stream)[1].start == begin
     assert stream.counts()[2] == (0, 0) and sum(stream.counts()[3]) > 150
 
 
 def test_an_ahrs_that_is_asked_for_takes_the_place_of_recorded_attitude():
-    flown = replace(recording(), aidings=(*recording().aidings, recorded()))
-    begin = sd.align(recording(), sd.grade("tactical"))
-    plain = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings)
-    asked = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings, ahrs="attitude-mekf")
+    flown = replace(recording(), sources=(*recording().sources, recorded()))
+    begin = sd.align(recording(), sd.imu("tactical"))
+    plain = Stream(FED, start=begin, imu="tactical", sources=flown.sources)
+    asked = Stream(FED, start=begin, imu="tactical", sources=flown.sources, ahrs="attitude-mekf")
     for stream in (plain, asked):
         play(stream, events_of(flown))
     assert plain.counts()[3][0] > 0 and len(plain.counts()) == 4
@@ -97,18 +97,18 @@ def test_an_ahrs_that_is_asked_for_takes_the_place_of_recorded_attitude():
 
 def test_a_rate_beyond_that_of_the_imu_is_refused():
     flown = recording()
-    begin = sd.align(flown, sd.grade("tactical"))
-    stream = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings, ahrs_rate=50.0)
+    begin = sd.align(flown, sd.imu("tactical"))
+    stream = Stream(FED, start=begin, imu="tactical", sources=flown.sources, ahrs_rate=50.0)
     with pytest.raises(DataError, match="^ahrs_rate is 50 Hz; it must be at most the IMU's 20 Hz"):
         play(stream, events_of(flown))
 
 
 def test_an_ahrs_that_stops_is_said_once():
     flown = recording()
-    begin = sd.align(flown, sd.grade("tactical"))
-    stream = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings)
+    begin = sd.align(flown, sd.imu("tactical"))
+    stream = Stream(FED, start=begin, imu="tactical", sources=flown.sources)
     play(stream, events_of(flown)[:300])
-    stream._ahrs.stream.belief.C[...] = np.nan
+    stream._ahrs.stream.belief.C_nb[...] = np.nan
     play(stream, events_of(flown)[300:])
     (text,) = [text for _, text in stream.events if text.startswith("attitude-mekf")]
     assert "stopped at" in text and text.endswith("no attitude from here on")
@@ -118,7 +118,7 @@ def test_an_ahrs_that_stops_is_said_once():
 def test_what_the_ahrs_says_of_itself_the_stream_says_too():
     flown = recording()
     heavy = replace(flown, imu=flown.imu._replace(dv=flown.imu.dv * 1.2))
-    stream = Stream(FED, imu="tactical", aidings=heavy.aidings)
+    stream = Stream(FED, imu="tactical", sources=heavy.sources)
     play(stream, events_of(heavy))
     said = {text for _, text in stream.events if text.startswith("attitude-mekf: ")}
     alone = sd.fuse(heavy, "attitude-mekf", start=stream._ahrs.stream.start, imu="tactical")

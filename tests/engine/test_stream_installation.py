@@ -10,9 +10,9 @@ from test_stream import equal, eventful, events_of, play, shuffled
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.engine.installation import with_estimates
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Measurement, Sample, Stream
 
 pytestmark = pytest.mark.short
 
@@ -30,15 +30,15 @@ def with_wheel(recording):
     """The recording with a wheel that reads 3 % too much, five times a second."""
     truth = recording.reference
     t = np.arange(0.1, truth.t[-1], 0.2)
-    forward = truth.rotation.inv().apply(truth.v_n)[np.searchsorted(truth.t, t), 0]
-    wheel = Aiding(
+    forward = truth.rotation.inv().apply(truth.v_n.copy())[np.searchsorted(truth.t, t), 0]
+    wheel = Source(
         "speed", t, 1.03 * forward[:, None], np.full((len(t), 1), 0.1), (0.0,) * 3, name="wheel"
     )
-    return replace(recording, aidings=(*recording.aidings, wheel))
+    return replace(recording, sources=(*recording.sources, wheel))
 
 
 def stream_of(recording, begin, **more):
-    return Stream("closed-loop", start=begin, imu="tactical", aidings=recording.aidings, **more)
+    return Stream("closed-loop", start=begin, imu="tactical", sources=recording.sources, **more)
 
 
 def test_a_stream_that_estimates_the_installation_is_the_batch_bit_for_bit():
@@ -48,7 +48,7 @@ def test_a_stream_that_estimates_the_installation_is_the_batch_bit_for_bit():
     stream = stream_of(recording, begin, lag=0.4, estimate=ASKED)
     play(stream, shuffled(events_of(recording), 0.39))
     assert equal(stream.finish(), solution)
-    assert np.array_equal(stream.belief.extra_states[:2] != 0, [True, True])
+    assert np.array_equal(stream.belief.augmented[:2] != 0, [True, True])
     live = stream.solution
     assert live.columns.keys() == solution.columns.keys()
     for name, values in solution.columns.items():
@@ -67,7 +67,7 @@ def test_its_recording_has_the_stamps_and_gives_the_same_again():
     stream = stream_of(recording, begin, estimate=ASKED)
     play(stream, events_of(recording))
     live = stream.solution
-    for given, kept in zip(recording.aidings, live.recording.aidings):
+    for given, kept in zip(recording.sources, live.recording.sources):
         assert np.isin(kept.t, given.t).all() and len(kept.t) >= len(given.t) - 3
     again = sd.fuse(live.recording, imu="tactical", start=begin)
     assert np.array_equal(again.trajectory.lla, live.trajectory.lla)
@@ -80,7 +80,7 @@ def test_a_short_history_keeps_stamps_and_values_together():
     for stream in (short, whole):
         play(stream, events_of(recording))
     assert np.array_equal(short.belief.P, whole.belief.P)
-    for given, kept in zip(whole.solution.recording.aidings, short.solution.recording.aidings):
+    for given, kept in zip(whole.solution.recording.sources, short.solution.recording.sources):
         assert 0 < len(kept.t) < len(given.t)
         assert np.array_equal(kept.t, given.t[-len(kept.t) :])
         assert np.array_equal(kept.y, given.y[-len(kept.t) :], equal_nan=True)
@@ -92,7 +92,7 @@ def test_what_aidings_name_themselves_is_estimated_and_an_empty_list_switches_it
     for estimate, states in ((None, 1 + 3), ([], 0)):
         stream = stream_of(asked, begin, estimate=estimate)
         play(stream, events_of(recording))
-        assert len(stream.belief.extra_states) == states
+        assert len(stream.belief.augmented) == states
 
 
 def test_through_its_own_alignment():
@@ -133,12 +133,12 @@ def test_a_fix_may_come_as_late_as_it_waits():
     """A fix that comes 0.25 s after its stamp is used where it waits 0.3 s, and one of 0.35 s is
     late, of its stamp."""
     recording, begin = flight(), start(flight())
-    position = recording.aidings[0]
+    position = recording.sources[0]
     for delay, used in ((0.25, True), (0.35, False)):
         stream = Stream(
-            "closed-loop", start=begin, imu="tactical", aidings=[position], estimate={"clock": 0.1}
+            "closed-loop", start=begin, imu="tactical", sources=[position], estimate={"clock": 0.1}
         )
-        fix = Fix(3.0, 0, tuple(position.y[2]), tuple(position.sd[2]))
+        fix = Measurement(3.0, 0, tuple(position.y[2]), tuple(position.std[2]))
         for event in events_of(recording):
             if isinstance(event, Sample) and event.t < 4:
                 stream.step(event)
@@ -171,14 +171,14 @@ def test_refusals_of_a_stream():
         ({1: 0.1}, "closed-loop", "estimate is {1: 0.1}; it must be names"),
     ):
         with pytest.raises(DataError, match=said.replace("{", r"\{")):
-            Stream(name, start=begin, imu="tactical", aidings=recording.aidings, estimate=estimate)
+            Stream(name, start=begin, imu="tactical", sources=recording.sources, estimate=estimate)
 
 
 def test_what_a_grade_states_of_its_axes_are_states_live_too():
     recording, begin = eventful(), start(flight())
     solution = sd.fuse(recording, imu="dmu10", start=begin, covariance=True)
     assert solution.covariance.shape[1] == 15 + 18
-    stream = Stream("closed-loop", start=begin, imu="dmu10", aidings=recording.aidings, lag=0.4)
+    stream = Stream("closed-loop", start=begin, imu="dmu10", sources=recording.sources, lag=0.4)
     play(stream, shuffled(events_of(recording), 0.39))
     assert equal(stream.finish(), solution)
     assert stream.solution.meta["notes"] == solution.meta["notes"]

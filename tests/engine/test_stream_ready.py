@@ -30,7 +30,7 @@ def ready(monkeypatch):
 @cache
 def recording():
     made = flight()
-    return made, (*made.aidings, ahrs(made.reference, 2.0))
+    return made, (*made.sources, ahrs(made.reference, 2.0))
 
 
 @pytest.mark.parametrize("given", [True, False], ids=["given start", "own start"])
@@ -38,9 +38,9 @@ def recording():
 def test_no_step_makes_a_kernel_ready(ready, name, given):
     made, sources = recording()
     if not filters.find(name).needs:
-        sources = made.aidings
+        sources = made.sources
     begin = start(made) if given else None
-    stream = Stream(name, start=begin, imu="tactical", aidings=sources, align_within=2.0)
+    stream = Stream(name, start=begin, imu="tactical", sources=sources, align_within=2.0)
     before = ready()
     for event in events_of(made):
         stream.step(event)
@@ -51,7 +51,7 @@ def test_no_step_makes_a_kernel_ready(ready, name, given):
 def test_no_step_makes_the_kernels_of_tried_headings_ready(ready):
     """Another filter than the one with which headings are tried."""
     made = sd.simulate(carried(3.1), 40.0, "industrial", 4, 50.0, Gnss(0.2, 1.0, 0.1))
-    stream = Stream("mekf", imu="industrial", aidings=made.aidings, align_within=30.0)
+    stream = Stream("mekf", imu="industrial", sources=made.sources, align_within=30.0)
     before = ready()
     for event in events_of(made):
         stream.step(event)
@@ -61,7 +61,7 @@ def test_no_step_makes_the_kernels_of_tried_headings_ready(ready):
 def test_every_source_is_ready(ready):
     kinds = [aiding.find(name) for name in aiding.own_names()]
     sources = [
-        sd.Aiding(kind.name, np.empty(0), *np.empty((2, 0, len(kind.quantities)))) for kind in kinds
+        sd.Source(kind.name, np.empty(0), *np.empty((2, 0, len(kind.quantities)))) for kind in kinds
     ]
-    Stream("closed-loop", start=start(flight()), imu="tactical", aidings=sources)
+    Stream("closed-loop", start=start(flight()), imu="tactical", sources=sources)
     assert {kind.observe.stem for kind in kinds} <= ready()

@@ -7,7 +7,7 @@ from test_stream import events_of, play, stream_of
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Measurement, Sample, Stream
 from strapdown.preprocessing.imu_samples import imu_from_arrays
 
 pytestmark = pytest.mark.short
@@ -64,11 +64,14 @@ def test_what_is_no_sample_is_refused(wrong, text):
     ],
 )
 def test_units_of_fixes_are_refused_in_the_words_of_a_recording(fix, text):
-    stream, wrong = stream_of(flight()), Fix(1.5, 0, (0.8, 0.2, 300.0), (1.0,) * 3)._replace(**fix)
+    stream, wrong = (
+        stream_of(flight()),
+        Measurement(1.5, 0, (0.8, 0.2, 300.0), (1.0,) * 3)._replace(**fix),
+    )
     name = ("GNSS position", "GNSS velocity")[wrong.source]
     with pytest.raises(DataError, match=f"^fix at 1.500 s: {name}: {text}"):
         stream.step(wrong)
-    aiding = sd.Aiding(
+    source = sd.Source(
         "velocity" if wrong.source else "position",
         np.array([1.5]),
         np.array([wrong.y]),
@@ -76,7 +79,7 @@ def test_units_of_fixes_are_refused_in_the_words_of_a_recording(fix, text):
     )
     imu = flight().imu
     with pytest.raises(DataError, match=text):
-        sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, [aiding], kind="increment")
+        sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, [source], kind="increment")
     assert no_harm(stream)
 
 
@@ -84,7 +87,7 @@ def test_units_of_fixes_are_refused_in_the_words_of_a_recording(fix, text):
 def test_a_latitude_in_degrees_is_named_so(latitude):
     stream = stream_of(flight())
     with pytest.raises(DataError) as error:
-        stream.step(Fix(1.5, 0, (latitude, 0.2, 300.0), (1.0,) * 3))
+        stream.step(Measurement(1.5, 0, (latitude, 0.2, 300.0), (1.0,) * 3))
     text = f"latitude is {latitude:g} rad; is it in degrees?"
     assert str(error.value) == f"fix at 1.500 s: GNSS position: {text}" and no_harm(stream)
 
@@ -100,18 +103,18 @@ def test_a_latitude_in_degrees_is_named_so(latitude):
 )
 def test_units_of_other_kinds(kind, y, text):
     n = len(y)
-    empty = sd.Aiding(kind, np.empty(0), np.empty((0, n)), np.empty((0, n)))
+    empty = sd.Source(kind, np.empty(0), np.empty((0, n)), np.empty((0, n)))
     stream = Stream(
-        "closed-loop", start=start(flight()), imu="tactical", aidings=[*flight().aidings, empty]
+        "closed-loop", start=start(flight()), imu="tactical", sources=[*flight().sources, empty]
     )
     with pytest.raises(DataError, match=f"^fix at 1.500 s: {kind}: {text}"):
-        stream.step(Fix(1.5, 2, y, (1.0,) * n))
+        stream.step(Measurement(1.5, 2, y, (1.0,) * n))
     assert no_harm(stream)
 
 
 def test_a_time_that_is_none_is_refused():
     with pytest.raises(DataError, match="^fix: t is 'noon'; it must be a number of seconds"):
-        stream_of(flight()).step(Fix("noon", 0, (0.8, 0.2, 300.0), (1.0,) * 3))
+        stream_of(flight()).step(Measurement("noon", 0, (0.8, 0.2, 300.0), (1.0,) * 3))
 
 
 @pytest.mark.parametrize("begin", [True, False])
@@ -126,7 +129,7 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
         "closed-loop",
         start=start(recording) if begin else None,
         imu="tactical",
-        aidings=recording.aidings,
+        sources=recording.sources,
     )
     samples = [Sample(*row) for row in zip(*(column.tolist() for column in imu))]
     with pytest.raises(DataError) as error:
@@ -146,10 +149,10 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
         ({"history": 10**12}, "history is 1000000000000 samples; .* at most 1e[+]07"),
         ({"history": 10**7, "covariance": True}, "history is 10000000 samples; .* at most 2e[+]06"),
         ({"align_within": -1.0}, "align_within is -1.0 s"),
-        ({"aidings": None}, r"aidings is None; it must be a list of Aiding, \[\] for none"),
-        ({"aidings": "position"}, "aidings is 'position'; it must be a list of Aiding"),
-        ({"aidings": ["position"]}, r"aidings\[0\] is 'position'; it must be an Aiding"),
-        ({"aidings": flight().aidings[0]}, "aidings is one Aiding; it must be a list of them"),
+        ({"sources": None}, r"sources is None; it must be a list of Source, \[\] for none"),
+        ({"sources": "position"}, "sources is 'position'; it must be a list of Source"),
+        ({"sources": ["position"]}, r"sources\[0\] is 'position'; it must be a Source"),
+        ({"sources": flight().sources[0]}, "sources is one Source; it must be a list of them"),
         ({"on_event": "print"}, "on_event is 'print'; it must be a function of"),
         ({"on_event": 3}, "on_event is 3; it must be a function of"),
         ({"covariance": "no"}, "covariance is 'no'; it must be True or False"),
@@ -169,6 +172,13 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
     ],
 )
 def test_options_that_are_refused(option, text):
-    given = {"start": start(flight()), "imu": "tactical", "aidings": flight().aidings} | option
+    given = {"start": start(flight()), "imu": "tactical", "sources": flight().sources} | option
     with pytest.raises(DataError, match=f"^{text}"):
         Stream("closed-loop", **given)
+
+
+@pytest.mark.short
+def test_sources_in_the_place_of_the_filter_are_refused_in_one_line():
+    text = r"^filter is \(Source\(GNSS position, .*; it must be the name of a filter, or a Filter$"
+    with pytest.raises(DataError, match=text):
+        Stream(flight().sources, imu="tactical")

@@ -11,13 +11,13 @@ from strapdown.alignment.missing_fields import missing_fields
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState
 from strapdown.data.solution import INVALID
-from strapdown.engine.stream import Fix, Stream
+from strapdown.engine.stream import Measurement, Stream
 
 pytestmark = pytest.mark.short
 
 
 def own(recording, name="closed-loop", **more):
-    return Stream(name, imu="tactical", aidings=recording.aidings, **more)
+    return Stream(name, imu="tactical", sources=recording.sources, **more)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.4])
@@ -28,12 +28,14 @@ def test_it_starts_by_itself_and_nothing_is_lost(lag):
         belief = stream.step(event)
         if not stream.started:
             assert np.isnan(belief.lla).all() and np.isnan(belief.P).all()
-            assert stream.status == INVALID and np.isnan(stream.t) and np.isnan(stream.now.v).all()
+            assert (
+                stream.status == INVALID and np.isnan(stream.t) and np.isnan(stream.now.v_n).all()
+            )
             assert stream.counts() == [(0, 0), (0, 0)] and stream.start is None
         elif stream.t <= 10.0 + lag:
             assert stream.align() == stream.start
     belief = stream.finish()
-    begin = sd.align(recording.between(stop=10.0), sd.grade("tactical"))
+    begin = sd.align(recording.between(stop=10.0), sd.imu("tactical"))
     assert stream.start == begin
     batch = sd.fuse(recording, start=begin, covariance=True)
     assert np.array_equal(belief.P, batch.covariance[-1])
@@ -43,11 +45,11 @@ def test_it_starts_by_itself_and_nothing_is_lost(lag):
 
 def test_the_source_of_the_heading_need_not_be_one_of_the_filter():
     hand = sd.simulate("hand-held", seed=3, duration=15.0)
-    stream = Stream("attitude-mekf", imu="consumer", aidings=hand.aidings)
+    stream = Stream("attitude-mekf", imu="consumer", sources=hand.sources)
     play(stream, events_of(hand))
     assert stream.started and stream.start.t == pytest.approx(0.0, abs=1e-9)
     batch = sd.fuse(hand, "attitude-mekf", imu="consumer", start=stream.start)
-    assert np.array_equal(stream.belief.bg, batch.b_g[-1])
+    assert np.array_equal(stream.belief.b_g, batch.b_g[-1])
 
 
 def test_where_nothing_tells_the_heading_it_waits_and_says_what_it_does():
@@ -66,14 +68,16 @@ def test_without_a_fix_it_says_that_it_cannot_start_and_goes_on_gathering():
     recording = flight()
     stream = own(recording, align_within=10.0)
     for event in events_of(recording):
-        if not (isinstance(event, Fix) and event.t < 15.0):
+        if not (isinstance(event, Measurement) and event.t < 15.0):
             stream.step(event)
     ((t, text),) = stream.events
     assert t == pytest.approx(10.0) and text.startswith("no start yet: no position fix to start")
     assert stream.started and stream.start.t > 14.9
     with pytest.raises(DataError, match="^no position fix to start from"):
         silent = own(recording)
-        play(silent, [event for event in events_of(recording) if not isinstance(event, Fix)])
+        play(
+            silent, [event for event in events_of(recording) if not isinstance(event, Measurement)]
+        )
         silent.finish()
 
 
@@ -90,8 +94,8 @@ def test_it_starts_when_told_to():
     stream = own(recording)
     play(stream, events_of(recording)[:120])
     begin = stream.align()
-    belief = stream.begin(begin._replace(ba=(0.01, 0.0, 0.0)))
-    assert belief is stream.belief and stream.started and stream.start.ba == (0.01, 0.0, 0.0)
+    belief = stream.begin(begin._replace(b_a=(0.01, 0.0, 0.0)))
+    assert belief is stream.belief and stream.started and stream.start.b_a == (0.01, 0.0, 0.0)
     play(stream, events_of(recording)[120:])
     batch = sd.fuse(recording, start=stream.start)
     assert np.array_equal(stream.belief.lla, batch.trajectory.lla[-1])
@@ -141,18 +145,24 @@ def test_a_stream_waits_for_what_is_left_open():
             {"lla": tuple(np.array([47.6, 9.3, 500.0]))},
             r"start: lla is \(47.6, 9.3, 500.0\), in rad",
         ),
-        ({"v": (1e9, 0, 0)}, r"start: v is .*; each number is at most 10000 m/s: is it in mm/s[?]"),
-        ({"ba": (0, 0, 9.8)}, r"start: ba is \(0, 0, 9.8\); each .* at most 5 m/s\^2: is gravity"),
         (
-            {"bg": (5, 0, 0)},
-            r"start: bg is \(5, 0, 0\); each number is at most 1 rad/s: is it in d",
+            {"v_n": (1e9, 0, 0)},
+            r"start: v_n is .*; each number is at most 10000 m/s: is it in mm/s[?]",
         ),
-        ({"v": ("1", "2", "3")}, "start: v is .*; it must be 3 finite numbers"),
+        (
+            {"b_a": (0, 0, 9.8)},
+            r"start: b_a is \(0, 0, 9.8\); each .* at most 5 m/s\^2: is gravity",
+        ),
+        (
+            {"b_g": (5, 0, 0)},
+            r"start: b_g is \(5, 0, 0\); each number is at most 1 rad/s: is it in d",
+        ),
+        ({"v_n": ("1", "2", "3")}, "start: v_n is .*; it must be 3 finite numbers"),
         ({"rph": (0.1, np.nan, 1.0)}, "start: rph is .*; it must be 3 finite numbers"),
-        ({"v": (1.0, 2.0)}, "start: v is .*; it must be 3 finite numbers"),
-        ({"v": "fast"}, "start: v is 'fast'; it must be 3 finite numbers"),
-        ({"v": None}, "start: v is None; it must be 3 finite numbers"),
-        ({"sd": (-1.0,) * 15}, "start: sd has -1"),
+        ({"v_n": (1.0, 2.0)}, "start: v_n is .*; it must be 3 finite numbers"),
+        ({"v_n": "fast"}, "start: v_n is 'fast'; it must be 3 finite numbers"),
+        ({"v_n": None}, "start: v_n is None; it must be 3 finite numbers"),
+        ({"std": (-1.0,) * 15}, "start: std has -1"),
         ({"t": 99.0}, "cannot start at 99 s; the IMU record covers 0.000 to 20.000 s"),
     ],
 )
@@ -167,7 +177,7 @@ def test_parts_that_no_filter_can_begin_with_are_refused(wrong, text):
 
 def test_an_open_start_needs_the_imu():
     with pytest.raises(DataError, match="give imu="):
-        Stream("closed-loop", noise=sd.grade("tactical").noise(), aidings=flight().aidings)
+        Stream("closed-loop", noise=sd.imu("tactical").noise(), sources=flight().sources)
 
 
 def test_where_the_fixes_have_another_epoch_it_names_the_clock():
@@ -175,7 +185,7 @@ def test_where_the_fixes_have_another_epoch_it_names_the_clock():
     stream = own(recording)
     with pytest.raises(DataError) as error:
         for event in events_of(recording):
-            stream.step(event._replace(t=event.t + 3600.0) if type(event) is Fix else event)
+            stream.step(event._replace(t=event.t + 3600.0) if type(event) is Measurement else event)
         stream.finish()
     text = "GNSS position: fixes are up to 3600 s ahead of the IMU: check the clock of one of both"
     assert str(error.value) == text
@@ -189,13 +199,15 @@ def test_before_the_start_no_fix_is_late(lag):
     recording, first = flight(), flight().between(stop=9.0)
 
     def late(whole):
-        return sorted(events_of(whole), key=lambda e: e.t + (1.02 if type(e) is Fix else 0.0))
+        return sorted(
+            events_of(whole), key=lambda e: e.t + (1.02 if type(e) is Measurement else 0.0)
+        )
 
     stream = own(recording, lag=lag)
     play(stream, late(first))
     assert not stream.started and stream.dropped == 0
     stream.finish()
-    batch = sd.fuse(first, start=sd.align(first, sd.grade("tactical")))
+    batch = sd.fuse(first, start=sd.align(first, sd.imu("tactical")))
     assert np.array_equal(stream.belief.lla, batch.trajectory.lla[-1])
     stream = own(recording, lag=lag)
     play(stream, late(recording))

@@ -18,26 +18,26 @@ BOTH = dict(robust=True, adaptive=60.0)
 
 
 def with_outliers(recording, share=0.1, size=20.0, seed=4):
-    """(recording with this share of its positions and velocities off by `size` sd, which ones)."""
+    """(recording with this share of its positions and velocities off by `size` std, which ones)."""
     rng, changed, wrong = np.random.default_rng(seed), [], []
-    for a in recording.aidings:
+    for a in recording.sources:
         bad = rng.random(len(a.t)) < share
         error = rng.normal(size=(len(a.t), 3))
         error *= size * 3**0.5 / np.linalg.norm(error, axis=1)[:, None] * bad[:, None]
         if a.kind == "position":
-            a = replace(a, y=displace_lla(a.y, error * a.sd))
+            a = replace(a, y=displace_lla(a.y, error * a.std))
         elif a.kind == "velocity":
-            a = replace(a, y=a.y + error * a.sd)
+            a = replace(a, y=a.y + error * a.std)
         else:
             bad[:] = False
         changed.append(a)
         wrong.append(bad)
-    return replace(recording, aidings=tuple(changed)), wrong
+    return replace(recording, sources=tuple(changed)), wrong
 
 
 def live(recording, name, begin, **options):
     """The finished Stream of a recording's events in time order."""
-    stream = Stream(name, start=begin, imu="tactical", aidings=recording.aidings, **options)
+    stream = Stream(name, start=begin, imu="tactical", sources=recording.sources, **options)
     for event in events_of(recording):
         stream.step(event)
     stream.finish()
@@ -45,7 +45,7 @@ def live(recording, name, begin, **options):
 
 
 def weighed(recording, **options):
-    return replace(recording, aidings=tuple(replace(a, **options) for a in recording.aidings))
+    return replace(recording, sources=tuple(replace(a, **options) for a in recording.sources))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_every_filter_weighs_or_says_that_it_cannot(name):
     recording, wrong = with_outliers(flight())
     recording = weighed(recording, **BOTH)
     if filters.find(name).needs:
-        recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference, 2.0)))
+        recording = replace(recording, sources=(*recording.sources, ahrs(recording.reference, 2.0)))
     options = OPTIONS.get(name, {})
     found = sd.fuse(recording, name, imu="tactical", start=start(flight()), options=options)
     fixes, notes = found.innovations, " ".join(found.meta["notes"])
@@ -66,7 +66,7 @@ def test_every_filter_weighs_or_says_that_it_cannot(name):
     assert "left out" not in notes
     for source, bad in enumerate(wrong):
         own = fixes.source == source
-        bad = np.isin(fixes.t[own], recording.aidings[source].t[bad])
+        bad = np.isin(fixes.t[own], recording.sources[source].t[bad])
         # all but one that stands beside what the filter itself does not know
         assert bad.any() and np.median(fixes.weight[own][bad]) < 0.1
         assert np.median(fixes.weight[own][~bad]) == 1
@@ -93,14 +93,14 @@ def test_smoothing_goes_back_over_what_was_used():
     begin = start(flight())
     found = sd.smooth(recording, imu="tactical", start=begin, robust=True)
     stated = []
-    for k, a in enumerate(recording.aidings):
+    for k, a in enumerate(recording.sources):
         own = found.innovations.source == k
         used = a._where(np.isin(a.t, found.innovations.t[own]))
         weight = found.innovations.weight[own]
-        stated.append(replace(used, sd=used.sd / np.sqrt(weight)[:, None], gate=np.inf))
-    again = sd.smooth(replace(recording, aidings=tuple(stated)), imu="tactical", start=begin)
+        stated.append(replace(used, std=used.std / np.sqrt(weight)[:, None], gate=np.inf))
+    again = sd.smooth(replace(recording, sources=tuple(stated)), imu="tactical", start=begin)
     np.testing.assert_allclose(again.trajectory.lla, found.trajectory.lla, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(again.trajectory.sd, found.trajectory.sd, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(again.trajectory.std, found.trajectory.std, rtol=1e-6, atol=1e-12)
 
 
 def position_rms(recording, **options):
@@ -125,7 +125,7 @@ def test_price_on_clean_data_and_with_outliers():
 def test_a_standard_deviation_stated_wrong_is_found(wrong):
     recording = sd.simulate(demo_flight(), 360.0, "tactical", 8, rate=20.0)
     stated = replace(
-        recording, aidings=tuple(replace(a, sd=a.sd * wrong) for a in recording.aidings)
+        recording, sources=tuple(replace(a, std=a.std * wrong) for a in recording.sources)
     )
     found = sd.fuse(stated, imu="tactical", adaptive=60.0).innovations
     late = found.t > found.t[0] + 270  # 4.5 memories
@@ -136,10 +136,10 @@ def test_a_standard_deviation_stated_wrong_is_found(wrong):
 
 def test_a_lasting_jump_is_taken_in_the_end():
     recording = flight()
-    p, v = recording.aidings
+    p, v = recording.sources
     y = p.y.copy()
     y[8:] = displace_lla(y[8:], np.tile([40.0, 0.0, 0.0], (len(y) - 8, 1)))
-    jumped = replace(recording, aidings=(replace(p, y=y), v))
+    jumped = replace(recording, sources=(replace(p, y=y), v))
     found = sd.fuse(jumped, imu="tactical", start=start(recording), robust=True)
     own = found.innovations.source == 0
     assert (found.innovations.weight[own][8:13] < 0.02).all()
@@ -152,7 +152,7 @@ def test_sources_by_name_and_what_is_refused():
     found = sd.fuse(
         recording, imu="tactical", start=begin, robust="position", adaptive={"GNSS velocity": 30}
     )
-    p, v = found.recording.aidings
+    p, v = found.recording.sources
     assert (p.robust, p.adaptive, v.robust, v.adaptive) == (True, 0.0, False, 30.0)
     off = sd.fuse(weighed(recording, **BOTH), imu="tactical", start=begin, robust=False, adaptive=0)
     assert same(off, sd.fuse(recording, imu="tactical", start=begin))

@@ -364,7 +364,7 @@ def test_nees_takes_the_states_beyond_the_fifteenth_whose_truth_is_known(flown):
 
     recording, start, _ = flown
     wrong = replace(
-        recording, aidings=tuple(replace(a, parameters=(-0.3, 0, 0)) for a in recording.aidings)
+        recording, sources=tuple(replace(a, parameters=(-0.3, 0, 0)) for a in recording.sources)
     )
     solution = sd.fuse(
         wrong, start=start, every=20, covariance=True, estimate=["lever-arm", "clock"]

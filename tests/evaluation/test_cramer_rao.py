@@ -12,7 +12,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.sim.synthesis import draw_start
@@ -22,8 +22,8 @@ RATE = 20
 NOISE = Noise(
     gyro=1e-4, accel=1e-3, gyro_bias=1e-6, accel_bias=1e-4, gyro_decay=1 / 300, accel_decay=1 / 300
 )
-SD = np.r_[[2.0] * 3, [0.2] * 3, [5e-3, 5e-3, 2e-2], [2e-2] * 3, [1e-4] * 3]
-FIX_SD = np.array([1.0, 1.5, 2.0])
+STD = np.r_[[2.0] * 3, [0.2] * 3, [5e-3, 5e-3, 2e-2], [2e-2] * 3, [1e-4] * 3]
+FIX_STD = np.array([1.0, 1.5, 2.0])
 PARKED = static((DEG * 47.0, DEG * 8.0, 500.0))
 TURNING = Motion(
     "turning",
@@ -38,7 +38,7 @@ def ideal(motion, duration, fixes=True):
     t = np.arange(duration * RATE + 1) / RATE
     truth = sample(motion, t)
     at = slice(RATE, None, RATE)
-    aiding = Aiding("position", t[at], truth.lla[at], np.tile(FIX_SD, (duration, 1)))
+    source = Source("position", t[at], truth.lla[at], np.tile(FIX_STD, (duration, 1)))
     heading, pitch, roll = truth.rotation[0].as_euler("ZYX")
     start = InitialState(
         0.0,
@@ -47,9 +47,9 @@ def ideal(motion, duration, fixes=True):
         (roll, pitch, heading),
         (0.0,) * 3,
         (0.0,) * 3,
-        tuple(SD),
+        tuple(STD),
     )
-    return Recording(increments(motion, t), (aiding,) if fixes else (), truth), start
+    return Recording(increments(motion, t), (source,) if fixes else (), truth), start
 
 
 def van_loan(motion, start, stop):
@@ -70,19 +70,19 @@ def van_loan(motion, start, stop):
 
 def information(motion, duration):
     """(duration, 15, 15) bounds after each fix by J' = D22 - D21 (J + D11)^-1 D12; states in
-    units of SD, so that Q can be inverted."""
+    units of STD, so that Q can be inverted."""
     J, bounds = np.eye(15), []
-    H = np.eye(3, 15) * SD
+    H = np.eye(3, 15) * STD
     for second in range(duration):
         Phi, Q = van_loan(motion, second, second + 1)
-        Phi, precision = Phi * SD / SD[:, None], np.linalg.inv(Q / SD / SD[:, None])
+        Phi, precision = Phi * STD / STD[:, None], np.linalg.inv(Q / STD / STD[:, None])
         D11, D12, D22 = (
             Phi.T @ precision @ Phi,
             -Phi.T @ precision,
-            precision + H.T @ np.diag(FIX_SD**-2) @ H,
+            precision + H.T @ np.diag(FIX_STD**-2) @ H,
         )
         J = D22 - D12.T @ np.linalg.solve(J + D11, D12)
-        bounds.append(np.linalg.inv(J) * SD * SD[:, None])
+        bounds.append(np.linalg.inv(J) * STD * STD[:, None])
     return np.array(bounds)
 
 
@@ -94,10 +94,10 @@ def test_bound_is_that_of_the_information_recursion(motion):
     twin = information(motion, 30)
     np.testing.assert_allclose(bound.t, np.arange(1, 31))
     deviations = np.sqrt(np.diagonal(twin, axis1=1, axis2=2))
-    np.testing.assert_allclose(bound.sd, deviations, rtol=2e-4)  # of discretisation
+    np.testing.assert_allclose(bound.std, deviations, rtol=2e-4)  # of discretisation
     correlation = lambda P, s: P / s[:, None] / s[:, :, None]
     np.testing.assert_allclose(
-        correlation(bound.covariance, bound.sd), correlation(twin, deviations), atol=2e-4
+        correlation(bound.covariance, bound.std), correlation(twin, deviations), atol=2e-4
     )
 
 
@@ -109,8 +109,10 @@ def test_bound_without_fixes_is_the_closed_form_of_the_down_channel():
     quiet = NOISE._replace(accel_decay=0.0, accel_bias=0.0)
     bound = cramer_rao(recording, start, quiet, every=RATE)
     t = bound.t
-    expected = SD[2] ** 2 + (SD[5] * t) ** 2 + (SD[11] * t**2 / 2) ** 2 + quiet.accel**2 * t**3 / 3
-    np.testing.assert_allclose(bound.sd[:, 2], np.sqrt(expected), rtol=5e-4)
+    expected = (
+        STD[2] ** 2 + (STD[5] * t) ** 2 + (STD[11] * t**2 / 2) ** 2 + quiet.accel**2 * t**3 / 3
+    )
+    np.testing.assert_allclose(bound.std[:, 2], np.sqrt(expected), rtol=5e-4)
 
 
 @pytest.mark.short
@@ -125,7 +127,7 @@ def test_lengths_are_roots_of_traces():
 
 def ratios(told=1.0, runs=200, duration=60):
     """Mean square of the closed loop's position, velocity and attitude error over that of the bound
-    at the last fix, and its sd, (3,) each.
+    at the last fix, and its std, (3,) each.
 
     `told`: the IMU's white noise in the bound and in the filter, in true ones.
     """
@@ -136,7 +138,7 @@ def ratios(told=1.0, runs=200, duration=60):
     squares = []
     for _ in range(runs):
         b_a, b_g = (
-            markov(rng, len(imu.t), SD[k], decay, drive)
+            markov(rng, len(imu.t), STD[k], decay, drive)
             for k, decay, drive in (
                 (9, NOISE.accel_decay, NOISE.accel_bias),
                 (12, NOISE.gyro_decay, NOISE.gyro_bias),
@@ -147,15 +149,15 @@ def ratios(told=1.0, runs=200, duration=60):
             dtheta=imu.dtheta + b_g / RATE + NOISE.gyro * white[0],
             dv=imu.dv + b_a / RATE + NOISE.accel * white[1],
         )
-        position = perfect.aidings[0]
+        position = perfect.sources[0]
         fixes = replace(
             position,
-            y=displace_lla(position.y, FIX_SD * rng.standard_normal((duration, 3))),
+            y=displace_lla(position.y, FIX_STD * rng.standard_normal((duration, 3))),
             gate=np.inf,
         )
         solution = sd.fuse(
             Recording(noisy, (fixes,)),
-            start=draw_start(truth, SD, rng),
+            start=draw_start(truth, STD, rng),
             noise=noise,
             every=RATE * duration,
         )
@@ -206,6 +208,6 @@ def test_what_is_not_ideal_is_refused():
             start._replace(rph=(start.rph[0], start.rph[1], start.rph[2] + 0.01)),
             NOISE,
         )
-    far = replace(recording.aidings[0], y=recording.aidings[0].y + [0, 0, 100.0])
+    far = replace(recording.sources[0], y=recording.sources[0].y + [0, 0, 100.0])
     with pytest.raises(DataError, match="fixes of position were rejected"):
-        cramer_rao(replace(recording, aidings=(far,)), start, NOISE)
+        cramer_rao(replace(recording, sources=(far,)), start, NOISE)

@@ -84,7 +84,7 @@ ALLOWED = {
     "io/description/rewriting.py": {"tomllib.loads", "tomlkit.parse", "target.read_bytes"},
     "sim/scenario_model.py": {"json.loads"},
     # what packages ship, or this package wrote and named by a digest
-    "flight/aircraft/parameters.py": {"tomllib.loads", "folder.joinpath().read_text"},
+    "flight/aircraft_model/parameters.py": {"tomllib.loads", "folder.joinpath().read_text"},
     "experiments/advice/mission.py": {"tomllib.loads", "resource.read_text"},
     "sensor_models/imu.py": {"tomllib.loads", "resource.read_text"},
     "sensor_models/receiver.py": {"tomllib.loads", "resource.read_text"},

@@ -11,7 +11,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BIAS_MODELS, Noise, compile_kernel
-from strapdown.engine.stream import Fix, Sample
+from strapdown.engine.stream import Measurement, Sample
 from strapdown.filters.attitude import vru
 
 pytestmark = pytest.mark.short
@@ -37,16 +37,19 @@ def alone(name, options):
     alone: two-stage filters and the VRU are kept from level and sea, which would tell of biases."""
     filter = filters.find(name)
     compile_kernel(filter.predict)
-    noise = filter.assumed(NOISE, options)
+    noise = filter.with_bias_model(NOISE, options)
     begin = start(flight())._replace(
-        v=(0.0,) * 3, ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3), sd=(1e-4,) * 9 + (1e-2,) * 6
+        v_n=(0.0,) * 3,
+        b_a=(0.05, -0.03, 0.04),
+        b_g=(1e-3, -2e-3, 1e-3),
+        std=(1e-4,) * 9 + (1e-2,) * 6,
     )
     belief = filter.begin(begin, NOISE, **options)
     if name == "vru":
         belief.workspace[vru.MEASURED] = 1.0
     for _ in range(100):
         filter.predict(belief, np.zeros(6), SECONDS / 100, noise)
-    return np.r_[belief.ba, belief.bg], np.sqrt(np.diag(belief.P)[9:15])
+    return np.r_[belief.b_a, belief.b_g], np.sqrt(np.diag(belief.P)[9:15])
 
 
 @pytest.mark.parametrize("name", WITH)
@@ -60,7 +63,7 @@ def test_without_fixes_an_estimate_decays_or_stays_and_its_variance_alike(name):
     np.testing.assert_allclose(left["decaying"], fading[here], rtol=1e-9 + levelled)
     np.testing.assert_allclose(left["held"], 1.0, rtol=1e-12 + levelled)
     np.testing.assert_allclose(left["random-walk"], 1.0, rtol=1e-12 + levelled)
-    deviation = {bias: sds[here] for bias, (_, sds) in runs.items()}
+    deviation = {bias: stds[here] for bias, (_, stds) in runs.items()}
     np.testing.assert_allclose(deviation["held"], deviation["decaying"], rtol=1e-2 + levelled)
     assert (deviation["random-walk"] > 1.5 * deviation["held"]).all()
     default, _ = alone(name, {})
@@ -69,7 +72,7 @@ def test_without_fixes_an_estimate_decays_or_stays_and_its_variance_alike(name):
 
 def aided():
     recording = flight()
-    return replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
+    return replace(recording, sources=(*recording.sources, ahrs(recording.reference)))
 
 
 @pytest.mark.parametrize("name", ["mekf", "ukf", "indirect-ahrs-closed", "two-stage-ekf"])
@@ -98,21 +101,23 @@ def test_a_stream_and_a_bridged_gap_hold_them_too():
     )
     batch = sd.fuse(gone, "mekf", start=begin, noise=NOISE, options={"bias": "held"})
     stream = sd.Stream(
-        "mekf", start=begin, noise=NOISE, aidings=gone.aidings, lag=0.2, options={"bias": "held"}
+        "mekf", start=begin, noise=NOISE, sources=gone.sources, lag=0.2, options={"bias": "held"}
     )
     fixes = [
-        Fix(a.t[k], s, a.y[k], a.sd[k]) for s, a in enumerate(gone.aidings) for k in range(len(a.t))
+        Measurement(a.t[k], s, a.y[k], a.std[k])
+        for s, a in enumerate(gone.sources)
+        for k in range(len(a.t))
     ]
     samples = [Sample(*row) for row in zip(*gone.imu)]
     for event in sorted([*samples, *fixes], key=lambda event: event.t):
         stream.step(event)
     belief = stream.finish()
-    assert np.array_equal(belief.ba, batch.b_a[-1]) and np.array_equal(belief.bg, batch.b_g[-1])
-    alone = replace(gone, aidings=())
+    assert np.array_equal(belief.b_a, batch.b_a[-1]) and np.array_equal(belief.b_g, batch.b_g[-1])
+    alone = replace(gone, sources=())
     kept = sd.fuse(
         alone,
         "mekf",
-        start=begin._replace(ba=(0.1, 0.2, 0.3)),
+        start=begin._replace(b_a=(0.1, 0.2, 0.3)),
         noise=NOISE,
         options={"bias": "held"},
     )

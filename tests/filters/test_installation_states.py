@@ -17,6 +17,9 @@ from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 
 ABLE = [name for name in filters.names() if filters.find(name).installation]
+OWN_GAINS = ["two-stage-ekf", "xkf-two-stage"]
+"""Filters whose gains are not those of least variance: what they find is not what the closed loop
+finds. `nlo` is another, but has no use for the constraints here."""
 WRONG = {
     "clock error of GNSS position [s]": 0.08,
     "lever arm forward error of GNSS position [m]": 0.5,
@@ -54,7 +57,7 @@ def test_names_of_the_columns(closed):
     assert {*WRONG} <= {*closed.columns}, list(closed.columns)
 
 
-@pytest.mark.parametrize("name", ABLE)
+@pytest.mark.parametrize("name", [name for name in ABLE if name != "nlo"])
 def test_every_filter_finds_what_is_wrong(name, recording, closed):
     if "attitude" in filters.find(name).needs:
         truth = recording.reference
@@ -62,15 +65,16 @@ def test_every_filter_finds_what_is_wrong(name, recording, closed):
         # as the axes of the IMU are described, which are turned by what is wrong
         turn = Rotation.from_euler("z", np.radians(1.5))
         y = (Rotation.from_euler("ZYX", made.y[:, ::-1]) * turn).as_euler("ZYX")[:, ::-1]
-        recording = replace(recording, aidings=(*recording.aidings, replace(made, y=y)))
+        recording = replace(recording, sources=(*recording.sources, replace(made, y=y)))
     solution = closed if name == "closed-loop" else sd.fuse(recording, name, estimate=ESTIMATE)
     for column, truth in WRONG.items():
-        found, sd_of = solution.columns[column][-1], solution.columns[f"sd of {column}"][-1]
-        assert abs(found - truth) < 4 * sd_of, column
-        assert sd_of < 0.5 * solution.columns[f"sd of {column}"][0], column
+        found, std_of = solution.columns[column][-1], solution.columns[f"std of {column}"][-1]
+        assert abs(found - truth) < 4 * std_of, column
+        most = 0.8 if name in OWN_GAINS else 0.5
+        assert std_of < most * solution.columns[f"std of {column}"][0], column
         # and as the closed loop finds it, beyond which only a known attitude says something
-        alike = abs(found - closed.columns[column][-1]) < 1.0 * sd_of
-        assert alike or "attitude" in filters.find(name).needs, column
+        alike = abs(found - closed.columns[column][-1]) < 1.0 * std_of
+        assert alike or name in OWN_GAINS or "attitude" in filters.find(name).needs, column
 
 
 SMOOTHED = [name for name in ABLE if filters.find(name).smoother]
@@ -83,9 +87,9 @@ def test_what_stands_still_is_smoothed_to_its_last_estimate(name, recording, clo
         closed = sd.fuse(recording, name, estimate=ESTIMATE)
     smoothed = sd.smooth(recording, name, estimate=ESTIMATE)
     for column in WRONG:
-        last, sd_of = closed.columns[column][-1], closed.columns[f"sd of {column}"][-1]
-        np.testing.assert_allclose(smoothed.columns[column], last, atol=0.3 * sd_of)
-        np.testing.assert_allclose(smoothed.columns[f"sd of {column}"], sd_of, rtol=0.02)
+        last, std_of = closed.columns[column][-1], closed.columns[f"std of {column}"][-1]
+        np.testing.assert_allclose(smoothed.columns[column], last, atol=0.3 * std_of)
+        np.testing.assert_allclose(smoothed.columns[f"std of {column}"], std_of, rtol=0.02)
 
 
 def true_fix(recording, t, tau):
@@ -97,8 +101,8 @@ def true_fix(recording, t, tau):
     )
     one = np.full((len(t), 3), 1.0)
     return (
-        sd.Aiding("position", t, lla, one, gate=np.inf, estimate={"clock": (0.1,)}),
-        sd.Aiding("velocity", t, v, 0.1 * one, gate=np.inf, estimate={"clock": (0.1,)}),
+        sd.Source("position", t, lla, one, gate=np.inf, estimate={"clock": (0.1,)}),
+        sd.Source("velocity", t, v, 0.1 * one, gate=np.inf, estimate={"clock": (0.1,)}),
     )
 
 
@@ -118,10 +122,10 @@ def test_a_right_fix_is_compared_with_the_truth(tau):
         (1e-6,) * 15,
     )
     stamps = np.array([0.5, 1.1, 1.9, 2.603, 3.2])
-    made = replace(made, aidings=true_fix(made, stamps, tau))
+    made = replace(made, sources=true_fix(made, stamps, tau))
     noise = NOISE._replace(gyro=0.0, accel=0.0)
     run = begin(made, "closed-loop", run_options(start=start, noise=noise))
-    run.belief.extra_states[0] = tau
+    run.belief.augmented[0] = tau
     run.belief.P[15, 15] = 1e-12
     run.complete()
     innovation = run.out.fix.innovation
@@ -136,10 +140,10 @@ def test_a_right_fix_is_compared_with_the_truth(tau):
 def test_a_clock_that_runs_away_is_said(tau):
     made, start, _ = flight(6.0, 20.0)
     made = replace(
-        made, aidings=tuple(replace(a, estimate={"clock": (0.1,)}) for a in made.aidings)
+        made, sources=tuple(replace(a, estimate={"clock": (0.1,)}) for a in made.sources)
     )
     run = begin(made, "closed-loop", run_options(start=start, noise=NOISE))
-    run.belief.extra_states[:] = tau
+    run.belief.augmented[:] = tau
     run.belief.P[15, 15] = 1e-6
     run.complete()
     assert np.isfinite(run.out.nav).all() and np.isfinite(run.out.fix.innovation).all()
@@ -154,10 +158,10 @@ def test_a_clock_that_runs_away_is_said(tau):
 
 
 STATED = replace(
-    sd.grade("tactical"),
+    sd.imu("tactical"),
     name="stated",
-    gyro=replace(sd.grade("tactical").gyro, scale_factor=1e-3, misalignment=2e-3),
-    accel=replace(sd.grade("tactical").accel, scale_factor=1e-3, misalignment=1e-3),
+    gyro=replace(sd.imu("tactical").gyro, scale_factor=1e-3, misalignment=2e-3),
+    accel=replace(sd.imu("tactical").accel, scale_factor=1e-3, misalignment=1e-3),
 )
 """A grade that states scale and misalignment."""
 
@@ -167,14 +171,14 @@ def test_what_a_grade_states_of_its_axes_are_states():
     made, start, _ = flight(2.0, 10.0)
     solution = sd.fuse(made, imu=STATED, start=start, covariance=True)
     assert solution.covariance.shape[1] == 15 + 18
-    sds = [
-        solution.columns[f"sd of {column}"][0]
+    stds = [
+        solution.columns[f"std of {column}"][0]
         for column in (
             "gyro scale forward error of imu",
             "accel misalignment zy error of imu [deg]",
         )
     ]
-    np.testing.assert_allclose(sds, [1e-3, np.degrees(1e-3)], rtol=0.01)
+    np.testing.assert_allclose(stds, [1e-3, np.degrees(1e-3)], rtol=0.01)
     assert any("as uncertain as its grade says" in note for note in solution.meta["notes"])
 
 
@@ -192,5 +196,5 @@ def test_who_asks_of_the_imu_gets_what_is_asked_and_of_sources_both():
 @pytest.mark.short
 def test_a_filter_that_leaves_the_axes_out_says_so():
     made, start, _ = flight(2.0, 10.0)
-    solution = sd.fuse(made, "nlo", imu=STATED, start=start)
-    assert any("nlo leaves out gyro scale" in note for note in solution.meta["notes"])
+    solution = sd.fuse(made, "pkf", imu=STATED, start=start)
+    assert any("pkf leaves out gyro scale" in note for note in solution.meta["notes"])

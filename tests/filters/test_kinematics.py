@@ -47,7 +47,7 @@ def left_out(kinematics):
     loop = find("open-loop")
     compile_kernel(loop.predict)
     belief = loop.start(start, NOISE, kinematics=kinematics)
-    lla, v, C = np.array(start.lla), np.array(start.v), belief.C.copy()
+    lla, v, C = np.array(start.lla), np.array(start.v_n), belief.C_nb.copy()
     belief.workspace[open_loop.LLA], belief.workspace[open_loop.V], belief.workspace[X] = (
         ins_behind(lla, ERROR),
         v - ERROR[3:6],
@@ -58,7 +58,7 @@ def left_out(kinematics):
         mechanize(lla, v, C, INCREMENT[:3], INCREMENT[3:], DT, np.zeros(3))
         loop.predict(belief, INCREMENT, DT, NOISE)
         middle = belief.workspace[X].copy() if k == steps // 2 else middle
-    return displacement(lla, belief.lla), v - belief.v, middle
+    return displacement(lla, belief.lla), v - belief.v_n, middle
 
 
 def test_second_order_leaves_out_what_gravity_and_velocity_do_and_nothing_of_position():

@@ -59,10 +59,10 @@ def test_errors_stay_small_and_are_about_as_large_as_claimed(flight, line):
     for states, most, unit in zip(GROUPS, line.rms, (1, 1, np.pi / 180, 1, np.pi / 180)):
         if states.start in filter.estimates:
             assert np.sqrt((error[..., states] ** 2).sum(axis=-1).mean()) < most * unit, states
-    sd = np.array([solution.trajectory.sd for _, solution in runs])[:, SETTLED:]
+    std = np.array([solution.trajectory.std for _, solution in runs])[:, SETTLED:]
     for states in GROUPS:
         if states.start not in filter.states:
-            assert np.isnan(sd[..., states]).all()
+            assert np.isnan(std[..., states]).all()
             continue
-        share = np.mean(np.abs(error[..., states]) <= 2 * sd[..., states])
+        share = np.mean(np.abs(error[..., states]) <= 2 * std[..., states])
         assert line.covered[0] < share < line.covered[1], (states, share)

@@ -17,8 +17,8 @@ from strapdown.sim.trajectory import demo_flight
 
 def open_loop(recording, begin):
     """The INS runs alone; its error beside it keeps its prior: equations (19)-(23)."""
-    ins = State(begin.lla, begin.v, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
-    x, P, b_ins = np.zeros(15), np.diag(np.square(begin.sd)), np.r_[begin.ba, begin.bg]
+    ins = State(begin.lla, begin.v_n, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
+    x, P, b_ins = np.zeros(15), np.diag(np.square(begin.std)), np.r_[begin.b_a, begin.b_g]
     fade = np.r_[[NOISE.accel_decay] * 3, [NOISE.gyro_decay] * 3]
     for t, (rotation, force, dt) in zip(recording.imu.t, increments(recording.imu)):
         Phi, Q = transition(ins.plus(x), b_ins + x[9:], rotation, force, dt)
@@ -27,8 +27,8 @@ def open_loop(recording, begin):
         b_ins = b_ins * np.exp(-fade * dt)
         row = fix_at(recording, t)
         if row is not None:
-            K, P = gain(P, recording.aidings[0].sd[row])
-            dx = K @ displacement(recording.aidings[0].y[row], ins.plus(x).lla)
+            K, P = gain(P, recording.sources[0].std[row])
+            dx = K @ displacement(recording.sources[0].y[row], ins.plus(x).lla)
             x, P = x + dx, after(P, dx)
         belief = ins.plus(x)
         yield belief.lla, belief.v, belief.C, b_ins + x[9:], P, x[:3]
@@ -37,8 +37,8 @@ def open_loop(recording, begin):
 def closed_loop_error_bias(recording, begin):
     """The INS runs on the raw IMU; errors are reset but for the biases, whose effect is injected
     at each step: equations (24)-(26)."""
-    ins = State(begin.lla, begin.v, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
-    b, P = np.r_[begin.ba, begin.bg], np.diag(np.square(begin.sd))
+    ins = State(begin.lla, begin.v_n, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
+    b, P = np.r_[begin.b_a, begin.b_g], np.diag(np.square(begin.std))
     for t, (rotation, force, dt) in zip(recording.imu.t, increments(recording.imu)):
         Phi, Q = transition(ins, b, rotation, force, dt)
         predicted, P = Phi @ np.r_[np.zeros(9), b], Phi @ P @ Phi.T + Q
@@ -46,8 +46,8 @@ def closed_loop_error_bias(recording, begin):
         ins, b = ins.plus(predicted[:9]), predicted[9:]
         row = fix_at(recording, t)
         if row is not None:
-            K, P = gain(P, recording.aidings[0].sd[row])
-            dx = K @ displacement(recording.aidings[0].y[row], ins.lla)
+            K, P = gain(P, recording.sources[0].std[row])
+            dx = K @ displacement(recording.sources[0].y[row], ins.lla)
             P = after(P, dx)
             ins, b = ins.plus(dx[:9]), b + dx[9:]
         yield ins.lla.copy(), ins.v.copy(), ins.C.copy(), b, P, np.zeros(3)
@@ -59,9 +59,9 @@ def closed_loop_error_bias(recording, begin):
 )
 def test_a_loop_is_the_one_of_the_paper(name, twin):
     """50 samples at 20 Hz, a position twice a second, biases that matter."""
-    recording = flight(2.5, 20.0, gnss=Gnss(0.5, velocity_sd=None))
-    recording = replace(recording, aidings=(replace(recording.aidings[0], gate=np.inf),))
-    begin = start(recording)._replace(ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3))
+    recording = flight(2.5, 20.0, gnss=Gnss(0.5, velocity_std=None))
+    recording = replace(recording, sources=(replace(recording.sources[0], gate=np.inf),))
+    begin = start(recording)._replace(b_a=(0.05, -0.03, 0.04), b_g=(1e-3, -2e-3, 1e-3))
     solution = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True)
     lla, v, C, b, P, x = (np.array(part) for part in zip(*twin(recording, begin)))
     assert (
@@ -80,12 +80,12 @@ def test_a_loop_is_the_one_of_the_paper(name, twin):
 def test_the_columns_of_the_open_loop_are_truth_less_raw_ins():
     """With perfect fixes the error beside the INS is, after each of them, the distance of the
     raw INS from the truth."""
-    recording = flight(8.0, 20.0, gnss=Gnss(0.5, position_sd=(1e-3,) * 3, velocity_sd=None))
-    recording = replace(recording, aidings=(replace(recording.aidings[0], gate=np.inf),))
-    begin = start(recording)._replace(bg=(0.003, -0.002, 0.001))
+    recording = flight(8.0, 20.0, gnss=Gnss(0.5, position_std=(1e-3,) * 3, velocity_std=None))
+    recording = replace(recording, sources=(replace(recording.sources[0], gate=np.inf),))
+    begin = start(recording)._replace(b_g=(0.003, -0.002, 0.001))
     solution = sd.fuse(recording, "open-loop", start=begin, noise=NOISE)
-    raw = sd.fuse(replace(recording, aidings=()), "open-loop", start=begin, noise=NOISE)
-    at = np.isin(np.round(solution.t, 6), np.round(recording.aidings[0].t, 6))
+    raw = sd.fuse(replace(recording, sources=()), "open-loop", start=begin, noise=NOISE)
+    at = np.isin(np.round(solution.t, 6), np.round(recording.sources[0].t, 6))
     truth = np.isin(np.round(recording.reference.t, 6), np.round(solution.t[at], 6))
     shift = np.stack(
         [solution.columns[f"ins_error_{axis} [m]"] for axis in ("north", "east", "down")], axis=1
@@ -112,9 +112,9 @@ def test_over_two_minutes_of_a_tactical_imu_the_loops_are_one(ten_minutes):
     recording = ten_minutes.between(0.0, 120.0)
     begin = sd.align(
         recording,
-        sd.grade("paper1-tactical"),
+        sd.imu("paper1-tactical"),
         heading=float(recording.reference.rph[50, 2]),
-        heading_sd=0.01,
+        heading_std=0.01,
     )
     closed, *others = (
         sd.fuse(recording, name, start=begin)
@@ -129,7 +129,9 @@ def test_over_two_minutes_of_a_tactical_imu_the_loops_are_one(ten_minutes):
         assert (closed.trajectory.rotation * solution.trajectory.rotation.inv()).magnitude()[
             late
         ].max() < 0.1 * bound
-        np.testing.assert_allclose(solution.trajectory.sd[-1], closed.trajectory.sd[-1], rtol=0.01)
+        np.testing.assert_allclose(
+            solution.trajectory.std[-1], closed.trajectory.std[-1], rtol=0.01
+        )
 
 
 def test_the_printed_error_model_shows_in_the_open_loop_alone(ten_minutes):

@@ -41,7 +41,7 @@ def test_squares_of_whitened_innovations_add_up_to_the_nis(name):
     squares = np.nansum(found.whitened**2, axis=1)
     np.testing.assert_allclose(squares[measured], found.nis[measured], rtol=1e-9, atol=1e-12)
     assert (np.isfinite(found.whitened) == np.isfinite(found.innovation))[measured].all()
-    # 500 of them at least: each is N(0, 1), so that their variance has a sd of 0.06
+    # 500 of them at least: each is N(0, 1), so that their variance has a std of 0.06
     assert abs(np.nanstd(found.whitened) ** 2 - 1) < 0.3
 
 
@@ -59,13 +59,13 @@ def with_missing_components():
         barometer=Barometer(),
         date="2025-06-01",
     )
-    aidings = []
-    for a in whole.aidings:
+    sources = []
+    for a in whole.sources:
         y = np.array(a.y, float)
         if y.ndim == 2 and a.kind in ("position", "velocity"):
             y[::3, 1] = np.nan
-        aidings.append(replace(a, y=y))
-    return replace(whole, aidings=tuple(aidings))
+        sources.append(replace(a, y=y))
+    return replace(whole, sources=tuple(sources))
 
 
 @pytest.mark.parametrize("name", filters.own_names())

@@ -9,14 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.compile.records import rows
-from strapdown.flight import autopilot as p
-from strapdown.flight.aircraft.dynamics import step
-from strapdown.flight.aircraft.modes import linearise
-from strapdown.flight.aircraft.parameters import aircraft
-from strapdown.flight.aircraft.trim import trim
-from strapdown.flight.asked import Loop, World
+from strapdown.flight import Loop, World, autopilot as p, fly, linearise, trim
+from strapdown.flight.aircraft_model.dynamics import step
+from strapdown.flight.aircraft_model.parameters import aircraft
 from strapdown.flight.autopilot_gains import gains, make_steering
-from strapdown.flight.fly import fly
 from strapdown.flight.plan import (
     DEFAULT_PLACE,
     RAD_PER_DEG as DEG,

@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.compile.records import rows
-from strapdown.flight.aircraft.dynamics import Loads, evaluate, step
-from strapdown.flight.aircraft.forces import density
-from strapdown.flight.aircraft.parameters import aircraft
+from strapdown.flight.aircraft_model.dynamics import Loads, evaluate, step
+from strapdown.flight.aircraft_model.forces import density
+from strapdown.flight.aircraft_model.parameters import aircraft
 from strapdown.flight.jsbsim_craft import INTEGRATORS, _place, fly_jsbsim
 from strapdown.flight.jsbsim_definition import POUND, jsbsim_definition
 from strapdown.geometry.geodesy import displacement

@@ -32,7 +32,7 @@ MATRICES = {"OPENBLAS_CORETYPE": "Haswell"}
 """Setting under which bits.json is made; numpy's library reads it when it is loaded."""
 BRIEF = {"start_time": 1.0}  # the observer learns when its start is over
 OPTIONS = {"pkf": {"components": 3}, "nlo": BRIEF, "xkf": BRIEF, "xkf-two-stage": BRIEF}
-SD = (2.0, 2.0, 2.0, 0.5, 0.5, 0.5, 0.0625, 0.0625, 0.125, 0.0625, 0.0625, 0.0625, *[2**-12] * 3)
+STD = (2.0, 2.0, 2.0, 0.5, 0.5, 0.5, 0.0625, 0.0625, 0.125, 0.0625, 0.0625, 0.0625, *[2**-12] * 3)
 NOISE = Noise(2**-14, 2**-10, 2**-20, 2**-16, 0.0, 0.0)
 
 
@@ -59,21 +59,21 @@ def recording():
     heading = scatter(len(at), 3, 4) * 2**-5 + at[:, None] * (0.0, 0.0, 2**-5)
     field = np.array([2**-16, 0.0, 2**-15]) + scatter(len(at), 3, 5) * 2**-22
     still = np.full((len(at), 3), 0.5)
-    aidings = [
-        sd.Aiding("position", at, place, still * 4, (0.5, 0.0, -1.0)),
-        sd.Aiding("velocity", at, scatter(len(at), 3, 6), still, (0.5, 0.0, -1.0)),
-        sd.Aiding("attitude", at + DT / 4, heading, still / 16),
-        sd.Aiding("magnetic-field", at + DT / 2, field, still * 2**-20, (2**-16, 0.0, 2**-15)),
+    sources = [
+        sd.Source("position", at, place, still * 4, (0.5, 0.0, -1.0)),
+        sd.Source("velocity", at, scatter(len(at), 3, 6), still, (0.5, 0.0, -1.0)),
+        sd.Source("attitude", at + DT / 4, heading, still / 16),
+        sd.Source("magnetic-field", at + DT / 2, field, still * 2**-20, (2**-16, 0.0, 2**-15)),
     ]
     return sd.Recording.from_arrays(
-        t[whole], dtheta[whole], dv[whole], aidings=aidings, kind="increment"
+        t[whole], dtheta[whole], dv[whole], sources=sources, kind="increment"
     )
 
 
 def begin():
     """Where every filter begins."""
     return InitialState(
-        0.0, (0.75, 0.125, 512.0), (0.0,) * 3, (2**-5, -(2**-6), 0.5), (0.0,) * 3, (0.0,) * 3, SD
+        0.0, (0.75, 0.125, 512.0), (0.0,) * 3, (2**-5, -(2**-6), 0.5), (0.0,) * 3, (0.0,) * 3, STD
     )
 
 
@@ -88,7 +88,7 @@ def digest(name):
         options=OPTIONS.get(name, {}),
     )
     path = solution.trajectory
-    parts = path.t, path.lla, path.v_n, path.q_nb, path.sd, solution.covariance
+    parts = path.t, path.lla, path.v_n, path.q_nb, path.std, solution.covariance
     return hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in parts)).hexdigest()
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.data.solution import SD_COLUMNS, SD_SCALE
+from strapdown.data.solution import STD_COLUMNS, STD_SCALE
 from strapdown_reproductions.faults.catalogue import FAULTS
 from strapdown_reproductions.faults.cells import CellTask, right
 from strapdown_reproductions.faults.raw import raw
@@ -17,7 +17,7 @@ FOLDER = Path(__file__).resolve().parent
 SAID = FOLDER / "faulted.json"
 SEED, STEP = 1, 10.0
 """Of the simulation; seconds between the rows that are kept."""
-SD = ("sd_north", "sd_down", "sd_rotation_down")
+STD = ("std_north", "std_down", "std_rotation_down")
 FAULTED = {
     "jump": ("position jumps by 20 m for good", "gentle", FaultSubject("closed-loop")),
     "drift": ("position drifts by 0.1 m/s", "gentle", FaultSubject("closed-loop")),
@@ -43,9 +43,9 @@ def replay(name):
     FAULTS[fault].change(data)
     done = run(subject, data, MOTIONS[motion], without.recording, without.start)
     table = done.trajectory.table()
-    for column in SD:
-        i = SD_COLUMNS.index(column)
-        table[column] = done.trajectory.sd[:, i] * SD_SCALE[i]
+    for column in STD:
+        i = STD_COLUMNS.index(column)
+        table[column] = done.trajectory.std[:, i] * STD_SCALE[i]
     changes = np.flatnonzero(np.diff(done.status, prepend=-1))
     said = {
         "status": [[round(float(done.trajectory.t[i]), 3), int(done.status[i])] for i in changes],

@@ -22,9 +22,9 @@ COLUMNS = [
     "roll",
     "pitch",
     "heading",
-    "sd_north",
-    "sd_down",
-    "sd_rotation_down",
+    "std_north",
+    "std_down",
+    "std_rotation_down",
     "accel_bias_x",
     "gyro_bias_z",
 ]

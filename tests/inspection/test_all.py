@@ -12,7 +12,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.inspection.all import check
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -33,10 +33,10 @@ def swisslog(folder, course, late=0.0):
     imu = pd.read_csv(folder / "swisslog" / "imu.csv.xz").to_numpy(float)
     gps = pd.read_csv(folder / "swisslog" / "gps.csv.xz").to_numpy(float)
     t, speed, course = gps[:, 0] - late, gps[:, 4], course(gps[:, 5])
-    sds = np.full((len(t), 3), 1.5)
+    stds = np.full((len(t), 3), 1.5)
     lla = np.c_[np.radians(gps[:, 1:3]), gps[:, 3]]
     v = np.c_[speed * np.cos(course), speed * np.sin(course), gps[:, 6]]
-    sources = Aiding("position", t, lla, sds), Aiding("velocity", t, v, sds / 5)
+    sources = Source("position", t, lla, stds), Source("velocity", t, v, stds / 5)
     return Recording.from_arrays(imu[:, 0], imu[:, 1:4], imu[:, 4:7], sources)
 
 
@@ -107,4 +107,4 @@ def test_strange_samples(drive):
         warnings.simplefilter("error")
         for samples in (few, gap, imu._replace(dtheta=0 * imu.dtheta, dv=0 * imu.dv)):
             check(replace(drive, imu=samples))
-        check(replace(drive, aidings=()))
+        check(replace(drive, sources=()))

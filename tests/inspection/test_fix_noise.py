@@ -18,8 +18,8 @@ def drive(interval, seed=3000):
 
 
 def claimed(recording, factor, kind):
-    changed = (replace(a, sd=a.sd * factor) if a.kind == kind else a for a in recording.aidings)
-    return replace(recording, aidings=tuple(changed))
+    changed = (replace(a, std=a.std * factor) if a.kind == kind else a for a in recording.sources)
+    return replace(recording, sources=tuple(changed))
 
 
 @pytest.mark.parametrize("interval", [0.1, 0.2, 1.0])
@@ -41,9 +41,9 @@ def test_claims_five_times_too_small_are_named_with_the_factor(interval, kind):
 def test_nothing_is_said_of_few_fixes_and_of_missing_ones():
     recording = drive(1.0)
     assert not fix_noise.check(InspectedRecording(recording.between(stop=20.0))).reasons
-    empty = replace(recording, aidings=tuple(a.between(500, 600) for a in recording.aidings))
+    empty = replace(recording, sources=tuple(a.between(500, 600) for a in recording.sources))
     assert not fix_noise.check(InspectedRecording(empty)).reasons
-    nothing = (replace(a, y=a.y * np.nan) for a in recording.aidings)
+    nothing = (replace(a, y=a.y * np.nan) for a in recording.sources)
     assert not fix_noise.check(
-        InspectedRecording(replace(recording, aidings=tuple(nothing)))
+        InspectedRecording(replace(recording, sources=tuple(nothing)))
     ).reasons

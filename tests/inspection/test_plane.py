@@ -69,7 +69,7 @@ def test_without_motion_it_is_inconclusive(drive):
 WALKING = {
     "positions of 5 cm": RTK,
     "positions of 5 cm once a second": RTK._replace(interval=1.0),
-    "velocities of 10 cm/s": RTK._replace(position_sd=1.5, velocity_sd=0.1),
+    "velocities of 10 cm/s": RTK._replace(position_std=1.5, velocity_std=0.1),
 }
 
 

@@ -7,21 +7,21 @@ import bent
 import numpy as np
 import pytest
 
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.inspection.position_velocity import position_against_velocity
 
 START = np.array([0.84, 0.2, 500.0])
 
 
-def receiver(t, velocity, path, noise=0.0, seed=1000, sd=1.0):
+def receiver(t, velocity, path, noise=0.0, seed=1000, std=1.0):
     """(position, velocity) from functions of time: velocity (n, 3) and its integral, NED."""
     rng = np.random.default_rng(seed)
     p = path(t) + rng.normal(0, noise, (len(t), 3)) if noise else path(t)
     lla = displace_lla(np.tile(START, (len(t), 1)), p)
-    sds = np.full((len(t), 3), sd)
-    return Aiding("position", t, lla, sds, name="p"), Aiding(
-        "velocity", t, velocity(t), sds / 10, name="v"
+    stds = np.full((len(t), 3), std)
+    return Source("position", t, lla, stds, name="p"), Source(
+        "velocity", t, velocity(t), stds / 10, name="v"
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.inspection.all import check
 from strapdown.sensor_models.gnss import Gnss
@@ -34,7 +34,7 @@ def repeating(recording):
 
     def twice(a):
         t = (a.t[:, None] + [0.0, 0.5 * np.median(np.diff(a.t))]).ravel()
-        return replace(a, t=t, y=np.repeat(a.y, 2, axis=0), sd=np.repeat(a.sd, 2, axis=0))
+        return replace(a, t=t, y=np.repeat(a.y, 2, axis=0), std=np.repeat(a.std, 2, axis=0))
 
     return bent.with_sources(recording, twice)
 
@@ -51,10 +51,10 @@ def drifting(recording):
 
 def above_the_geoid(recording):
     """With an altitude above the geoid, 47 m below the ellipsoidal height."""
-    a = recording.aidings[0]
+    a = recording.sources[0]
     noise = np.random.default_rng(len(a.t)).normal(0, 2, (len(a.t), 1))
-    altitude = Aiding("altitude", a.t, a.y[:, 2:] - 47 + noise, np.full((len(a.t), 1), 2.0))
-    return replace(recording, aidings=(*recording.aidings, altitude))
+    altitude = Source("altitude", a.t, a.y[:, 2:] - 47 + noise, np.full((len(a.t), 1), 2.0))
+    return replace(recording, sources=(*recording.sources, altitude))
 
 
 MISTAKES = {

@@ -10,14 +10,14 @@ from strapdown.inspection.motion import InspectedRecording
 from strapdown.inspection.repeats import check
 
 
-def repeated(aiding, times):
+def repeated(source, times):
     """Each fix `times` times, evenly over the interval to the next."""
-    step = np.median(np.diff(aiding.t)) / times
+    step = np.median(np.diff(source.t)) / times
     return replace(
-        aiding,
-        t=(aiding.t[:, None] + step * np.arange(times)).ravel(),
-        y=np.repeat(aiding.y, times, axis=0),
-        sd=np.repeat(aiding.sd, times, axis=0),
+        source,
+        t=(source.t[:, None] + step * np.arange(times)).ravel(),
+        y=np.repeat(source.y, times, axis=0),
+        std=np.repeat(source.std, times, axis=0),
     )
 
 

@@ -41,7 +41,7 @@ def test_what_is_wrong_is_found_and_nothing_else(name):
     assert [each.cause for each in found.found] == [fault[0]]
     (one,) = found.found
     assert one.change == pytest.approx(size(fault), abs=tolerance)
-    assert abs(one.change - size(fault)) < 5 * one.sd and one.sd < tolerance
+    assert abs(one.change - size(fault)) < 5 * one.std and one.std < tolerance
     assert found.gain > 25 and one.gain == pytest.approx(found.gain)
     assert found.runs <= MAX_RUNS and found.misfit < 1.5
     (reason,) = found.reasons
@@ -51,7 +51,7 @@ def test_what_is_wrong_is_found_and_nothing_else(name):
 def test_the_recording_found_is_the_right_one_and_the_solution_its_own():
     right = car(1003)
     found = sd.diagnose(wrong(right, "lever arm", 1.0, 1))
-    for a, b in zip(found.recording.aidings[:2], right.aidings[:2]):
+    for a, b in zip(found.recording.sources[:2], right.sources[:2]):
         np.testing.assert_allclose(a.parameters, b.parameters, atol=0.15)
     again = sd.fuse(found.recording)
     np.testing.assert_array_equal(again.trajectory.lla, found.solution.trajectory.lla)
@@ -104,7 +104,7 @@ def test_without_turns_no_arm_shows():
 
 
 def test_without_velocity_only_a_large_clock_is_reported():
-    gnss = Gnss(interval=0.2, velocity_sd=None)
+    gnss = Gnss(interval=0.2, velocity_std=None)
     recording = car(1008, 300.0, vehicle=False, gnss=gnss)
     small = sd.diagnose(wrong(recording, "clock", 0.2))
     assert not small.found
@@ -121,7 +121,7 @@ def test_changes_are_in_the_terms_of_the_description():
         meta=recording.meta | {"imu_lever_arm": [0.0, 0.0, -0.6], "imu_mounting": [0.0, 0.0, 0.1]},
     )
     arm = sd.diagnose(wrong(recording, "lever arm", 1.0, 1))
-    assert arm.changes[0].startswith("[[aiding]] 1 (GNSS position) lever_arm = [0.50, ")
+    assert arm.changes[0].startswith("[[source]] 1 (GNSS position) lever_arm = [0.50, ")
     assert arm.changes[0].endswith(", -1.60]") and len(arm.changes) == 2
     given = {each.name: each.given for each in arm.parameters}
     assert given["lever arm down"] == pytest.approx(-1.6)
@@ -133,13 +133,13 @@ def test_changes_are_in_the_terms_of_the_description():
 
 def test_velocities_in_a_wrong_unit_stop_it():
     recording = car(1010)
-    velocity = recording.aidings[1]
+    velocity = recording.sources[1]
     bad = replace(
         recording,
-        aidings=(
-            recording.aidings[0],
+        sources=(
+            recording.sources[0],
             replace(velocity, y=velocity.y / 3.6),
-            *recording.aidings[2:],
+            *recording.sources[2:],
         ),
     )
     with pytest.raises(DataError, match="GNSS velocity.*cannot be diagnosed$"):
@@ -149,7 +149,7 @@ def test_velocities_in_a_wrong_unit_stop_it():
 def test_without_positions_there_is_nothing_to_diagnose():
     recording = car(1011)
     with pytest.raises(DataError, match="add one$"):
-        sd.diagnose(replace(recording, aidings=recording.aidings[2:]))
+        sd.diagnose(replace(recording, sources=recording.sources[2:]))
 
 
 @pytest.mark.deep

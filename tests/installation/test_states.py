@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data import calibration_parameters
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.engine.installation import with_estimates
 from strapdown.installation import screening
 from strapdown.installation.states import estimated_installation
@@ -20,7 +20,7 @@ from strapdown.sim.trajectory import DEG, Motion
 
 pytestmark = pytest.mark.short
 SECONDS = 60.0
-NUMBERS = ("given", "change", "sd", "value", "prior")
+NUMBERS = ("given", "change", "std", "value", "prior")
 
 
 def wrong(recording, arm=(0.0, 0.0, 0.0), clock=0.0):
@@ -28,9 +28,9 @@ def wrong(recording, arm=(0.0, 0.0, 0.0), clock=0.0):
     (s), less than the truth."""
     return replace(
         recording,
-        aidings=tuple(
+        sources=tuple(
             replace(a, t=a.t - clock, parameters=tuple(np.array(a.parameters) - arm))
-            for a in recording.aidings
+            for a in recording.sources
         ),
     )
 
@@ -62,8 +62,8 @@ def turning():
         lambda t: 80 + 60 * np.sin(0.3 * t),
         lambda t: 15 + 5 * np.sin(0.17 * t),
         20.0,
-        position_sd=0.3,
-        velocity_sd=0.03,
+        position_std=0.3,
+        velocity_std=0.03,
         lever_arm=(0.3, -0.2, -0.5),
     )
 
@@ -85,14 +85,14 @@ def test_what_is_wrong_is_found_in_the_terms_of_the_file(turning, run):
         (("lever-arm", "right"), -0.8, -0.2 + 0.8),
     ):
         each = found[key]
-        assert each.status == "found" and abs(each.change - error) < 3 * each.sd < 0.5
+        assert each.status == "found" and abs(each.change - error) < 3 * each.std < 0.5
         assert each.given == pytest.approx(given) and each.value == pytest.approx(
             given + each.change
         )
     clock = found["clock", ""]
     column = "clock error of GNSS position [s]"
     assert clock.change == solution.columns[column][-1] and clock.prior == 0.1
-    assert clock.sd == solution.columns[f"sd of {column}"][-1]
+    assert clock.std == solution.columns[f"std of {column}"][-1]
     assert clock.name == "clock of GNSS position and GNSS velocity" and clock.unit == "s"
     assert str(clock) == f"{clock.name}: found, off what was given by {clock.seen}"
     assert str(found["lever-arm", "right"]).startswith(
@@ -112,8 +112,8 @@ def with_odometer(recording, scale):
     t = np.arange(1.0, SECONDS, 0.5)
     truth = recording.reference
     speed = np.interp(t, truth.t, np.linalg.norm(truth.v_n, axis=1))
-    odometer = Aiding("speed", t, scale * speed[:, None], np.full((len(t), 1), 0.05), (0.0,) * 3)
-    return replace(recording, aidings=(*recording.aidings, odometer))
+    odometer = Source("speed", t, scale * speed[:, None], np.full((len(t), 1), 0.05), (0.0,) * 3)
+    return replace(recording, sources=(*recording.sources, odometer))
 
 
 def test_a_scale_is_told_as_what_its_file_must_be_multiplied_by(turning):
@@ -127,9 +127,9 @@ def test_a_scale_is_told_as_what_its_file_must_be_multiplied_by(turning):
     )
     assert str(scale).endswith(f"; multiply its scale by {scale.value:.4f}")
     # what is told, done, leaves nothing to find
-    right = [replace(a, y=a.y * scale.value) if a.kind == "speed" else a for a in recording.aidings]
+    right = [replace(a, y=a.y * scale.value) if a.kind == "speed" else a for a in recording.sources]
     again = sd.fuse(
-        replace(recording, aidings=tuple(right)), start=start(turning), estimate=["scale"]
+        replace(recording, sources=tuple(right)), start=start(turning), estimate=["scale"]
     )
     assert abs(estimated_installation(again).parameters[0].change) < 1e-4
 
@@ -177,7 +177,7 @@ def test_the_other_source_of_an_antenna_is_taken_as_right_in_time(turning):
 
 def test_an_attitude_is_of_the_imu_whatever_its_mounting(turning):
     zeros = np.zeros((1, 3))
-    ahrs = Aiding("attitude", np.array([SECONDS - 1]), zeros, zeros + 1e3, (), name="AHRS")
+    ahrs = Source("attitude", np.array([SECONDS - 1]), zeros, zeros + 1e3, (), name="AHRS")
     solution = sd.fuse(turning, start=start(turning), estimate=["mounting"])
     assert not [text for text in estimated_installation(solution).remarks if "own axes" in text]
     kinds = solution.meta["kinds"] | {ahrs.name: ahrs.kind}
@@ -207,8 +207,8 @@ def test_what_no_motion_shows_is_said_with_the_motion_that_would():
 def test_two_clocks_cannot_be_told_apart_at_one_speed():
     """Two antennas show the difference of their clocks, and nothing what they have in common."""
     recording, more = straight(), straight(seed=1004, lever_arm=(2.0, 0.0, 0.0))
-    front = replace(more.aidings[0], name="front")
-    recording = replace(recording, aidings=(recording.aidings[0], front))
+    front = replace(more.sources[0], name="front")
+    recording = replace(recording, sources=(recording.sources[0], front))
     solution = sd.fuse(recording, start=start(recording), estimate=["clock"])
     (remark,) = estimated_installation(solution).remarks
     assert remark.startswith(
@@ -219,7 +219,7 @@ def test_two_clocks_cannot_be_told_apart_at_one_speed():
 
 def test_without_a_source_of_velocity_that_is_said():
     recording = straight()
-    alone = replace(recording, aidings=recording.aidings[:1])
+    alone = replace(recording, sources=recording.sources[:1])
     found = estimated_installation(sd.fuse(alone, start=start(recording), estimate=["lever-arm"]))
     assert found.remarks == (
         "nothing of the installation that was asked for is observable: there is no source of "
@@ -256,14 +256,14 @@ def test_the_verdict_looks_at_the_set_up_that_was_found(turning):
     t = np.arange(0.5, SECONDS, 0.5)
     zeros = np.zeros((len(t), 1))
     constraints = [
-        Aiding(kind, t, zeros, zeros + 0.05, (0.0,) * 3)
+        Source(kind, t, zeros, zeros + 0.05, (0.0,) * 3)
         for kind in ("zero-lateral-velocity", "zero-vertical-velocity")
     ]
     turn = Rotation.from_euler("ZYX", [3, -2, 0], degrees=True)
     imu = recording.imu._replace(
-        dtheta=turn.apply(recording.imu.dtheta), dv=turn.apply(recording.imu.dv)
+        dtheta=turn.apply(recording.imu.dtheta.copy()), dv=turn.apply(recording.imu.dv.copy())
     )
-    recording = replace(recording, imu=imu, aidings=(*recording.aidings, *constraints))
+    recording = replace(recording, imu=imu, sources=(*recording.sources, *constraints))
     begin = start(turning)
     asked = {"clock": 0.1, "lever-arm": 0.5, "mounting": (0, 0.05, 0.05)}
     given = (Rotation.from_euler("ZYX", begin.rph[::-1]) * turn.inv()).as_euler("ZYX")[::-1]
@@ -298,8 +298,8 @@ def test_an_estimate_beyond_what_is_plausible_is_a_reason(turning):
 @pytest.mark.parametrize("share, status", [(2.1, "consistent"), (1.9, "not observable")])
 def test_half_of_the_prior_is_the_limit(turning, share, status):
     solution = sd.fuse(turning, start=start(turning), estimate=["clock"])
-    sd_ = by_name(solution)["clock", ""].sd
-    assert told(solution, prior=share * sd_).parameters[0].status == status
+    std_ = by_name(solution)["clock", ""].std
+    assert told(solution, prior=share * std_).parameters[0].status == status
 
 
 def test_angles_of_a_mounting_are_those_to_be_written(turning):
@@ -308,8 +308,8 @@ def test_angles_of_a_mounting_are_those_to_be_written(turning):
     recording = replace(turning, meta=turning.meta | {"imu_mounting": given})
     t = np.arange(1.0, SECONDS)
     zeros = np.zeros((len(t), 1))
-    level = Aiding("zero-vertical-velocity", t, zeros, zeros + 0.1, (0.0,) * 3)
-    recording = replace(recording, aidings=(*recording.aidings, level))
+    level = Source("zero-vertical-velocity", t, zeros, zeros + 0.1, (0.0,) * 3)
+    recording = replace(recording, sources=(*recording.sources, level))
     solution = sd.fuse(recording, start=start(turning), estimate=["mounting"])
     pitch, heading = estimated_installation(solution).parameters
     assert (pitch.given, heading.given) == (0.0, -90.0) and pitch.motion != heading.motion

@@ -15,21 +15,21 @@ axes = "FRD"
 gyro = { columns = ["gx", "gy", "gz"], unit = "deg/s" }
 accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "alt"]
 unit = ["deg", "deg", "m"]
-sd = ["sd", "sd", "sd"]
+std = ["std", "std", "std"]
 
-[[aiding]]
+[[source]]
 kind = "velocity"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["vn", "ve", "vd"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 """
 
 
@@ -57,7 +57,7 @@ def gnss_frame(n=20):
             "vn": 0.11,
             "ve": -0.08,
             "vd": -0.1,
-            "sd": 1.5,
+            "std": 1.5,
         }
     )
 

@@ -9,7 +9,7 @@ from synthetic import attitude_only, flight, solution
 
 from strapdown.checks import DataError
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.io.readers.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
 
@@ -27,7 +27,7 @@ def test_what_is_not_known_stays_so(name, ending, tmp_path):
     made = MADE[name]
     write_solution(made, tmp_path / f"a.{ending}")
     back = read_solution(tmp_path / f"a.{ending}")
-    for part in ("lla", "v_n", "sd"):
+    for part in ("lla", "v_n", "std"):
         assert np.allclose(
             getattr(back.trajectory, part),
             getattr(made.trajectory, part),
@@ -55,7 +55,7 @@ def test_csv_leaves_cells_of_the_unknown_empty(tmp_path):
     assert (
         cells["lat [deg]"]
         == cells["VE [m/s]"]
-        == cells["sd_north [m]"]
+        == cells["std_north [m]"]
         == cells["accel_bias_x [m/s^2]"]
         == ""
         and float(cells["alt [m]"]) > 300
@@ -79,16 +79,16 @@ def test_tables_say_nothing_of_the_unknown():
         "roll",
         "pitch",
         "heading",
-        "sd_rotation_north",
-        "sd_rotation_east",
-        "sd_rotation_down",
-        *(f"{sd}gyro_bias_{axis}" for sd in ("", "sd_") for axis in "xyz"),
+        "std_rotation_north",
+        "std_rotation_east",
+        "std_rotation_down",
+        *(f"{std}gyro_bias_{axis}" for std in ("", "std_") for axis in "xyz"),
         "status",
     }
     assert "rows" in repr(MADE["attitude-mekf"]) and "roll" in MADE["attitude-mekf"]._repr_html_()
 
 
-def recording(aidings=(), **meta):
+def recording(sources=(), **meta):
     rng = np.random.default_rng(4)
     t = np.arange(1, 501) / 50
     reference = Trajectory(TRUTH.t[:50], np.full((50, 3), np.nan), None, TRUTH.q_nb[:50])
@@ -96,7 +96,7 @@ def recording(aidings=(), **meta):
         t,
         rng.normal(0, 0.1, (500, 3)),
         rng.normal(0, 0.1, (500, 3)) - [0, 0, 9.81],
-        aidings,
+        sources,
         reference,
         **meta,
     )
@@ -104,7 +104,7 @@ def recording(aidings=(), **meta):
 
 def test_a_recording_keeps_place_date_kinds_and_a_reference_of_attitude(tmp_path):
     t, rng = np.arange(1.0, 10), np.random.default_rng(5)
-    field = Aiding(
+    field = Source(
         "magnetic-field",
         t,
         rng.normal(0, 3e-5, (9, 3)),
@@ -113,13 +113,13 @@ def test_a_recording_keeps_place_date_kinds_and_a_reference_of_attitude(tmp_path
         np.inf,
         "compass",
     )
-    pressure = Aiding(
+    pressure = Source(
         "pressure", t, 1e5 + rng.normal(0, 3, (9, 1)), np.full((9, 1), 0.3), (0.1, 0.2, -0.3)
     )
-    altitude = Aiding("pressure-altitude", t, rng.normal(100, 3, (9, 1)), np.full((9, 1), 0.3))
+    altitude = Source("pressure-altitude", t, rng.normal(100, 3, (9, 1)), np.full((9, 1), 0.3))
     level, gravity = (
-        Aiding("zero-sea-level", t, np.zeros((9, 1)), np.ones((9, 1))),
-        Aiding("gravity", t, np.zeros((9, 3)), np.ones((9, 3))),
+        Source("zero-sea-level", t, np.zeros((9, 1)), np.ones((9, 1))),
+        Source("gravity", t, np.zeros((9, 3)), np.ones((9, 3))),
     )
     made = recording(
         (field, pressure, altitude, level, gravity), place=[0.9, 0.2, 70.0], date="2012-11-01"
@@ -127,9 +127,9 @@ def test_a_recording_keeps_place_date_kinds_and_a_reference_of_attitude(tmp_path
     write_recording(made, tmp_path / "a.nc")
     back = read_recording(tmp_path / "a.nc")
     assert back.meta["place"] == [0.9, 0.2, 70.0] and back.meta["date"] == "2012-11-01"
-    for a, b in zip(made.aidings, back.aidings, strict=True):
+    for a, b in zip(made.sources, back.sources, strict=True):
         assert (a.kind, a.parameters, a.gate, a.name) == (b.kind, b.parameters, b.gate, b.name)
-        assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in ("t", "y", "sd"))
+        assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in ("t", "y", "std"))
     assert (
         np.isnan(back.reference.lla).all()
         and back.reference.v_n is None
@@ -143,20 +143,20 @@ def test_netcdf_names_the_units_of_the_new_kinds(tmp_path):
     t = np.arange(1.0, 5)
     made = recording(
         (
-            Aiding(
+            Source(
                 "magnetic-field",
                 t,
                 np.full((4, 3), 3e-5),
                 np.full((4, 3), 1e-6),
                 (2e-5, 1e-6, 4.5e-5),
             ),
-            Aiding("pressure", t, np.full((4, 1), 1e5), np.ones((4, 1))),
+            Source("pressure", t, np.full((4, 1), 1e5), np.ones((4, 1))),
         )
     )
     write_recording(made, tmp_path / "a.nc")
     with h5netcdf.File(tmp_path / "a.nc") as file:
         units = [
-            tuple(file[f"aiding_{k}"][name].attrs["units"] for name in ("y", "sd")) for k in (1, 2)
+            tuple(file[f"source_{k}"][name].attrs["units"] for name in ("y", "std")) for k in (1, 2)
         ]
     assert units == [("T", "T"), ("Pa", "m")]
 
@@ -173,13 +173,13 @@ def test_parts_of_a_recording_without_fixes(tmp_path):
     made = recording()
     part = made.between(2.0, 4.0)
     assert (
-        part.aidings == ()
+        part.sources == ()
         and part.span == (2.0, 4.0)
-        and made.hidden([(1, 2)]).aidings == ()
+        and made.hidden([(1, 2)]).sources == ()
         and "IMU samples" in repr(part)
     )
     write_recording(part, tmp_path / "a.nc")
     assert (
-        read_recording(tmp_path / "a.nc").aidings == ()
+        read_recording(tmp_path / "a.nc").sources == ()
         and replace(part, reference=None).reference is None
     )

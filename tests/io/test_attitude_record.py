@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import draft, inspect
 
@@ -20,14 +20,14 @@ T = 0.1 * np.arange(1, 1001)
 TRUE = attitude(T)
 ENU_OF_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])  # its own inverse
 FLU_OF_FRD = Rotation.from_matrix(np.diag([1.0, -1, -1]))
-IMU = TOML[TOML.index("[imu]") : TOML.index("[[aiding]]")]
-PART = """[[aiding]]
+IMU = TOML[TOML.index("[imu]") : TOML.index("[[source]]")]
+PART = """[[source]]
 kind = "attitude"
 file = "ahrs.csv"
 time = { column = "t", unit = "s" }
 columns = ["roll", "pitch", "heading"]
 unit = "deg"
-sd = [0.5, 0.5, 2.0]
+std = [0.5, 0.5, 2.0]
 """
 
 
@@ -71,33 +71,33 @@ def columns(names, **more):
 
 def test_angles_in_either_unit(build):
     recording = read(build())
-    (fixes,) = recording.aidings
+    (fixes,) = recording.sources
     np.testing.assert_allclose(
         fixes.y, np.radians(angles()[["roll", "pitch", "heading"]]), rtol=1e-12
     )
-    np.testing.assert_allclose(fixes.sd, np.radians(np.tile([0.5, 0.5, 2.0], (1000, 1))))
+    np.testing.assert_allclose(fixes.std, np.radians(np.tile([0.5, 0.5, 2.0], (1000, 1))))
     assert fixes.kind == "attitude" and fixes.parameters == () and recording.meta["notes"] == []
     rad = angles().assign(
         **{name: np.radians(angles()[name]) for name in ("roll", "pitch", "heading")}
     )
     (again,) = read(
         build(rad, lambda s: s.replace('"deg"', '"rad"').replace("[0.5, 0.5, 2.0]", "0.01"))
-    ).aidings
+    ).sources
     np.testing.assert_allclose(again.y, fixes.y, rtol=1e-9)
-    assert (again.sd == 0.01).all()
+    assert (again.std == 0.01).all()
 
 
 @pytest.mark.parametrize(
     "names, order", [(["qw", "qx", "qy", "qz"], "wxyz"), (["qx", "qy", "qz", "qw"], "xyzw")]
 )
 def test_quaternions_in_both_orders(build, names, order):
-    (fixes,) = read(build(quaternion(), columns(names, quaternion=order))).aidings
-    assert difference(fixes.y) < 1e-9 and fixes.sd[0, 2] == pytest.approx(np.radians(2.0))
+    (fixes,) = read(build(quaternion(), columns(names, quaternion=order))).sources
+    assert difference(fixes.y) < 1e-9 and fixes.std[0, 2] == pytest.approx(np.radians(2.0))
     # as 16-bit counts
     counts = quaternion().assign(**{name: (quaternion()[name] * 32768).round() for name in names})
     (scaled,) = read(
         build(counts, lambda s: columns(names, quaternion=order)(s) + f"scale = {1 / 32768}\n")
-    ).aidings
+    ).sources
     assert difference(scaled.y) < 1e-4
 
 
@@ -110,10 +110,10 @@ def test_other_axes_for_quaternions_and_angles(build):
             quaternion(told),
             columns(["qw", "qx", "qy", "qz"], quaternion="wxyz", axes="FLU to ENU"),
         )
-    ).aidings
+    ).sources
     assert difference(fixes.y) < 1e-9
     yaw = angles(told)
-    (fixes,) = read(build(yaw, columns(["roll", "pitch", "heading"], axes="FLU to ENU"))).aidings
+    (fixes,) = read(build(yaw, columns(["roll", "pitch", "heading"], axes="FLU to ENU"))).sources
     assert difference(fixes.y) < 1e-9
     np.testing.assert_allclose(
         np.exp(1j * fixes.y[:, 2]), np.exp(1j * (np.pi / 2 - np.radians(yaw.heading))), atol=1e-9
@@ -126,7 +126,7 @@ def test_other_axes_for_quaternions_and_angles(build):
                 + "scale = [-1, -1, -1, 1]\n"
             ),
         )
-    ).aidings
+    ).sources
     assert difference(inverse.y) < 1e-9
 
 
@@ -136,13 +136,13 @@ def test_without_a_heading(build):
             angles().drop(columns="heading"),
             lambda s: columns(["roll", "pitch"])(s).replace("[0.5, 0.5, 2.0]", "0.5"),
         )
-    ).aidings
-    assert np.isnan(level.y[:, 2]).all() and np.isnan(level.sd[:, 2]).all()
+    ).sources
+    assert np.isnan(level.y[:, 2]).all() and np.isnan(level.std[:, 2]).all()
     np.testing.assert_allclose(level.y[:, :2], np.radians(angles()[["roll", "pitch"]]))
     told = angles(ENU_OF_NED * TRUE * FLU_OF_FRD.inv()).assign(
         heading=lambda f: f.heading.where(f.index % 2 == 0)
     )
-    (mixed,) = read(build(told, columns(["roll", "pitch", "heading"], axes="FLU to ENU"))).aidings
+    (mixed,) = read(build(told, columns(["roll", "pitch", "heading"], axes="FLU to ENU"))).sources
     np.testing.assert_allclose(mixed.y[:, :2], level.y[:, :2], atol=1e-9)
     assert np.isnan(mixed.y[1::2, 2]).all() and difference(mixed.y[::2], TRUE[::2]) < 1e-9
 
@@ -152,7 +152,7 @@ def test_roll_and_pitch_come_together(build):
     frame.loc[3, "roll"] = frame.loc[5, "pitch"] = np.nan
     recording = read(build(frame))
     assert (
-        len(recording.aidings[0].t) == 998
+        len(recording.sources[0].t) == 998
         and "2 rows without time, value" in recording.meta["notes"][0]
         and "line 5" in recording.meta["notes"][0]
     )
@@ -160,16 +160,16 @@ def test_roll_and_pitch_come_together(build):
     y[3, 0] = np.nan
     imu = tables()[0].to_numpy()
     made = Recording.from_arrays(
-        imu[:, 0], imu[:, 1:4], imu[:, 4:7], (Aiding("attitude", T, y, np.full((1000, 3), 0.01)),)
+        imu[:, 0], imu[:, 1:4], imu[:, 4:7], (Source("attitude", T, y, np.full((1000, 3), 0.01)),)
     )
-    assert len(made.aidings[0].t) == 999
+    assert len(made.sources[0].t) == 999
     y[3, 0], y[5, 1] = np.inf, 2.0
     with pytest.raises(DataError, match="^attitude, row 5: pitch is 114.592 deg"):
         Recording.from_arrays(
             imu[:, 0],
             imu[:, 1:4],
             imu[:, 4:7],
-            (Aiding("attitude", T, y, np.full((1000, 3), 0.01)),),
+            (Source("attitude", T, y, np.full((1000, 3), 0.01)),),
         )
     frame.loc[:, "roll"] = np.inf
     with pytest.raises(DataError, match="no usable fix of kind attitude"):
@@ -177,18 +177,18 @@ def test_roll_and_pitch_come_together(build):
 
 
 def test_deviations_from_columns_and_a_clock_that_is_set(build):
-    frame = angles().assign(sd=0.3, sdh=0.02, t=1e3 * (T + 5))
+    frame = angles().assign(std=0.3, sdh=0.02, t=1e3 * (T + 5))
     (fixes,) = read(
         build(
             frame,
             lambda s: s.replace(
-                "[0.5, 0.5, 2.0]", '["sd", "sd", { column = "sdh", unit = "rad" }]'
+                "[0.5, 0.5, 2.0]", '["std", "std", { column = "sdh", unit = "rad" }]'
             ).replace(
                 '{ column = "t", unit = "s" }', '{ column = "t", unit = "ms", offset = -5.0 }'
             ),
         )
-    ).aidings
-    np.testing.assert_allclose(fixes.sd[0], [np.radians(0.3), np.radians(0.3), 0.02])
+    ).sources
+    np.testing.assert_allclose(fixes.std[0], [np.radians(0.3), np.radians(0.3), 0.02])
     np.testing.assert_allclose(fixes.t, T, atol=1e-9)
 
 
@@ -247,10 +247,10 @@ def test_the_same_words_in_a_reference(build):
         ),
         (lambda s: s.replace('"deg"', '"m"'), "unit 'm' is one of length; accepted for angle"),
         (lambda s: s.replace('unit = "deg"\n', ""), "unit is missing; accepted for angle"),
-        (lambda s: s.replace("[0.5, 0.5, 2.0]", "[0.5, 0.5]"), "sd: 2 given, attitude has 3"),
+        (lambda s: s.replace("[0.5, 0.5, 2.0]", "[0.5, 0.5]"), "std: 2 given, attitude has 3"),
         (
             lambda s: s.replace("[0.5, 0.5, 2.0]", "0"),
-            "sd is 0; it must be a finite number above 0",
+            "std is 0; it must be a finite number above 0",
         ),
         (lambda s: s + 'axes = "ENU"\n', 'such as "FLU to ENU"'),
         (lambda s: s + 'axes = "FLU to NUE"\n', "unknown axes 'NUE'"),
@@ -304,12 +304,12 @@ def with_row(frame, **values):
         (
             angles().assign(**{k: np.radians(angles()[k]) for k in ("roll", "pitch", "heading")}),
             lambda s: s,
-            r"\[\[aiding\]\] 1 \(attitude\) unit: .*0.019.* times as much as the gyro: rad read as deg",
+            r"\[\[source\]\] 1 \(attitude\) unit: .*0.019.* times as much as the gyro: rad read as deg",
         ),
         (
             angles().assign(**{k: np.radians(angles()[k]) for k in ("roll", "pitch")}),
             columns(["roll", "pitch"]),
-            "sd: 3 given, attitude has 2",
+            "std: 3 given, attitude has 2",
         ),
         (
             angles().assign(**{k: np.radians(angles()[k]) for k in ("roll", "pitch")}),
@@ -346,7 +346,7 @@ def test_stuck_fixes_are_dropped_and_counted(build):
         200, ["roll", "pitch", "heading"]
     ].to_numpy()
     recording = read(build(held))
-    assert len(recording.aidings[0].t) == 900 and any(
+    assert len(recording.sources[0].t) == 900 and any(
         "attitude: 100 rows dropped, stuck at one value" in note for note in recording.meta["notes"]
     )
     # a table that turns about the vertical
@@ -354,7 +354,7 @@ def test_stuck_fixes_are_dropped_and_counted(build):
     path = build(flat, lambda s: columns(["roll", "pitch"])(s).replace("[0.5, 0.5, 2.0]", "0.5"))
     imu = tables()[0].assign(gx=0.0, gy=0.0, gz=0.3, ax=0.0, ay=0.0, az=-9.81)
     imu.to_csv(path.parent / "imu.csv", index=False)
-    assert len(read(path).aidings[0].t) == 1000
+    assert len(read(path).sources[0].t) == 1000
 
 
 def merged(frame):
@@ -369,7 +369,7 @@ def test_missing_cells_of_a_merged_table_are_not_stuck_ones(build, empty):
     silent = angles()
     silent.loc[400:699, empty] = np.nan
     recording = read(build(merged(silent)))
-    assert len(recording.aidings[0].t) == 700
+    assert len(recording.sources[0].t) == 700
     (note,) = recording.meta["notes"]
     assert (
         "9291 rows without time, value or standard deviation dropped, the first in line 3" in note
@@ -390,7 +390,7 @@ def test_missing_cells_of_a_merged_table_are_not_stuck_ones(build, empty):
         399, ["roll", "pitch", "heading"]
     ].to_numpy()
     same.loc[400:699, ["roll", "pitch", "heading"]] = np.nan
-    assert len(read(build(same)).aidings[0].t) == 700  # a value that is there again after a pause
+    assert len(read(build(same)).sources[0].t) == 700  # a value that is there again after a pause
 
 
 def test_rows_without_heading_are_counted_with_their_longest_pause(build):
@@ -407,7 +407,7 @@ def test_rad_read_as_deg_in_a_merged_table(build):
     path = build(merged(angles() * [1, *[np.pi / 180] * 3]))
     with pytest.raises(
         DataError,
-        match=r"\[\[aiding\]\] 1 \(attitude\) unit: .* 0.019.* times as much as the gyro: rad read as deg",
+        match=r"\[\[source\]\] 1 \(attitude\) unit: .* 0.019.* times as much as the gyro: rad read as deg",
     ):
         read(path)
     assert any("rad read as deg" in problem for problem in inspect(path).problems)
@@ -415,12 +415,12 @@ def test_rad_read_as_deg_in_a_merged_table(build):
 
 def test_rad_read_as_deg_in_arrays_and_netcdf(build, tmp_path):
     good = read(build())
-    (box,) = good.aidings
+    (box,) = good.sources
     wrong = replace(box, y=np.radians(box.y), name="box")
     imu = tables()[0].to_numpy()
     with pytest.raises(DataError, match="^box unit: the attitude turns 0.019.* rad read as deg"):
         Recording.from_arrays(imu[:, 0], imu[:, 1:4], imu[:, 4:7], (wrong,))
-    write_recording(replace(good, aidings=(wrong,)), tmp_path / "a.nc")
+    write_recording(replace(good, sources=(wrong,)), tmp_path / "a.nc")
     with pytest.raises(DataError, match="box unit: the attitude turns 0.019"):
         read(tmp_path / "a.nc")
     assert any("rad read as deg" in problem for problem in inspect(tmp_path / "a.nc").problems)
@@ -434,9 +434,9 @@ def test_a_round_trip_through_netcdf(build, tmp_path):
         )
     )
     write_recording(recording, tmp_path / "a.nc")
-    (one,), (other,) = recording.aidings, read(tmp_path / "a.nc").aidings
+    (one,), (other,) = recording.sources, read(tmp_path / "a.nc").sources
     assert (other.kind, other.name, other.gate, other.parameters) == ("attitude", "xsens", 9.0, ())
-    np.testing.assert_array_equal(np.c_[one.t, one.y, one.sd], np.c_[other.t, other.y, other.sd])
+    np.testing.assert_array_equal(np.c_[one.t, one.y, one.std], np.c_[other.t, other.y, other.std])
     assert "turns of xsens against those of the gyro: correlation 1.000" in str(
         inspect(tmp_path / "a.nc")
     )
@@ -536,7 +536,7 @@ def test_a_draft_has_the_attitude_commented_out(tmp_path):
     )
     path = tmp_path / "recording.toml"
     path.write_text(text)
-    assert read(path).aidings == ()
-    head, part = text.split('# [[aiding]]\n# kind = "attitude"')
-    path.write_text(head + '[[aiding]]\nkind = "attitude"' + part.replace("\n# ", "\n"))
-    assert difference(read(path).aidings[0].y) < 1e-9
+    assert read(path).sources == ()
+    head, part = text.split('# [[source]]\n# kind = "attitude"')
+    path.write_text(head + '[[source]]\nkind = "attitude"' + part.replace("\n# ", "\n"))
+    assert difference(read(path).sources[0].y) < 1e-9

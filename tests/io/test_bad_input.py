@@ -12,10 +12,10 @@ import zstandard
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.io import read
 from strapdown.io.inspection import inspect
-from strapdown.preprocessing.fixes import checked_aidings
+from strapdown.preprocessing.fixes import checked_sources
 
 pytestmark = pytest.mark.short
 
@@ -59,17 +59,17 @@ REFUSED = {
     "no overlap": (
         dict(gnss=lambda f: f.assign(t=f.t + 3600)),
         [
-            "[[aiding]] 1 (position)",
+            "[[source]] 1 (position)",
             "IMU 10.000 to 30.000 s, here 3610.500 to 3629.500 s",
             "offset",
         ],
     ),
-    "zero sd": (
-        dict(gnss=set_cell(3, "sd", 0.0)),
+    "zero std": (
+        dict(gnss=set_cell(3, "std", 0.0)),
         ["gnss.csv, line 5", "standard deviation 0", "above 0"],
     ),
-    "negative sd": (
-        dict(gnss=set_cell(4, "sd", -2.0)),
+    "negative std": (
+        dict(gnss=set_cell(4, "std", -2.0)),
         ["gnss.csv, line 6", "standard deviation -2"],
     ),
     "latitude beyond 90": (
@@ -140,9 +140,9 @@ TOMLS = {
         line("[imu]", "[imus]"),
         "top level: unknown key 'imus' (did you mean 'imu'?)",
     ),
-    "unknown key of an aiding": (
-        line("sd = 0.1", "sdd = 0.1"),
-        "[[aiding]] 2 (velocity) unknown key 'sdd' (did you mean 'sd'?)",
+    "unknown key of a source": (
+        line("std = 0.1", "sdd = 0.1"),
+        "[[source]] 2 (velocity) unknown key 'sdd' (did you mean 'std'?)",
     ),
     "missing key": (line("gyro = ", "#"), "[imu] gyro: is missing"),
     "missing unit": (
@@ -155,11 +155,11 @@ TOMLS = {
     ),
     "unit of another kind": (
         line('unit = "m/s"', 'unit = "m"'),
-        "[[aiding]] 2 (velocity) unit: unit 'm' is one of length; accepted for speed: m/s",
+        "[[source]] 2 (velocity) unit: unit 'm' is one of length; accepted for speed: m/s",
     ),
     "unknown kind": (
         line('"velocity"', '"velocities"'),
-        "[[aiding]] 2 (velocities) kind: no aiding is of kind 'velocities' (did you mean 'velocity'?);",
+        "[[source]] 2 (velocities) kind: no aiding is of kind 'velocities' (did you mean 'velocity'?);",
     ),
     "unknown kind of samples": (
         line('kind = "rate"', 'kind = "rates"'),
@@ -169,26 +169,26 @@ TOMLS = {
         line('"FRD"', '"+x +y -z"'),
         "[imu] axes: axes '+x +y -z' are left-handed",
     ),
-    "sd missing": (line("sd = 0.1", ""), "[[aiding]] 2 (velocity) sd: is missing"),
-    "sd zero": (
-        line("sd = 0.1", "sd = 0"),
-        "[[aiding]] 2 (velocity) sd is 0; it must be a finite number above 0",
+    "std missing": (line("std = 0.1", ""), "[[source]] 2 (velocity) std: is missing"),
+    "std zero": (
+        line("std = 0.1", "std = 0"),
+        "[[source]] 2 (velocity) std is 0; it must be a finite number above 0",
     ),
-    "sd of wrong length": (
-        line("sd = 0.1", "sd = [0.1, 0.2]"),
-        "sd: 2 given, velocity has 3: speed, speed, speed",
+    "std of wrong length": (
+        line("std = 0.1", "std = [0.1, 0.2]"),
+        "std: 2 given, velocity has 3: speed, speed, speed",
     ),
     "too few columns": (
         line('["vn", "ve", "vd"]', '["vn", "ve"]'),
         "columns: 2 given, velocity has 3",
     ),
     "rate of a fix": (
-        line("sd = 0.1", "sd = 0.1\nrate = 5.0"),
+        line("std = 0.1", "std = 0.1\nrate = 5.0"),
         "rate: velocity takes none; its fixes come at the times of the file",
     ),
     "number as text": (
-        line("sd = 0.1", 'sd = 0.1\ngate = "9"'),
-        "[[aiding]] 2 (velocity) gate: input should be a valid number, not '9'",
+        line("std = 0.1", 'std = 0.1\ngate = "9"'),
+        "[[source]] 2 (velocity) gate: input should be a valid number, not '9'",
     ),
     "lever arm of two": (line('axes = "FRD"', "lever_arm = [0.0, 1.0]"), "[imu] lever_arm"),
     "no date": (line("2024-05-01", "yesterday"), "date: 'yesterday' is no date"),
@@ -221,7 +221,7 @@ def test_all_complaints_are_counted(build):
     assert refused(
         build(
             toml=lambda s: s.replace('unit = "deg/s"', 'unit = "dps"').replace(
-                "sd = 0.1", "sd = -1"
+                "std = 0.1", "std = -1"
             )
         )
     ).endswith("(and 1 more)")
@@ -331,7 +331,7 @@ def test_handled_and_noted(build, case):
 
 def test_sorted_fixes_keep_their_values(build):
     expected, sorted_ = (
-        read(build(gnss=change)).aidings[0]
+        read(build(gnss=change)).sources[0]
         for change in (None, lambda f: f.loc[np.r_[0:5, 6, 5, 7:20]])
     )
     np.testing.assert_array_equal(expected.t, sorted_.t)
@@ -342,38 +342,33 @@ def test_aidings_from_arrays_are_checked_alike():
     imu = Imu(*np.zeros((2, 50)), np.zeros((50, 3)), np.zeros((50, 3)))._replace(
         t=np.arange(1.0, 51), dt=np.ones(50)
     )
-    fix = Aiding(
+    fix = Source(
         "position",
         np.array([3.0, 2.0, 4.0, np.nan]),
         np.tile([0.8, 0.1, 100.0], (4, 1)),
         np.ones(3),
     )
-    (aiding,), notes = checked_aidings(imu, [fix])
-    assert (
-        aiding.t.tolist() == [2, 3, 4]
-        and aiding.sd.shape == (3, 3)
-        and aiding.sd.flags.writeable
-        and len(notes) == 2
-    )
+    (source,), notes = checked_sources(imu, [fix])
+    assert source.t.tolist() == [2, 3, 4] and source.std.shape == (3, 3) and len(notes) == 2
     for change, words in (
-        (dict(sd=np.zeros(3)), "position, row 1: standard deviation 0"),
+        (dict(std=np.zeros(3)), "position, row 1: standard deviation 0"),
         (dict(t=fix.t + 900), "nothing falls within the IMU record"),
-        (dict(y=fix.y[:, :2]), r"needs y and sd of shape \(4, 3\)"),
+        (dict(y=fix.y[:, :2]), r"needs y and std of shape \(4, 3\)"),
         (dict(y=np.degrees(fix.y)), "latitude is 2626.* deg"),
     ):
         with pytest.raises(DataError, match=words):
-            checked_aidings(imu, [replace(fix, **change)])
+            checked_sources(imu, [replace(fix, **change)])
 
 
 def test_a_missing_component_stays_missing(build):
-    position = read(build(gnss=set_cell(3, "alt", np.nan))).aidings[0]
+    position = read(build(gnss=set_cell(3, "alt", np.nan))).sources[0]
     assert len(position.t) == 20 and np.isnan(position.y[3]).tolist() == [False, False, True]
 
 
 def test_the_antimeridian_is_read_as_it_is(build):
     position = read(
         build(gnss=lambda f: f.assign(lon=np.where(f.index < 10, 179.9999, -179.9999)))
-    ).aidings[0]
+    ).sources[0]
     np.testing.assert_allclose(np.degrees(position.y[[0, -1], 1]), [179.9999, -179.9999])
 
 

@@ -7,23 +7,23 @@ from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
 from strapdown.checks import DataError
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.io import read
 
 pytestmark = pytest.mark.short
 
 
 def pressure(text):
-    return text[: text.index("[[aiding]]")] + (
-        '[[aiding]]\nkind = "pressure"\nfile = "mag.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["p"]\n'
-        'unit = "hPa"\nsd = 2.0\nlever_arm = [0.5, 0.0, 0.0]\n'
+    return text[: text.index("[[source]]")] + (
+        '[[source]]\nkind = "pressure"\nfile = "mag.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["p"]\n'
+        'unit = "hPa"\nstd = 2.0\nlever_arm = [0.5, 0.0, 0.0]\n'
     )
 
 
 def test_pressure(build):
-    (baro,) = read(build(mag=lambda f: f.assign(p=955.0 + 0.01 * f.t), toml=pressure)).aidings
+    (baro,) = read(build(mag=lambda f: f.assign(p=955.0 + 0.01 * f.t), toml=pressure)).sources
     np.testing.assert_allclose(baro.y[:, 0], 95500 + 1.0 * tables()[1].t, rtol=1e-12)
-    np.testing.assert_allclose(baro.sd, 2.0)  # m, whatever the unit of the pressure
+    np.testing.assert_allclose(baro.std, 2.0)  # m, whatever the unit of the pressure
     assert baro.parameters == (0.5, 0.0, 0.0)
 
 
@@ -63,10 +63,10 @@ def test_pressure_altitude_gravity_and_sea_level(build):
     text = pressure(TOML).replace('"pressure"', '"pressure-altitude"').replace(
         '"hPa"', '"m"'
     ) + "".join(
-        f'\n[[aiding]]\nkind = "{kind}"\nrate = 5.0\nsd = {sd}\n'
-        for kind, sd in (("gravity", 0.5), ("zero-sea-level", 1.5))
+        f'\n[[source]]\nkind = "{kind}"\nrate = 5.0\nstd = {std}\n'
+        for kind, std in (("gravity", 0.5), ("zero-sea-level", 1.5))
     )
-    height, gravity, sea = read(build(mag=lambda f: f.assign(p=500.0), toml=lambda s: text)).aidings
+    height, gravity, sea = read(build(mag=lambda f: f.assign(p=500.0), toml=lambda s: text)).sources
     assert (
         height.y[0, 0] == 500.0 and gravity.parameters == () and sea.parameters == (0.0, 0.0, 0.0)
     )
@@ -74,14 +74,14 @@ def test_pressure_altitude_gravity_and_sea_level(build):
         gravity.y.shape == (500, 3)
         and sea.y.shape == (500, 1)
         and not gravity.y.any()
-        and sea.sd[0, 0] == 1.5
+        and sea.std[0, 0] == 1.5
     )
 
 
 @pytest.mark.parametrize("parameters", [(), (0.0, 0.0, 0.0), (20.0, 1.0, 43.0)])
 def test_arrays_need_the_field_too(parameters):
     t = 0.01 * np.arange(1, 101)
-    mag = Aiding("magnetic-field", t, np.full((100, 3), 2e-5), np.full((100, 3), 1e-6), parameters)
+    mag = Source("magnetic-field", t, np.full((100, 3), 2e-5), np.full((100, 3), 1e-6), parameters)
     with pytest.raises(
         DataError, match="magnetic-field: parameters are .* geomagnetic_field gives it"
     ):
@@ -91,7 +91,7 @@ def test_arrays_need_the_field_too(parameters):
 def test_the_uav_reads_with_its_magnetometer_and_barometer(tmp_path, data_folder, monkeypatch):
     monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
     part = (
-        TOML[TOML.index("[[aiding]]") :]
+        TOML[TOML.index("[[source]]") :]
         .replace("mag.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz")
         .replace('"t"', '"t_s"')
     )
@@ -100,12 +100,12 @@ def test_the_uav_reads_with_its_magnetometer_and_barometer(tmp_path, data_folder
         .replace('"uT"', '"gauss"')
         .replace("0.5", "0.01")
     )
-    air = pressure(TOML)[pressure(TOML).index("[[aiding]]") :].replace(
+    air = pressure(TOML)[pressure(TOML).index("[[source]]") :].replace(
         "mag.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz"
     )
     air = air.replace('"t"', '"t_s"').replace('"p"', '"static_p_kPa"').replace('"hPa"', '"kPa"')
     imu = (
-        TOML[TOML.index("[imu]") : TOML.index("[[aiding]]")]
+        TOML[TOML.index("[imu]") : TOML.index("[[source]]")]
         .replace("imu.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz")
         .replace('"t"', '"t_s"')
     )
@@ -121,7 +121,7 @@ def test_the_uav_reads_with_its_magnetometer_and_barometer(tmp_path, data_folder
         + air
     )
     recording = read(path)
-    mag, baro = recording.aidings
+    mag, baro = recording.sources
     assert (
         len(mag.t) > 34000 and len(baro.t) == 34811 and 90e3 < baro.y.min() < baro.y.max() < 100e3
     )

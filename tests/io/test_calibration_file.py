@@ -228,10 +228,10 @@ def test_the_file_of_a_calibration_is_one_that_the_description_can_name(turned):
     np.testing.assert_allclose(bias * 1e6, IRON, atol=0.1)
     np.testing.assert_allclose(matrix, MATRIX, atol=0.006)
     (turned / "recording.toml").write_text(
-        TOML.replace("sd = 0.5", 'sd = 0.5\ncalibration = "found.toml"')
+        TOML.replace("std = 0.5", 'std = 0.5\ncalibration = "found.toml"')
     )
     recording = read("recording.toml")
-    (field,) = recording.aidings
+    (field,) = recording.sources
     np.testing.assert_allclose(field.y, before.calibrated, atol=1e-13)
     assert not any("strength" in note for note in recording.meta["notes"])
     again = sd.calibrate(recording)
@@ -252,7 +252,7 @@ def test_the_command_writes_file_and_page(turned, command):
     assert (
         "magnetometer   x" in out
         and "strength: 4" in out
-        and 'in recording.toml: [[aiding]] kind = "magnetic-field": calibration = "results/calibration.toml"'
+        and 'in recording.toml: [[source]] kind = "magnetic-field": calibration = "results/calibration.toml"'
         in out
     )
     page = (turned / "results" / "calibration.html").read_text()

@@ -82,14 +82,14 @@ def test_a_written_flight_comes_back(flown, tmp_path):
     np.testing.assert_allclose(found.imu.t, flown.imu.t, atol=1e-6)
     np.testing.assert_allclose(found.imu.dtheta[1:], flown.imu.dtheta[1:], rtol=1e-3, atol=1e-8)
     np.testing.assert_allclose(found.imu.dv[1:], flown.imu.dv[1:], rtol=1e-3, atol=1e-7)
-    position, velocity = found.aidings
-    expected, theirs = flown.aidings
+    position, velocity = found.sources
+    expected, theirs = flown.sources
     np.testing.assert_allclose(position.t, expected.t, atol=1e-3)  # stamps of 1 ms
     np.testing.assert_allclose(position.y[:, :2], expected.y[:, :2], atol=1e-9)
     # EGM96 at 47.4 N 8.5 E
     np.testing.assert_allclose(position.y[:, 2] - expected.y[:, 2], 47.3, atol=0.3)
     np.testing.assert_allclose(velocity.y, theirs.y, atol=2e-5)
-    np.testing.assert_allclose(position.sd[:, 2], expected.sd[:, 2], atol=0.005)
+    np.testing.assert_allclose(position.std[:, 2], expected.std[:, 2], atol=0.005)
     np.testing.assert_allclose(position.parameters, [0.07, 0.0, -0.2], atol=1e-7)
     assert found.meta["vehicle"] == "multicopter"
     zero = iso(written.WEEK * WEEK + written.DAY)
@@ -110,7 +110,7 @@ def test_a_written_flight_comes_back(flown, tmp_path):
 def test_the_delay_that_the_driver_knows(flown, log, text, delay):
     path = log(written.messages_of(flown, delay), {"GPS_DELAY_MS": 0.0}, texts=[text])
     found = sd.read(path)
-    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-3)
+    np.testing.assert_allclose(found.sources[0].t, flown.sources[0].t, atol=1e-3)
     read = " ".join(found.meta["read"])
     assert ("own for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
 
@@ -120,8 +120,8 @@ def test_the_undulation_of_the_receiver_makes_heights_ellipsoidal(flown, log):
     letters, columns = messages["GPA"]
     columns["Und"] = np.full(len(columns["TimeUS"]), -47.5)
     messages["GPA"] = letters + "f", columns
-    position = sd.read(log(messages)).aidings[0]
-    np.testing.assert_allclose(position.y[:, 2] - flown.aidings[0].y[:, 2], 47.5, atol=0.006)
+    position = sd.read(log(messages)).sources[0]
+    np.testing.assert_allclose(position.y[:, 2] - flown.sources[0].y[:, 2], 47.5, atol=0.006)
 
 
 def test_instances_by_column_and_by_name(flown, log):
@@ -154,7 +154,7 @@ def test_rows_without_a_fix_count_for_nothing(flown, log):
     gps["Status"] = np.where(none, 1, 3)
     gps["GWk"] = np.where(none, 1023, written.WEEK)
     found = sd.read(log(messages))
-    assert len(found.aidings[0].t) == many - none.sum()
+    assert len(found.sources[0].t) == many - none.sum()
     assert found.meta["epoch"].startswith(iso(written.WEEK * WEEK + written.DAY)[:18])
     assert any("rows without a 3D fix" in line for line in found.meta["read"])
 
@@ -163,16 +163,16 @@ def test_what_the_log_does_not_say_is_assumed(flown, log):
     messages = written.messages_of(flown)
     del messages["GPA"]
     found = sd.read(log(messages, {"AHRS_EKF_TYPE": 3.0, "EK3_VELNE_M_NSE": 0.4}))
-    position, velocity = found.aidings
-    assert np.all(position.sd == 0.5) and np.all(velocity.sd == 0.4)
-    np.testing.assert_allclose(position.t, flown.aidings[0].t - 0.2, atol=1e-3)
+    position, velocity = found.sources
+    assert np.all(position.std == 0.5) and np.all(velocity.std == 0.4)
+    np.testing.assert_allclose(position.t, flown.sources[0].t - 0.2, atol=1e-3)
     read = " ".join(found.meta["read"])
     assert "the default of EK3_POSNE_M_NSE" in read and "ArduPilot's own default" in read
 
 
 def test_the_older_filter_states_the_delay(flown, log):
     found = sd.read(log(written.messages_of(flown), {"AHRS_EKF_TYPE": 2.0, "EK2_GPS_DELAY": 220.0}))
-    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t - 0.22, atol=1e-3)
+    np.testing.assert_allclose(found.sources[0].t, flown.sources[0].t - 0.22, atol=1e-3)
 
 
 def test_the_trim_is_the_mounting(flown, log):
@@ -232,9 +232,9 @@ def test_magnetometer_and_barometer(flown, log):
     mag = dict(zip(("MagX", "MagY", "MagZ"), field.T, strict=True))
     messages["MAG"] = "QBhhhB", {"TimeUS": t, "I": 0 * t, **mag, "Health": good}
     messages["BARO"] = "QBf", {"TimeUS": t, "I": 0 * t, "Press": 95000 + np.arange(len(t))}
-    found = {each.kind: each for each in sd.read(log(messages)).aidings}
+    found = {each.kind: each for each in sd.read(log(messages)).sources}
     np.testing.assert_allclose(found["magnetic-field"].y, 1e-7 * field[good], rtol=1e-9)
-    np.testing.assert_allclose(found["magnetic-field"].sd, 5e-6)
+    np.testing.assert_allclose(found["magnetic-field"].std, 5e-6)
     np.testing.assert_allclose(found["pressure"].y[:, 0], 95000 + np.arange(len(t)))
 
 
@@ -343,8 +343,8 @@ def test_a_log_with_times_in_ms(flown, tmp_path, letters):
     np.testing.assert_allclose(
         found.imu.dv / found.imu.dt[:, None], flown.imu.dv / flown.imu.dt[:, None], rtol=1e-6
     )
-    position, velocity = found.aidings
-    expected, theirs = flown.aidings
+    position, velocity = found.sources
+    expected, theirs = flown.sources
     np.testing.assert_allclose(position.t, expected.t, atol=1.1e-3)
     np.testing.assert_allclose(position.y[:, :2], expected.y[:, :2], atol=1e-9)
     np.testing.assert_allclose(velocity.y, theirs.y, atol=2e-2)
@@ -354,11 +354,11 @@ def test_a_log_with_times_in_ms(flown, tmp_path, letters):
 
 def test_no_fix_of_an_old_log_is_no_fix(flown, tmp_path):
     path = tmp_path / "2014.bin"
-    fixes = len(flown.aidings[0].t)
+    fixes = len(flown.sources[0].t)
     status = np.array([0, 1, 2, 3])[np.arange(fixes) % 4]
     path.write_bytes(written.log_of_2014(flown, status=status))
     found = sd.read(path)
-    assert [len(a.t) for a in found.aidings] == [np.count_nonzero(status == 3)] * 2
+    assert [len(a.t) for a in found.sources] == [np.count_nonzero(status == 3)] * 2
     lost = np.count_nonzero(status < 3)
     assert f"{lost} of {fixes} rows without a 3D fix" in " ".join(found.meta["read"])
 

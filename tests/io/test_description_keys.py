@@ -7,18 +7,18 @@ import pytest
 from described import TOML, described
 
 import strapdown as sd
-from strapdown.io.description.schema_aiding import AidingPart
+from strapdown.io.description.schema_source import SourcePart
 
 pytestmark = pytest.mark.short
 SOURCES = {
-    "position": 'columns = ["a", "b", "c"]\nunit = ["rad", "rad", "m"]\nsd = 1.0\n',
-    "velocity": 'columns = ["a", "b", "c"]\nunit = "m/s"\nsd = 0.1\n',
-    "speed": 'columns = ["a"]\nunit = "m/s"\nsd = 0.1\n',
-    "altitude": 'columns = ["a"]\nunit = "m"\nsd = 1.0\n',
-    "heading": 'columns = ["a"]\nunit = "rad"\nsd = 0.1\n',
-    "attitude": 'columns = ["a", "b", "c"]\nunit = "rad"\nsd = 0.1\n',
-    "zero-velocity": "rate = 10\nsd = 0.1\n",
-    "zero-lateral-velocity": "rate = 10\nsd = 0.1\n",
+    "position": 'columns = ["a", "b", "c"]\nunit = ["rad", "rad", "m"]\nstd = 1.0\n',
+    "velocity": 'columns = ["a", "b", "c"]\nunit = "m/s"\nstd = 0.1\n',
+    "speed": 'columns = ["a"]\nunit = "m/s"\nstd = 0.1\n',
+    "altitude": 'columns = ["a"]\nunit = "m"\nstd = 1.0\n',
+    "heading": 'columns = ["a"]\nunit = "rad"\nstd = 0.1\n',
+    "attitude": 'columns = ["a", "b", "c"]\nunit = "rad"\nstd = 0.1\n',
+    "zero-velocity": "rate = 10\nstd = 0.1\n",
+    "zero-lateral-velocity": "rate = 10\nstd = 0.1\n",
 }
 VALUES = {
     "table": '"other"',
@@ -37,13 +37,13 @@ VALUES = {
     "estimate": '["clock"]',
     "slip_test": "false",
     "slip": "0.05",
-    "correlated": "{ sd = 0.5, time = 60 }",
+    "correlated": "{ std = 0.5, time = 60 }",
     "robust": "true",
     "adaptive": "60.0",
     "gate": "5.0",
     "name": '"mine"',
 }
-GIVEN = {"kind", "file", "time", "columns", "unit", "sd"}
+GIVEN = {"kind", "file", "time", "columns", "unit", "std"}
 """Keys of every source above; what they do is tested with the readers."""
 NO_SLIP = {("speed", "slip_test")}
 """Of wheels that do not slip."""
@@ -52,7 +52,7 @@ NO_SLIP = {("speed", "slip_test")}
 def content(recording):
     """What reading gives, as text."""
     sources = [
-        (*a.__dict__.items(),) if hasattr(a, "__dict__") else tuple(a) for a in recording.aidings
+        (*a.__dict__.items(),) if hasattr(a, "__dict__") else tuple(a) for a in recording.sources
     ]
     with np.printoptions(threshold=10**6, precision=17):
         return repr(([np.asarray(c).tobytes() for c in recording.imu], sources, recording.meta))
@@ -66,7 +66,7 @@ def folder(tmp_path_factory):
     described(drive, folder)
     truth, t = drive.reference, np.arange(5.5, 39.5, 0.5)
     at = np.searchsorted(truth.t, t)
-    speed = truth.rotation.inv().apply(truth.v_n)[at, :1]
+    speed = truth.rotation.inv().apply(truth.v_n.copy())[at, :1]
     for kind, values in (
         ("speed", speed),
         ("altitude", truth.lla[at, 2:]),
@@ -84,14 +84,14 @@ def read(folder, kind, more=""):
     lines = SOURCES[kind]
     if more.startswith("rate") and "rate" in lines:
         lines = lines.replace("rate = 10\n", "")
-    source = f'[[aiding]]\nkind = "{kind}"\n{"" if kind.startswith("zero") else own}{lines}{more}\n'
+    source = f'[[source]]\nkind = "{kind}"\n{"" if kind.startswith("zero") else own}{lines}{more}\n'
     path = folder / "keys.toml"
-    path.write_text(TOML.partition("[[aiding]]")[0] + source)
+    path.write_text(TOML.partition("[[source]]")[0] + source)
     return content(sd.read(path))
 
 
 def test_all_keys_are_tried():
-    assert AidingPart.model_fields.keys() == VALUES.keys() | GIVEN
+    assert SourcePart.model_fields.keys() == VALUES.keys() | GIVEN
 
 
 @pytest.mark.parametrize("kind", SOURCES)

@@ -42,7 +42,7 @@ def imu_csv(recording):
 def gnss_csv(recording):
     """ISO times, knots and degrees, height above the geoid with its separation, a fix of 0."""
     position, velocity = (
-        next(each for each in recording.aidings if each.kind == kind)
+        next(each for each in recording.sources if each.kind == kind)
         for kind in ("position", "velocity")
     )
     t, rows = np.intersect1d(position.t, velocity.t, return_indices=True)[:2]
@@ -86,14 +86,14 @@ def test_the_awkward_pair_is_read_in_one_try(drive, pair, tmp_path):
         np.testing.assert_allclose(recording.imu.t - shift, drive.imu.t, atol=1e-4)
         np.testing.assert_allclose(recording.imu.dv, drive.imu.dv, atol=2e-4)
         np.testing.assert_allclose(recording.imu.dtheta, drive.imu.dtheta, atol=1e-6)
-        position, velocity = recording.aidings
-        there = next(each for each in drive.aidings if each.kind == "position")
+        position, velocity = recording.sources
+        there = next(each for each in drive.sources if each.kind == "position")
         rows = np.searchsorted(there.t, position.t - shift - 1e-3)
         np.testing.assert_allclose(position.t - shift, there.t[rows], atol=1e-4)
         np.testing.assert_allclose(position.y[:, :2], there.y[rows, :2], atol=1e-9)
         np.testing.assert_allclose(position.y[:, 2], there.y[rows, 2], atol=1e-6)
         assert position.y[:, 0].min() > 0.1  # no row without a fix
-        fast = next(each for each in drive.aidings if each.kind == "velocity")
+        fast = next(each for each in drive.sources if each.kind == "velocity")
         rows = np.searchsorted(fast.t, velocity.t - shift - 1e-3)
         moving = np.hypot(*fast.y[rows, :2].T) > 0.5
         np.testing.assert_allclose(velocity.y[moving, :2], fast.y[rows][moving, :2], atol=1e-6)
@@ -127,7 +127,7 @@ def test_time_of_week_in_both_files_needs_no_week(pair):
     rows = [f"{t:.3f};{line.partition(';')[2]}" for t, line in zip(seconds, lines[1:])]
     pair[1].write_text("\n".join([lines[0].replace("utc", "gps_tow"), *rows]).replace(".", ","))
     recording = sd.read(*pair)
-    assert recording.imu.t[0] == pytest.approx(OF_WEEK, abs=1.0) and len(recording.aidings) == 2
+    assert recording.imu.t[0] == pytest.approx(OF_WEEK, abs=1.0) and len(recording.sources) == 2
 
 
 FIX = {
@@ -145,7 +145,7 @@ def test_accuracies(tmp_path, names):
     rows = [f"{k},{48 + 1e-6 * k:.7f},9.0,500,{','.join(cells)}" for k in range(20)]
     path = tmp_path / "gnss.csv"
     path.write_text("\n".join([f"t,latitude,longitude,h_ell,{names}", *rows]))
-    assert position(tmp_path, path).sd[0] == pytest.approx(expected)
+    assert position(tmp_path, path).std[0] == pytest.approx(expected)
 
 
 def position(folder, path):
@@ -154,7 +154,7 @@ def position(folder, path):
     still = np.random.default_rng(1).normal(0, 0.01, (len(t), 6)) + [0, 0, 0, 0, 0, -9.8]
     names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
     pd.DataFrame(np.c_[t, still], columns=names).to_csv(folder / "imu.csv", index=False)
-    return sd.read(folder / "imu.csv", path).aidings[0]
+    return sd.read(folder / "imu.csv", path).sources[0]
 
 
 @pytest.mark.short
@@ -179,7 +179,7 @@ def test_positions_of_many_spellings(tmp_path, header, row, lla):
     assert found.y[0, 2] == pytest.approx(lla[2])
     description = tmp_path / "recording.toml"
     description.write_text(draft([tmp_path / "imu.csv", path], {}, tmp_path))
-    np.testing.assert_array_equal(sd.read(description).aidings[0].y, found.y)
+    np.testing.assert_array_equal(sd.read(description).sources[0].y, found.y)
 
 
 @pytest.mark.parametrize("hour", [12, 23])
@@ -197,7 +197,7 @@ def test_a_time_of_day_takes_the_day_of_the_other_table(tmp_path, hour):
     recording = sd.read(tmp_path / "imu.csv", tmp_path / "gnss.csv")
     assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
     assert recording.imu.t[-1] == pytest.approx(hour * 3600 + 3590 + 1499 * 0.02, abs=1e-4)
-    assert recording.aidings[0].t[-1] == pytest.approx(hour * 3600 + 3590 + 29)
+    assert recording.sources[0].t[-1] == pytest.approx(hour * 3600 + 3590 + 29)
     assert any("the day of gnss.csv" in line for line in recording.meta["read"])
     assert sd.read(tmp_path / "imu.csv").meta.get("epoch") is None
 
@@ -208,13 +208,13 @@ def test_rows_of_zeros_are_no_fixes(drive, pair):
         rows[k] = rows[k].partition(";")[0] + ";0,0;0,0;0,0;0,0;0,0;0,0;1"
     pair[1].write_text("\n".join(rows))
     recording = sd.read(*pair)
-    for aiding in recording.aidings:
-        assert np.diff(aiding.t).max() == pytest.approx(51 * 0.2, abs=0.21)
+    for source in recording.sources:
+        assert np.diff(source.t).max() == pytest.approx(51 * 0.2, abs=0.21)
     assert any("50 rows of" in line and "are zeros" in line for line in recording.meta["read"])
 
 
 def test_fixes_held_beside_an_imu_count_once(drive, tmp_path):
-    position = drive.aidings[0]
+    position = drive.sources[0]
     imu = drive.imu
     names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
     frame = pd.DataFrame(np.c_[imu.t, np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]], columns=names)
@@ -223,7 +223,7 @@ def test_fixes_held_beside_an_imu_count_once(drive, tmp_path):
     frame[["lat", "lon", "h_ell"]] = held
     frame.to_csv(tmp_path / "log.csv", index=False)
     recording = sd.read(tmp_path / "log.csv")
-    (found,) = recording.aidings
+    (found,) = recording.sources
     last = position.t <= imu.t[-1] + 1e-9
     np.testing.assert_allclose(found.t, position.t[last], atol=1e-3)
     np.testing.assert_allclose(found.y, position.y[last], rtol=1e-12)
@@ -267,7 +267,7 @@ def test_degrees_and_minutes_beside_times_of_the_calendar(tmp_path, header, row)
     imu = tmp_path / "imu.csv"
     rows = [f"{1714564800 + 0.02 * k:.2f},0,0,0,0,0.1,-9.8" for k in range(1500)]
     imu.write_text("\n".join(["time,gx,gy,gz,ax,ay,az", *rows]))
-    (found,) = sd.read(imu, path).aidings
+    (found,) = sd.read(imu, path).sources
     assert np.degrees(found.y[0, :2]) == pytest.approx([48.1173, -11.516667], abs=1e-6)
     assert found.t[0] == 12 * 3600 + 1
 
@@ -359,7 +359,7 @@ def test_a_hemisphere_that_nothing_tells_is_said(tmp_path):
 
 @pytest.mark.short
 def test_an_accelerometer_is_no_accuracy_of_the_position(drive, tmp_path):
-    imu, fixes = drive.imu, drive.aidings[0]
+    imu, fixes = drive.imu, drive.sources[0]
     rates, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
     names = ["t", *(f"gyr_{a}" for a in "xyz"), *(f"acc_{a}" for a in "xyz"), "lat", "lon", "alt"]
     rows = np.searchsorted(imu.t, fixes.t)
@@ -369,7 +369,7 @@ def test_an_accelerometer_is_no_accuracy_of_the_position(drive, tmp_path):
     frame = pd.DataFrame(np.c_[imu.t, rates, force, cells], columns=names).assign(vx=1.0, soc=99)
     frame.to_csv(path, index=False)
     recording = sd.read(path)
-    assert recording.aidings[0].sd[0] == pytest.approx([2, 2, 4])
+    assert recording.sources[0].std[0] == pytest.approx([2, 2, 4])
     assert any(
         line.endswith("log.csv: columns not recognised or not needed: vx, soc")
         for line in recording.meta["read"]
@@ -383,9 +383,9 @@ def test_a_magnetometer_is_left_until_asked_for(tmp_path):
     path = tmp_path / "log.csv"
     pd.DataFrame(np.c_[np.arange(900) / 50, values], columns=names).to_csv(path, index=False)
     recording = sd.read(path)
-    assert recording.aidings == ()
+    assert recording.sources == ()
     assert any("uncalibrated" in line for line in recording.meta["read"])
-    assert len(sd.read(path, magnetometer=0).aidings) == 1
+    assert len(sd.read(path, magnetometer=0).sources) == 1
 
 
 @pytest.mark.short
@@ -394,8 +394,8 @@ def test_the_accuracy_of_a_course_is_that_of_the_speed(tmp_path):
     rows = (f"{k},{48 + 4e-4 * k},9,500,45,0,0" for k in range(20))
     path.write_text("\n".join(["t,lat,lon,h_ell,speed,course,vd", *rows]))
     position(tmp_path, path)
-    velocity = sd.read(tmp_path / "imu.csv", path).aidings[1]
-    np.testing.assert_allclose(velocity.sd, 0.2)
+    velocity = sd.read(tmp_path / "imu.csv", path).sources[1]
+    np.testing.assert_allclose(velocity.std, 0.2)
 
 
 @pytest.mark.short
@@ -496,11 +496,11 @@ def test_whole_numbers_as_ubx_has_them(tmp_path):
     )
     path.write_text("\n".join(["t,lat,lon,height,velN,velE,velD,hAcc,sAcc", *rows]))
     place = position(tmp_path, path)
-    velocity = sd.read(tmp_path / "imu.csv", path).aidings[1]
+    velocity = sd.read(tmp_path / "imu.csv", path).sources[1]
     assert np.degrees(place.y[0, 0]) == pytest.approx(48) and place.y[0, 2] == 500
-    np.testing.assert_allclose(place.sd[0], [0.9, 0.9, 1.8])
+    np.testing.assert_allclose(place.std[0], [0.9, 0.9, 1.8])
     np.testing.assert_allclose(velocity.y, np.tile([7.0, 0.0, 0.009], (len(velocity.t), 1)))
-    np.testing.assert_allclose(velocity.sd, 0.06)
+    np.testing.assert_allclose(velocity.std, 0.06)
 
 
 @pytest.mark.short

@@ -12,13 +12,13 @@ from strapdown.io import read
 pytestmark = pytest.mark.short
 
 WHEEL = """
-[[aiding]]
+[[source]]
 kind = "speed"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["vn"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 estimate = ["scale", "clock"]
 """
 
@@ -26,7 +26,7 @@ estimate = ["scale", "clock"]
 def asking(source="", imu="", more=""):
     """The change of a description that adds lines to its first source and to [imu]."""
     return lambda text: (
-        text.replace('"sd", "sd"]\n', f'"sd", "sd"]\n{source}\n').replace(
+        text.replace('"std", "std"]\n', f'"std", "std"]\n{source}\n').replace(
             'kind = "rate"\n', f'kind = "rate"\n{imu}\n'
         )
         + more
@@ -36,9 +36,9 @@ def asking(source="", imu="", more=""):
 def test_names_have_their_own_priors(build):
     asked = asking('estimate = ["clock", "lever-arm"]', 'estimate = ["mounting", "scale"]', WHEEL)
     recording = read(build(toml=asked))
-    position, velocity, wheel = (dict(a.estimate) for a in recording.aidings)
+    position, velocity, wheel = (dict(a.estimate) for a in recording.sources)
     assert position == {"clock": (0.1,), "lever-arm": (0.5, 0.5, 0.5)} and velocity == {}
-    assert wheel == {"scale": calibration_parameters.SCALE.sd, "clock": (0.1,)}
+    assert wheel == {"scale": calibration_parameters.SCALE.std, "clock": (0.1,)}
     assert recording.meta["estimate"] == {
         "mounting": (0.0, radians(2), radians(2)),
         "gyro-scale": (0.01,) * 3,
@@ -49,13 +49,13 @@ def test_names_have_their_own_priors(build):
 def test_priors_are_in_the_units_of_tables(build):
     source = "estimate = { clock = 0.2, lever-arm = [0.5, 0.0, 1] }"
     recording = read(build(toml=asking(source, "estimate = { mounting = [0, 1, 2.5] }")))
-    assert recording.aidings[0].estimate == {"clock": (0.2,), "lever-arm": (0.5, 0.0, 1.0)}
+    assert recording.sources[0].estimate == {"clock": (0.2,), "lever-arm": (0.5, 0.0, 1.0)}
     assert recording.meta["estimate"]["mounting"] == pytest.approx((0, radians(1), radians(2.5)))
 
 
 def test_nothing_is_noted_where_nothing_is_asked_for(build):
     recording = read(build(toml=asking("estimate = []")))
-    assert recording.aidings[0].estimate == {} and "estimate" not in recording.meta
+    assert recording.sources[0].estimate == {} and "estimate" not in recording.meta
 
 
 def test_a_file_of_ones_own_keeps_it(build, tmp_path):
@@ -63,7 +63,7 @@ def test_a_file_of_ones_own_keeps_it(build, tmp_path):
     recording = read(build(toml=asked))
     sd.write_recording(recording, tmp_path / "kept.nc")
     again = sd.read(tmp_path / "kept.nc")
-    assert [a.estimate for a in again.aidings] == [{"clock": (0.2,)}, {}]
+    assert [a.estimate for a in again.sources] == [{"clock": (0.2,)}, {}]
     assert {name: tuple(prior) for name, prior in again.meta["estimate"].items()} == (
         recording.meta["estimate"]
     )
@@ -92,7 +92,7 @@ def test_refusals_at_a_source(build, source, said):
     path = build(toml=asking(f"estimate = {source}"))
     with pytest.raises(DataError) as caught:
         read(path)
-    assert str(caught.value).startswith(f"{path}: [[aiding]] 1 (position) estimate: {said}")
+    assert str(caught.value).startswith(f"{path}: [[source]] 1 (position) estimate: {said}")
     assert "\n" not in str(caught.value)
 
 

@@ -63,7 +63,7 @@ DESCRIBED = (
 def test_example_recordings(data_folder, name, samples, fixes, rest):
     recording = read(EXAMPLES / f"{name}.toml")
     assert len(recording.imu.t) == samples
-    assert {a.kind: len(a.t) for a in recording.aidings} == fixes
+    assert {a.kind: len(a.t) for a in recording.sources} == fixes
     still = recording.imu.t < 34
     np.testing.assert_allclose(
         recording.imu.dv[still].sum(axis=0) / recording.imu.dt[still].sum(), rest, atol=0.01
@@ -75,14 +75,14 @@ def test_example_recordings(data_folder, name, samples, fixes, rest):
 
 def test_drive0708_lever_arms_and_axes(data_folder):
     recording = read(EXAMPLES / "drive0708-vehicle.toml")
-    arms = {a.kind: a.parameters for a in recording.aidings}
+    arms = {a.kind: a.parameters for a in recording.sources}
     np.testing.assert_allclose(arms["position"], [0, -0.05, 0], atol=1e-12)
     np.testing.assert_allclose(arms["zero-lateral-velocity"], [0, 0, 0.65])
-    position, velocity = recording.aidings[:2]
+    position, velocity = recording.sources[:2]
     # the vertical velocity has the sign that the height says
     down = -np.gradient(position.y[:, 2], position.t)
     assert np.corrcoef(down, velocity.y[:, 2])[0, 1] > 0.9
-    assert recording.aidings[4].t[0] < 4 and recording.imu.t[0] == pytest.approx(3.854 - 0.20)
+    assert recording.sources[4].t[0] < 4 and recording.imu.t[0] == pytest.approx(3.854 - 0.20)
 
 
 BLOCKS = re.findall(r"```toml\n# (\S+)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
@@ -112,8 +112,8 @@ def tables(tmp_path):
         "vn": 2.0,
         "vu": 0.1,
         "hdg": 26.0,
-        "sd_h": 0.5,
-        "sd_v": 80,
+        "std_h": 0.5,
+        "std_v": 80,
     }
     save("gnss.csv", fix)
     save("odometer.csv", {"ms": 1000 * s, "speed": 80}, header=False)
@@ -148,12 +148,12 @@ def test_every_description_of_the_page_reads(tables, number):
         [],
         ["zero-velocity: no rest was found, so it never holds"],
     )
-    assert len(recording.aidings) == text.count("[[aiding]]") and (
+    assert len(recording.sources) == text.count("[[source]]") and (
         recording.reference is not None
     ) == ("[reference]" in text)
     write_recording(recording, tables / "recording.nc")
-    assert [a.name for a in read(tables / "recording.nc").aidings] == [
-        a.name for a in recording.aidings
+    assert [a.name for a in read(tables / "recording.nc").sources] == [
+        a.name for a in recording.sources
     ]
 
 
@@ -162,11 +162,11 @@ def test_the_complete_description_means_what_the_page_says(tables):
         max((text for name, text in BLOCKS if name == "recording.toml"), key=len), encoding="utf-8"
     )
     recording = read(tables / "recording.toml")
-    sources = {a.name: a for a in recording.aidings}
-    np.testing.assert_allclose(sources["position"].sd[0], [0.5, 0.5, 0.8])
+    sources = {a.name: a for a in recording.sources}
+    np.testing.assert_allclose(sources["position"].std[0], [0.5, 0.5, 0.8])
     np.testing.assert_allclose(sources["position"].parameters, [0, -0.05, 0])
     np.testing.assert_allclose(sources["velocity"].y[0], [2, 1, -0.1])
-    np.testing.assert_allclose(sources["dual antenna"].sd[0], np.radians(2))
+    np.testing.assert_allclose(sources["dual antenna"].std[0], np.radians(2))
     np.testing.assert_allclose(sources["speed"].y[0], 8 / 3.6)
     np.testing.assert_allclose(sources["speed"].parameters, [0, 0, 0.65])
     np.testing.assert_allclose(sources["speed"].t[0], 1.0)
@@ -175,14 +175,14 @@ def test_the_complete_description_means_what_the_page_says(tables):
 
 def test_the_page_names_every_key_unit_and_kind():
     from strapdown.aiding import names
-    from strapdown.io.description.schema import AidingPart, Description, ImuPart, ReferencePart
+    from strapdown.io.description.schema import Description, ImuPart, ReferencePart, SourcePart
     from strapdown.units.conversion import UNITS
 
     page = PAGE.read_text(encoding="utf-8")
     words = {
         key
-        for part in (Description, ImuPart, AidingPart, ReferencePart)
+        for part in (Description, ImuPart, SourcePart, ReferencePart)
         for key in part.model_fields
-    } - {"imu", "aiding", "reference"}
+    } - {"imu", "source", "reference"}
     words |= {unit for name in DESCRIBED for unit in UNITS[name]} | set(names())
     assert [word for word in sorted(words) if f"`{word}`" not in page] == []

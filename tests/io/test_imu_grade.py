@@ -98,7 +98,7 @@ def test_tables_that_are_read_alone_get_the_same_grade(pair):
 
 
 def test_a_table_of_the_imu_alone_and_two_of_its_triads(tmp_path):
-    made = replace(given_files.car(), aidings=())
+    made = replace(given_files.car(), sources=())
     given_files.imu_table(made.imu, tmp_path / "imu.csv")
     rows = (tmp_path / "imu.csv").read_text().splitlines()
     for name, columns in (("gyro.csv", (0, 1, 2, 3)), ("accel.csv", (0, 4, 5, 6))):

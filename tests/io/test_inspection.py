@@ -56,13 +56,13 @@ time = { column = "t_s", unit = "s" }
 gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
 accel = { columns = ["acc_x", "acc_y", "acc_z"], unit = "m/s^2" }
 
-[[aiding]]
+[[source]]
 kind = "velocity"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["vn", "ve", "vd"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 """)
         )
         return path
@@ -138,7 +138,7 @@ def test_mistakes_are_named(drive, changes, words):
 
 def test_an_invalid_description_still_shows_the_table(drive):
     found = inspect(
-        drive(toml=lambda s: s.replace("rad/s", "radians").replace("sd = 0.1", "sd = 0"))
+        drive(toml=lambda s: s.replace("rad/s", "radians").replace("std = 0.1", "std = 0"))
     )
     assert (
         len(found.problems) >= 2
@@ -222,10 +222,10 @@ def test_a_draft_reads(tmp_path, table, expected):
             1.0,
             [
                 'columns = ["mx", "my", "mz"]\nunit = "uT"                      # check',
-                "sd = 1.0  ",
+                "std = 1.0  ",
             ],
         ),
-        (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "sd = 0.01"]),
+        (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "std = 0.01"]),
         (["MagnX", "MagnY", "MagnZ"], 10.0, ['unit = "mgauss"']),
         (["magX [nT]", "magY [nT]", "magZ [nT]"], 1e3, ['unit = "nT"\n']),
         (["mag_x", "mag_y", "mag_z"], 60.0, ['unit = "uT"', "scale = 0.016", "counts?"]),
@@ -251,8 +251,8 @@ def test_a_draft_keeps_the_magnetometer(tmp_path, names, size, expected):
         for fact in inspect(tmp_path / "log.csv").facts
     )
     (tmp_path / "recording.toml").write_text(text)
-    (mag,) = read(tmp_path / "recording.toml").aidings
-    assert np.median(np.linalg.norm(mag.y, axis=1)) == pytest.approx(47.5e-6, rel=0.05) and mag.sd[
+    (mag,) = read(tmp_path / "recording.toml").sources
+    assert np.median(np.linalg.norm(mag.y, axis=1)) == pytest.approx(47.5e-6, rel=0.05) and mag.std[
         0, 0
     ] == pytest.approx(1e-6)
 
@@ -273,7 +273,7 @@ def test_a_draft_with_fixes_and_time_in_ms(tmp_path):
     table.to_csv(tmp_path / "log.csv", index=False)
     text = draft(tmp_path / "log.csv")
     (tmp_path / "recording.toml").write_text(text)
-    position, velocity = read(tmp_path / "recording.toml").aidings
+    position, velocity = read(tmp_path / "recording.toml").sources
     np.testing.assert_allclose(position.y[0], [np.radians(45.1234567), np.radians(-120), 300])
     np.testing.assert_allclose(velocity.y[0], [1, 2, -0.5])
     assert len(position.t) == 30 and position.t[0] == pytest.approx(1.0)
@@ -302,8 +302,8 @@ def test_reasons_and_what_was_not_checked(drive):
     found = inspect(drive(offset=1.0))
     (reason,) = found.reasons
     assert reason.cause == "clock" and str(reason) in found.problems
-    seconds, sd = map(float, re.search(r"with ([-+.\d]+) \+- ([.\d]+) s", reason.seen).groups())
-    assert abs(seconds + 1.0) < 0.1 and abs(seconds + 1.0) < 2 * sd
+    seconds, std = map(float, re.search(r"with ([-+.\d]+) \+- ([.\d]+) s", reason.seen).groups())
+    assert abs(seconds + 1.0) < 0.1 and abs(seconds + 1.0) < 2 * std
     still = inspect(drive(toml=lambda s: s.replace('"vn", "ve"', '"vd", "vd"')))
     assert still.problems == () and still.reasons == ()
     assert still.lines[-1] == f"inconclusive: {still.inconclusive[-1]}"

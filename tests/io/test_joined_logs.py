@@ -41,8 +41,8 @@ def imu_section(number, title=""):
 def position_section(instance=0, left=""):
     n = {"column": "tow", "unit": "s", "clock": "gps", "week": 2312}
     keys = {"kind": "position", "table": "gnss", "time": n, "columns": ["lat", "lon", "h"]}
-    keys |= {"unit": ["deg", "deg", "m"], "sd": [1.0, 1.0, 2.0]}
-    return Section("aiding", "gnss", keys, instance, left=left)
+    keys |= {"unit": ["deg", "deg", "m"], "std": [1.0, 1.0, 2.0]}
+    return Section("source", "gnss", keys, instance, left=left)
 
 
 def gnss_table(name):
@@ -95,14 +95,14 @@ def test_the_first_instance_is_taken_and_the_rest_is_said():
         "left: imu 1 of a.two: one IMU is taken; --imu 1 takes it",
         "left: a.two: 3 lines without checksum",
     ]
-    np.testing.assert_allclose(recording.aidings[0].t, np.arange(20.0))
+    np.testing.assert_allclose(recording.sources[0].t, np.arange(20.0))
 
 
 def test_another_instance_where_it_is_asked_for():
     recording = sd.read("a.two", imu=1, gnss=None)
-    assert np.median(recording.imu.dt) == pytest.approx(0.02) and recording.aidings == ()
+    assert np.median(recording.imu.dt) == pytest.approx(0.02) and recording.sources == ()
     assert "left: gnss 0 of a.two: not wanted" in recording.meta["read"]
-    assert sd.read("a.two", "a.gnss", gnss=1).aidings[0].kind == "position"
+    assert sd.read("a.two", "a.gnss", gnss=1).sources[0].kind == "position"
 
 
 @pytest.mark.parametrize(
@@ -134,14 +134,14 @@ OWN = {"column": "s", "unit": "s"}
 def add_own_clock(name, epoch, first=100.0):
     """A reader of logs on a clock of their own, whose zero is `epoch`."""
     keys = {"kind": "position", "table": "gnss", "time": OWN, "columns": ["lat", "lon", "h"]}
-    keys |= {"unit": ["deg", "deg", "m"], "sd": [1.0, 1.0, 2.0]}
+    keys |= {"unit": ["deg", "deg", "m"], "std": [1.0, 1.0, 2.0]}
 
     def open_it(path):
         table = gnss_table("gnss")
         columns = {each: table.cells(each) for each in ("lat", "lon", "h")}
         table = FileTable.of("gnss", {"s": first + np.arange(20.0), **columns})
         head = {} if epoch is None else {"epoch": epoch}
-        return Log({"gnss": table}, (Section("aiding", "gnss", keys),), head=head)
+        return Log({"gnss": table}, (Section("source", "gnss", keys),), head=head)
 
     registry.REGISTRY.add(Reader(name, (f".{name}",), f"log {name}", open=open_it), __name__)
     Path(f"a.{name}").write_text(name)
@@ -165,12 +165,12 @@ def add_own_imu(name, epoch):
 
 def test_a_magnetometer_without_a_place_may_be_left_out():
     keys = {"kind": "magnetic-field", "table": "mag", "time": OWN, "columns": ["mx", "my", "mz"]}
-    keys |= {"unit": "uT", "sd": 1.0}
+    keys |= {"unit": "uT", "std": 1.0}
 
     def open_it(path):
         t = np.arange(20.0)
         table = FileTable.of("mag", {"s": t, "mx": 20 + 0 * t, "my": 0 * t, "mz": 45 + 0 * t})
-        sections = (Section("aiding", "magnetometer", keys),)
+        sections = (Section("source", "magnetometer", keys),)
         return Log({"mag": table}, sections, head={"epoch": "2024-05-01T12:00:00Z"})
 
     add_own_imu("boot", "2024-05-01T12:00:00Z")
@@ -184,7 +184,7 @@ def test_a_magnetometer_without_a_place_may_be_left_out():
         sd.read("a.boot", "a.mag")
     assert str(error.value).endswith(asked)
     assert inspect("a.boot", "a.mag").problems[0].endswith(asked)
-    assert sd.read("a.boot", "a.mag", magnetometer=None).aidings == ()
+    assert sd.read("a.boot", "a.mag", magnetometer=None).sources == ()
     Path("recording.toml").write_text(draft([Path("a.boot"), Path("a.mag")], {}, Path(".")))
     with pytest.raises(DataError, match="at the top, or give field$"):
         sd.read("recording.toml")
@@ -210,14 +210,14 @@ def test_clocks_of_two_devices_are_set_to_one_by_their_zeros():
     add_own_imu("boot", "2024-05-01T00:00:00Z")
     add_own_clock("dated", "2024-04-30T23:58:21Z")  # 99 s before
     recording = sd.read("a.boot", "a.dated")
-    np.testing.assert_allclose(recording.aidings[0].t, 1.0 + np.arange(20.0), atol=1e-6)
+    np.testing.assert_allclose(recording.sources[0].t, 1.0 + np.arange(20.0), atol=1e-6)
     assert any("by the UTC of both logs" in line for line in recording.meta["read"])
 
 
 def test_a_clock_whose_zero_is_known_stands_beside_an_absolute_one():
     add_own_clock("dated", "2024-04-30T23:58:21Z")
     recording = sd.read("a.two", "a.dated")
-    later = recording.aidings[0].t - recording.imu.t[0]
+    later = recording.sources[0].t - recording.imu.t[0]
     np.testing.assert_allclose(later, 1.0 + np.arange(20.0), atol=1e-5)
 
 
@@ -251,8 +251,8 @@ def test_the_draft_says_the_same(files):
     one, other = sd.read(*files), sd.read("drafts/same.toml")
     for a, b in zip(one.imu, other.imu):
         np.testing.assert_array_equal(a, b)
-    assert len(one.aidings) == len(other.aidings) == 1
-    np.testing.assert_array_equal(one.aidings[0].y, other.aidings[0].y)
+    assert len(one.sources) == len(other.sources) == 1
+    np.testing.assert_array_equal(one.sources[0].y, other.sources[0].y)
     assert one.meta["epoch"] == other.meta["epoch"]
 
 

@@ -15,9 +15,9 @@ pytestmark = pytest.mark.short
 
 def test_field_in_body_axes_and_reference(build):
     recording = read(build())
-    (mag,) = recording.aidings
+    (mag,) = recording.sources
     np.testing.assert_allclose(mag.y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
-    np.testing.assert_allclose(mag.sd, 0.5e-6)
+    np.testing.assert_allclose(mag.std, 0.5e-6)
     assert mag.parameters == EARTH.field and recording.meta["place"] == pytest.approx(PLACE)
     (note,) = recording.meta["notes"]
     assert (
@@ -33,20 +33,20 @@ def test_field_in_body_axes_and_reference(build):
 )
 def test_units(build, unit, size):
     scaled = lambda frame: frame.assign(**{name: frame[name] * size for name in COLUMNS})
-    (mag,) = read(build(mag=scaled, toml=lambda s: s.replace('"uT"', f'"{unit}"'))).aidings
+    (mag,) = read(build(mag=scaled, toml=lambda s: s.replace('"uT"', f'"{unit}"'))).sources
     np.testing.assert_allclose(mag.y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
-    np.testing.assert_allclose(mag.sd, 0.5e-6 / size)
+    np.testing.assert_allclose(mag.std, 0.5e-6 / size)
 
 
 def test_axes_turn_values_and_deviations(build):
     recording = read(
         build(
             mag=turned([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
-            toml=lambda s: s.replace("sd = 0.5", 'sd = [0.1, 0.2, 0.3]\naxes = "+x -z +y"'),
+            toml=lambda s: s.replace("std = 0.5", 'std = [0.1, 0.2, 0.3]\naxes = "+x -z +y"'),
         )
     )
-    np.testing.assert_allclose(recording.aidings[0].y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
-    np.testing.assert_allclose(recording.aidings[0].sd[0], [0.1e-6, 0.3e-6, 0.2e-6])
+    np.testing.assert_allclose(recording.sources[0].y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
+    np.testing.assert_allclose(recording.sources[0].std[0], [0.1e-6, 0.3e-6, 0.2e-6])
 
 
 def test_calibration_acts_in_the_axes_of_the_columns(build, tmp_path):
@@ -65,7 +65,7 @@ def test_calibration_acts_in_the_axes_of_the_columns(build, tmp_path):
 
     described = added('axes = "+x -y -z"\ncalibration = "mag.toml"')
     recording = read(build(mag=raw, toml=described))
-    np.testing.assert_allclose(recording.aidings[0].y, tables()[1][COLUMNS] * 1e-6, atol=1e-12)
+    np.testing.assert_allclose(recording.sources[0].y, tables()[1][COLUMNS] * 1e-6, atol=1e-12)
     assert len(recording.meta["notes"]) == 1
     (tmp_path / "mag.toml").write_text("[gyro]\nbias = [0.0, 0.0, 0.0]\n")
     with pytest.raises(DataError, match="magnetometer"):
@@ -84,12 +84,12 @@ def test_the_place_is_else_the_first_complete_position_fix(build, tmp_path):
     }
     pd.DataFrame(columns).to_csv(tmp_path / "gnss.csv", index=False)
     fixes = (
-        '\n[[aiding]]\nkind = "position"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["lat", "lon", "h"]\n'
-        'unit = ["deg", "deg", "m"]\nsd = 2.0\n'
+        '\n[[source]]\nkind = "position"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["lat", "lon", "h"]\n'
+        'unit = ["deg", "deg", "m"]\nstd = 2.0\n'
     )
     recording = read(build(toml=lambda text: without("place")(text) + fixes))
     assert (
-        recording.aidings[0].parameters == pytest.approx(EARTH.field)
+        recording.sources[0].parameters == pytest.approx(EARTH.field)
         and "place" not in recording.meta
     )
 
@@ -99,7 +99,7 @@ def test_field_given(build):
         build(toml=added('field = { north = 21.0, east = 1.5, down = 43.0, unit = "uT" }'))
     )
     assert (
-        recording.aidings[0].parameters == pytest.approx((21e-6, 1.5e-6, 43e-6))
+        recording.sources[0].parameters == pytest.approx((21e-6, 1.5e-6, 43e-6))
         and recording.meta["notes"] == []
     )
     assert "its median strength is 48.2 uT, that of the Earth's field 28.6 uT" in " ".join(
@@ -118,7 +118,7 @@ def test_field_given(build):
 )
 def test_field_of_the_record(build, line, angle, words):
     recording = read(build(toml=added('field = "record"\n' + line)))
-    north, east, down = recording.aidings[0].parameters
+    north, east, down = recording.sources[0].parameters
     assert np.hypot(north, east) == pytest.approx(
         EARTH.horizontal, rel=0.01
     ) and down == pytest.approx(EARTH.field[2], rel=0.01)
@@ -134,7 +134,7 @@ def test_what_the_field_needs(build):
         ("place", "needs the place: write place = {"),
     ):
         with pytest.raises(
-            DataError, match=r"\[\[aiding\]\] 1 \(magnetic-field\) field: is missing, and "
+            DataError, match=r"\[\[source\]\] 1 \(magnetic-field\) field: is missing, and "
         ) as error:
             read(build(toml=without(key)))
         assert words in str(error.value)
@@ -198,7 +198,7 @@ REFUSED = {
         "[place] unknown key 'longtitude' (did you mean 'longitude'?)",
     ),
     "values in nT said to be uT": (
-        lambda s: s.replace("sd = 0.5", "sd = 0.5\nscale = 1000"),
+        lambda s: s.replace("std = 0.5", "std = 0.5\nscale = 1000"),
         "mag.csv, line",
     ),
 }
@@ -353,17 +353,17 @@ def test_stuck_samples_are_dropped_and_counted(build):
         "199 samples dropped, stuck at one value for 2 s and more while the gyro turns, the first at 40.120 s"
         in notes(path)
     )
-    assert len(read(path).aidings[0].t) == 801
+    assert len(read(path).sources[0].t) == 801
     with pytest.raises(DataError, match="mag.csv: no usable fix of kind magnetic-field"):
         read(build(mag=lambda f: f.assign(mx=20.0, my=np.nan, mz=40.0)))
     one = read(build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=40.0)))
-    assert len(one.aidings[0].t) == 1 and "999 samples dropped, stuck" in one.meta["notes"][0]
+    assert len(one.sources[0].t) == 1 and "999 samples dropped, stuck" in one.meta["notes"][0]
 
 
 def test_a_sample_without_a_component_is_dropped(build):
     path = build(mag=lambda f: f.assign(my=f.my.where(f.index % 100 != 7)))
     assert (
-        len(read(path).aidings[0].t) == 990
+        len(read(path).sources[0].t) == 990
         and "10 rows without time, value or standard deviation dropped, the first in line 9"
         in notes(path)
     )
@@ -374,7 +374,7 @@ def test_a_held_value_at_rest_is_not_called_stuck(build):
     still = lambda f: f.assign(gx=0.02, gy=0.0, gz=0.0, ax=0.0, ay=0.0, az=-9.8)
     path = build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=43.5), imu=still)
     assert len(
-        read(path).aidings[0].t
+        read(path).sources[0].t
     ) == 1000 and "it never changes; nothing here shows that the sensor works" in notes(path)
 
 

@@ -44,7 +44,7 @@ def test_every_field_of_the_sample_is_as_mcap_and_rosbags_read_it(data_folder, t
         for schema, channel, message in make_reader(file).iter_messages():
             read = types("cdr").deserialize_cdr(message.data, schema.name)
             expected.setdefault(channel.topic, []).append(read)
-    found = list(read_mcap(map_file(path), Messages()).decoded())
+    found = list(read_mcap(map_file(path), Messages()).decode())
     assert len(found) == 2
     for topic, decoded in found:
         same_fields(topic, decoded, expected[topic.name])
@@ -75,7 +75,7 @@ def test_messages_of_ros_1_in_mcap(tmp_path):
     topics = every_type("ros1")
     path = write_mcap(tmp_path / "a.mcap", topics, encoding="ros1")
     expected = oracle(write_bag(tmp_path / "a.bag", topics), "ros1")
-    found = list(read_mcap(map_file(path), Messages()).decoded())
+    found = list(read_mcap(map_file(path), Messages()).decode())
     assert len(found) == 8
     for topic, decoded in found:
         same_fields(topic, decoded, expected[topic.name])

@@ -90,6 +90,6 @@ def test_a_receiver_without_a_velocity_is_left_and_the_rest_is_read(tmp_path):
     path = tmp_path / "flight.ulg"
     path.write_bytes(renamed(LOGS["flight.ulg"][0], "vel_d_m_s"))
     recording = sd.read(path)
-    assert len(recording.imu.t) and not any(a.kind == "position" for a in recording.aidings)
+    assert len(recording.imu.t) and not any(a.kind == "position" for a in recording.sources)
     left = "left: flight.ulg: sensor_gps 0: it has no vel_d_m_s; it is not taken"
     assert left in recording.meta["read"]

@@ -54,7 +54,7 @@ def test_fixes_are_those_that_were_written(written):
     assert np.allclose(fixes["lat"], lat, atol=2e-9) and np.allclose(fixes["lon"], lon, atol=2e-9)
     assert fixes["altitude"].tolist() == [100.0 + i for i in range(20)]
     assert (fixes["separation"] == 47.125).all()
-    assert fixes["sd_n"].tolist() == [1.0 + i for i in range(20)] and (fixes["sd_d"] == 3).all()
+    assert fixes["std_n"].tolist() == [1.0 + i for i in range(20)] and (fixes["std_d"] == 3).all()
     assert (motion["speed"] == speed).all() and (motion["course"] == course).all()
     position = log.sections[0]
     assert position.keys["geoid"] == {"column": "separation", "unit": "m"} and not position.assumed
@@ -168,17 +168,17 @@ def test_a_course_is_empty_at_rest(tmp_path):
     text = (
         '[imu]\nfile = "imu.csv"\ntime = { column = "t", unit = "s", clock = "unix" }\n'
         'gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }\n'
-        'accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }\n[[aiding]]\n'
+        'accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }\n[[source]]\n'
     )
     keys = open_nmea(path).sections[1].keys
     assert keys["form"] == "speed, course" and keys["unit"] == ["knot", "deg"]
     text += (
         'file = "a.nmea"\nkind = "velocity"\ntable = "RMC"\nform = "speed, course"\n'
         'time = { column = "unix_ms", unit = "ms", clock = "unix" }\n'
-        'columns = ["speed", "course"]\nunit = ["knot", "deg"]\nsd = 0.6\n'
+        'columns = ["speed", "course"]\nunit = ["knot", "deg"]\nstd = 0.6\n'
     )
     (tmp_path / "recording.toml").write_text(text)
-    velocity = sd.read(tmp_path / "recording.toml").aidings[0]
+    velocity = sd.read(tmp_path / "recording.toml").sources[0]
     assert len(velocity.t) == 9  # 3 knots without a course say nothing
     assert np.allclose(velocity.y[:3, :2], 0) and np.isnan(velocity.y[:, 2]).all()
     assert np.allclose(velocity.y[3:7, :2], [0, 5 * 1852 / 3600])
@@ -191,7 +191,7 @@ def test_heights_without_separation_get_that_of_the_model(written):
     assert position.keys["geoid"] == "EGM96" and "do not say" in position.assumed["geoid"]
     assert (
         "4 m for quality 1"
-        in written("".join(gga(m, 45, 7, 1, quality=1) for m in t)).sections[0].assumed["sd"]
+        in written("".join(gga(m, 45, 7, 1, quality=1) for m in t)).sections[0].assumed["std"]
     )
     lines = [rmc(m, 45, 7, 5, 9) for m in t]
     position = written("".join(lines)).sections[0]
@@ -216,9 +216,9 @@ def test_deviations_are_assumed_by_quality_and_hdop(written):
         gga(m[2], 45, 7, 1, quality=5, hdop=1.0),
     ]
     log = written("".join(lines))
-    assert log.tables["GGA"].frame["sd_n"].tolist() == [10.0, 0.02, 0.5]
-    assert log.tables["GGA"].frame["sd_d"].tolist() == [20.0, 0.04, 1.0]
-    assert "times HDOP" in log.sections[0].assumed["sd"]
+    assert log.tables["GGA"].frame["std_n"].tolist() == [10.0, 0.02, 0.5]
+    assert log.tables["GGA"].frame["std_d"].tolist() == [20.0, 0.04, 1.0]
+    assert "times HDOP" in log.sections[0].assumed["std"]
 
 
 def test_deviations_of_zero_are_none(written):
@@ -226,12 +226,12 @@ def test_deviations_of_zero_are_none(written):
     lines = [gga(m, 45, 7, 1, quality=q, hdop=1.0) for m, q in zip(t, (4, 4, 5, 5))]
     zeros = [gst(m, 0, 0, 0) for m in t]
     table = written("".join(lines + zeros)).tables["GGA"].frame
-    assert table["sd_n"].tolist() == [0.02, 0.02, 0.5, 0.5]
-    told = [gst(m, *sd) for m, sd in zip(t, ((0.005, 0.012, 0), (0.02,) * 3, (0.02,) * 3))]
+    assert table["std_n"].tolist() == [0.02, 0.02, 0.5, 0.5]
+    told = [gst(m, *std) for m, std in zip(t, ((0.005, 0.012, 0), (0.02,) * 3, (0.02,) * 3))]
     log = written("".join(lines + told))
-    sd_ned = log.tables["GGA"].frame[["sd_n", "sd_e", "sd_d"]].to_numpy().tolist()
-    assert sd_ned == [[0.01, 0.012, 0.04], [0.02] * 3, [0.1] * 3, [0.5, 0.5, 1.0]]
-    why = log.sections[0].assumed["sd"]
+    std_ned = log.tables["GGA"].frame[["std_n", "std_e", "std_d"]].to_numpy().tolist()
+    assert std_ned == [[0.01, 0.012, 0.04], [0.02] * 3, [0.1] * 3, [0.5, 0.5, 1.0]]
+    why = log.sections[0].assumed["std"]
     assert "where GST tells none: 0.02 m for quality 4, 0.5 m for quality 5" in why
     assert "raised to at least 0.01 m for quality 4, else 0.1 m" in why
 

@@ -97,7 +97,7 @@ def remove(name):
     return edit
 
 
-def say(name, key, value):
+def notify(name, key, value):
     def edit(file):
         file[name].attrs[key] = value
 
@@ -112,7 +112,7 @@ def text(name, value):
 
 
 def link(file):
-    file["aiding_3"] = h5py.ExternalLink("/etc/other.nc", "/")
+    file["source_3"] = h5py.ExternalLink("/etc/other.nc", "/")
 
 
 def huge(file):
@@ -125,18 +125,18 @@ RECORDING = {
     "imu: dt is 0 at": put("imu/dt", 5, 0.0),
     "imu: dv is nan at": put("imu/dv", (5, 1), np.nan),
     "imu: dtheta is missing": remove("imu/dtheta"),
-    "imu: dv is in 'g'": say("imu/dv", "units", "g"),
+    "imu: dv is in 'g'": notify("imu/dv", "units", "g"),
     "reference: q_nb has the norm": put("reference/q_nb", 7, [1.0, 1.0, 0.0, 0.0]),
-    "aiding_1: sd is -1 at": put("aiding_1/sd", (3, 0), -1.0),
-    "aiding_1: gate: input should be greater": say("aiding_1", "gate", -1.0),
-    "aiding_1: no aiding is of kind": say("aiding_1", "kind", "nothing"),
-    "aiding_1: name: string should have at most": say("aiding_1", "name", "x" * 2000),
-    "aiding_1: y is missing": remove("aiding_1/y"),
+    "source_1: std is -1 at": put("source_1/std", (3, 0), -1.0),
+    "source_1: gate: input should be greater": notify("source_1", "gate", -1.0),
+    "source_1: no aiding is of kind": notify("source_1", "kind", "nothing"),
+    "source_1: name: string should have at most": notify("source_1", "name", "x" * 2000),
+    "source_1: y is missing": remove("source_1/y"),
     "meta: is no JSON": text("meta", '{"name": '),
     "meta: input should be a valid dictionary": text("meta", "[]"),
     "meta: epoch: .* is no time": text("meta", '{"epoch": "yesterday"}'),
     "meta: notes: input should be a valid list": text("meta", '{"notes": "one"}'),
-    "'aiding_3' is a link to another place or file": link,
+    "'source_3' is a link to another place or file": link,
     "has 8e.03 GB, and 64 GB are read at most": huge,
 }
 
@@ -152,16 +152,16 @@ def test_a_recording_that_contradicts_its_format_is_refused(made, tmp_path, word
 SOLUTION = {
     "time must be in rising time": put("time", 3, 0.0),
     "lat is 91 at": put("lat", 3, 91.0),
-    "sd_VN is -1 at": put("sd_VN", 3, -1.0),
+    "std_VN is -1 at": put("std_VN", 3, -1.0),
     "status is 9 at": put("status", 3, 9),
     "quaternion has the norm": put("q_w", 3, 2.0),
     "q_x is missing": remove("q_x"),
-    "roll is in 'rad'": say("roll", "units", "rad"),
+    "roll is in 'rad'": notify("roll", "units", "rad"),
     "and a fix of source 5": put("fix_source", 17, 5),
     "gates: 0: input should be": text("gates", '["a", 1.0]'),
     "sources: input should be a valid list": text("sources", '{"a": 1}'),
     "events: 0": text("events", "[[1.0]]"),
-    "meta: start.t": text("meta", '{"start": {"t": "now", "sd": []}}'),
+    "meta: start.t": text("meta", '{"start": {"t": "now", "std": []}}'),
     "meta: is no JSON": text("meta", "[" * 100_000),
 }
 

@@ -36,14 +36,14 @@ def same(recording, s, fixes=slice(None), height_error=1e-4, android=False):
     assert np.allclose(imu.t - imu.t[0], expected.imu.t - expected.imu.t[0], atol=2e-6)
     assert np.allclose(imu.dtheta, expected.imu.dtheta, atol=1e-7)
     assert np.allclose(imu.dv, expected.imu.dv, atol=1e-6)
-    position = next(each for each in recording.aidings if each.kind == "position")
+    position = next(each for each in recording.sources if each.kind == "position")
     wanted = s.fixes[fixes] * [np.pi / 180, np.pi / 180, 1.0]
     assert np.allclose(position.y, wanted, rtol=0, atol=[1e-10, 1e-10, height_error])
     assert np.allclose(position.t - imu.t[0], s.fix_t[fixes] - expected.imu.t[0], atol=2e-6)
     # of normal errors along two axes 68 % lie in Android's radius
     north = 3.0 / np.sqrt(-2 * np.log(0.32)) if android else 3.0
-    assert np.allclose(position.sd, [north, north, 5.0], rtol=1e-3)
-    velocity = next(each for each in recording.aidings if each.kind == "velocity")
+    assert np.allclose(position.std, [north, north, 5.0], rtol=1e-3)
+    velocity = next(each for each in recording.sources if each.kind == "velocity")
     north = s.speed[fixes] * np.cos(np.radians(s.course[fixes]))
     known = np.isin(np.round(position.t, 3), np.round(velocity.t, 3))
     assert np.allclose(velocity.y[:, 0], north[known], atol=1e-5)
@@ -65,7 +65,7 @@ def test_sensor_logger_of_both_platforms(tmp_path, walk, platform, standardised)
     assert one.imu.t[0] == pytest.approx(0.25 + walk.t[1] - walk.t[0], abs=0.02)
     other = sd.read(zipped(tmp_path / "walk.zip", files, inside="2024-05-01 walk/"))
     assert np.array_equal(one.imu.dv, other.imu.dv)
-    assert np.array_equal(one.aidings[0].y, other.aidings[0].y)
+    assert np.array_equal(one.sources[0].y, other.sources[0].y)
 
 
 @pytest.mark.parametrize("standardised, sign", [("false", -1.0), ("true", 1.0)])
@@ -140,7 +140,7 @@ def test_phyphox_in_every_way_it_writes(tmp_path, walk, separator, decimal):
     lines = recording.meta["read"]
     assert any("1 fixes whose accuracy is worse than 100 m" in line for line in lines)
     assert any("Linear Accelerometer: acceleration without gravity" in line for line in lines)
-    velocity = next(each for each in recording.aidings if each.kind == "velocity")
+    velocity = next(each for each in recording.sources if each.kind == "velocity")
     assert len(velocity.t) == len(walk.fix_t) - 2  # and the second says -1
 
 
@@ -197,10 +197,10 @@ def test_gnsslogger(tmp_path, walk):
     recording = sd.read(path)
     assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
     assert recording.imu.t[-1] == pytest.approx(0.2513 + walk.t[-1], abs=0.0101)
-    position = next(each for each in recording.aidings if each.kind == "position")
+    position = next(each for each in recording.sources if each.kind == "position")
     assert np.allclose(position.t, 0.25 + walk.fix_t, atol=1e-4)
     assert np.allclose(position.y[:, 0], np.radians(walk.fixes[:, 0]), atol=1e-10)
-    assert np.allclose(position.sd[:, :2], 3.0 / np.sqrt(-2 * np.log(0.32)), rtol=1e-3)
+    assert np.allclose(position.std[:, :2], 3.0 / np.sqrt(-2 * np.log(0.32)), rtol=1e-3)
     lines = recording.meta["read"]
     assert any(f"{len(walk.fix_t)} of the provider FLP" in line for line in lines)
     assert any("+0.477 s off" in fact for fact in inspect(path).facts)
@@ -258,7 +258,7 @@ def test_a_log_whose_sensors_are_useless_still_has_its_fixes(tmp_path, walk):
     files = sensor_logger(walk)
     del files["Location.csv"]
     recording = sd.read(folder(tmp_path / "imu", files), path)
-    assert len(recording.aidings[0].t) > 0
+    assert len(recording.sources[0].t) > 0
 
 
 def test_folders_that_no_reader_knows(tmp_path, command):
@@ -298,8 +298,8 @@ def test_the_samples(data_folder):
     phones = data_folder / NATIVE / "phone_csv"
     walk = sd.read(phones / "phyphox_pdr_105s")
     assert len(walk.imu.t) > 10_000
-    (position,) = walk.aidings
-    assert len(position.t) == 33 and np.all(position.sd[:, 0] <= 100)
+    (position,) = walk.sources
+    assert len(position.t) == 33 and np.all(position.std[:, 0] <= 100)
     for name in ("sensorlogger_10s", "sensorlogger_tracker_24s"):
         with pytest.raises(DataError, match=r"Accelerometer\.csv is without gravity"):
             sd.read(phones / name)

@@ -52,7 +52,7 @@ def test_the_header_is_kept_in_the_frames_of_the_package(tmp_path):
     np.testing.assert_allclose(meta["velocity"], [2.0, 1.0, -3.0])
     np.testing.assert_allclose(np.degrees(meta["position"][:2]), [34.246048, 108.909664])
     assert meta["position"][2] == 380.0 and meta["gravity"] == G
-    position, velocity = read_psins(write(tmp_path)).aidings
+    position, velocity = read_psins(write(tmp_path)).sources
     assert position.kind == "position" and position.t == velocity.t == pytest.approx(100.0)
     np.testing.assert_array_equal(
         np.r_[position.y[0], velocity.y[0]], meta["position"] + meta["velocity"]

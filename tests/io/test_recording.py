@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import Measurement
+from strapdown.core.loop.contract import MeasurementModel
 from strapdown.io import read
 from strapdown.io.locate import data_folder, locate
 
@@ -26,28 +26,28 @@ def test_units_become_si(build):
     np.testing.assert_allclose(
         recording.imu.dv / recording.imu.dt[:, None], raw[["ax", "ay", "az"]], rtol=1e-9
     )
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     np.testing.assert_allclose(
         position.y, np.c_[np.radians(fixes[["lat", "lon"]]), fixes.alt], rtol=1e-12
     )
-    np.testing.assert_allclose(position.sd, 1.5)
-    np.testing.assert_allclose(velocity.sd, 0.1)
+    np.testing.assert_allclose(position.std, 1.5)
+    np.testing.assert_allclose(velocity.std, 0.1)
     assert recording.meta == {
         "height_columns": {"alt": "position"},
         "installed": {
             "[imu] time offset": [0.0],
             "[imu] mounting": [0.0, 0.0, 0.0],
             "[imu] lever_arm": [0.0, 0.0, 0.0],
-            "[[aiding]] 1 (position) lever_arm": [0.0, 0.0, 0.0],
-            "[[aiding]] 1 (position) sd": [1.0, 1.0, 1.0],
-            "[[aiding]] 1 (position) correlated": [],
-            "[[aiding]] 1 (position) time offset": [0.0],
-            "[[aiding]] 1 (position) scale": [1.0, 1.0, 1.0],
-            "[[aiding]] 2 (velocity) lever_arm": [0.0, 0.0, 0.0],
-            "[[aiding]] 2 (velocity) sd": [0.1, 0.1, 0.1],
-            "[[aiding]] 2 (velocity) correlated": [],
-            "[[aiding]] 2 (velocity) time offset": [0.0],
-            "[[aiding]] 2 (velocity) scale": [1.0, 1.0, 1.0],
+            "[[source]] 1 (position) lever_arm": [0.0, 0.0, 0.0],
+            "[[source]] 1 (position) std": [1.0, 1.0, 1.0],
+            "[[source]] 1 (position) correlated": [],
+            "[[source]] 1 (position) time offset": [0.0],
+            "[[source]] 1 (position) scale": [1.0, 1.0, 1.0],
+            "[[source]] 2 (velocity) lever_arm": [0.0, 0.0, 0.0],
+            "[[source]] 2 (velocity) std": [0.1, 0.1, 0.1],
+            "[[source]] 2 (velocity) correlated": [],
+            "[[source]] 2 (velocity) time offset": [0.0],
+            "[[source]] 2 (velocity) scale": [1.0, 1.0, 1.0],
         },
         "name": "recording",
         "date": "2024-05-01",
@@ -55,11 +55,7 @@ def test_units_become_si(build):
         "imu_lever_arm": [0.0, 0.0, 0.0],
         "notes": [],
     }
-    assert (
-        velocity.sd.flags.writeable
-        and velocity.sd.flags.c_contiguous
-        and velocity.name == "velocity"
-    )
+    assert velocity.std.flags.c_contiguous and velocity.name == "velocity"
 
 
 def test_time_unit_scale_and_offset(build):
@@ -157,83 +153,83 @@ def test_increments_and_counts(build):
 def test_enu_velocity_turns_values_and_standard_deviations(build):
     path = build(
         toml=lambda s: s.replace('["vn", "ve", "vd"]', '["ve", "vn", "vd"]').replace(
-            "sd = 0.1", 'axes = "ENU"\nsd = [0.1, 0.2, { column = "sd", unit = "cm/s" }]'
+            "std = 0.1", 'axes = "ENU"\nstd = [0.1, 0.2, { column = "std", unit = "cm/s" }]'
         )
     )
-    velocity = read(path).aidings[1]
+    velocity = read(path).sources[1]
     np.testing.assert_allclose(velocity.y[0], [0.11, -0.08, 0.1])
-    np.testing.assert_allclose(velocity.sd[0], [0.2, 0.1, 0.015])
+    np.testing.assert_allclose(velocity.std[0], [0.2, 0.1, 0.015])
     missing = read(
         build(
             gnss=lambda f: f.assign(vd=np.nan),
-            toml=lambda s: s.replace("sd = 0.1", 'axes = "ENU"\nsd = 0.1'),
+            toml=lambda s: s.replace("std = 0.1", 'axes = "ENU"\nstd = 0.1'),
         )
-    ).aidings[1]
+    ).sources[1]
     assert np.isnan(missing.y).tolist() == [[False, False, True]] * 20
 
 
-def test_scalar_kinds_units_of_sd_and_lever_arms(build):
+def test_scalar_kinds_units_of_std_and_lever_arms(build):
     extra = """
-[[aiding]]
+[[source]]
 kind = "heading"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["alt"]
 unit = "deg"
-sd = 2.0
+std = 2.0
 gate = inf
 name = "compass"
 
-[[aiding]]
+[[source]]
 kind = "speed"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["alt"]
 unit = "km/h"
 scale = 0.1
-sd = 3.6
+std = 3.6
 
-[[aiding]]
+[[source]]
 kind = "altitude"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["alt"]
 unit = "ft"
-sd = 10
+std = 10
 lever_arm = [0.5, 0.0, 0.0]
 
-[[aiding]]
+[[source]]
 kind = "zero-lateral-velocity"
 rate = 5.0
-sd = 0.15
+std = 0.15
 lever_arm = [-1.0, 0.0, 0.0]
 
-[[aiding]]
+[[source]]
 kind = "zero-lateral-velocity"
 rate = 2.0
-sd = 0.15
+std = 0.15
 """
     recording = read(
         build(toml=lambda s: s.replace('axes = "FRD"', "lever_arm = [0.1, 0.2, -0.65]", 1) + extra)
     )
-    heading, speed, altitude, lateral, other = recording.aidings[2:]
+    heading, speed, altitude, lateral, other = recording.sources[2:]
     assert (
         heading.y[0, 0] == pytest.approx(np.radians(250))
-        and heading.sd[0, 0] == pytest.approx(np.radians(2))
+        and heading.std[0, 0] == pytest.approx(np.radians(2))
         and heading.gate == np.inf
     )
     assert heading.name == "compass" and heading.parameters == ()
-    assert speed.y[0, 0] == pytest.approx(25 / 3.6) and speed.sd[0, 0] == pytest.approx(1.0)
+    assert speed.y[0, 0] == pytest.approx(25 / 3.6) and speed.std[0, 0] == pytest.approx(1.0)
     np.testing.assert_allclose(speed.parameters, [-0.1, -0.2, 0.65])
-    assert altitude.y[0, 0] == pytest.approx(250 * 0.3048) and altitude.sd[0, 0] == pytest.approx(
+    assert altitude.y[0, 0] == pytest.approx(250 * 0.3048) and altitude.std[0, 0] == pytest.approx(
         3.048
     )
     np.testing.assert_allclose(altitude.parameters, [0.4, -0.2, 0.65])
     np.testing.assert_allclose(lateral.parameters, [-1.1, -0.2, 0.65])
     np.testing.assert_allclose(lateral.t, 10 + 0.2 * np.arange(1, 101))
-    assert lateral.y.shape == lateral.sd.shape == (100, 1) and not lateral.y.any()
+    assert lateral.y.shape == lateral.std.shape == (100, 1) and not lateral.y.any()
     assert other.name == "zero-lateral-velocity 7" and len(other.t) == 40
-    np.testing.assert_allclose(recording.aidings[0].parameters, [-0.1, -0.2, 0.65])
+    np.testing.assert_allclose(recording.sources[0].parameters, [-0.1, -0.2, 0.65])
 
 
 def test_constraint_at_rest_holds_only_there_and_none_in_a_gap(build):
@@ -241,7 +237,7 @@ def test_constraint_at_rest_holds_only_there_and_none_in_a_gap(build):
         frame.loc[1000:1499, "ax"] += 3 * np.sin(np.arange(500))
         return frame.drop(range(300, 400))
 
-    constraint = '\n[[aiding]]\nkind = "{}"\nrate = 10.0\nsd = 0.05\n'
+    constraint = '\n[[source]]\nkind = "{}"\nrate = 10.0\nstd = 0.05\n'
     path = build(
         imu=moving,
         toml=lambda s: (
@@ -249,19 +245,19 @@ def test_constraint_at_rest_holds_only_there_and_none_in_a_gap(build):
         ),
     )
     recording = read(path)
-    t = recording.aidings[2].t
+    t = recording.sources[2].t
     assert not ((t > 19.1) & (t < 25.9)).any() and ((t > 26.2) & (t < 30.01)).sum() > 35
     assert not ((t > 13.01) & (t < 14.0)).any() and (t < 13.005).sum() == 30
-    always = recording.aidings[3].t
+    always = recording.sources[3].t
     assert not ((always > 13.01) & (always < 13.99)).any() and len(always) == 191
     assert any("zero-velocity: at rest for" in note for note in recording.meta["notes"])
 
 
 RATES = """
-[[aiding]]
+[[source]]
 kind = "zero-angular-rate"
 rate = 10.0
-sd = {}
+std = {}
 """
 
 
@@ -270,8 +266,8 @@ def test_zero_angular_rate_is_told_the_mean_of_the_gyro_over_the_step_before(bui
         imu=lambda frame: frame.drop(range(303, 307)), toml=lambda s: s + RATES.format(0.1)
     )
     recording = read(path)
-    imu, rates = recording.imu, recording.aidings[2]
-    assert rates.y.shape == rates.sd.shape == (200, 3) and np.all(rates.sd == 0.1)
+    imu, rates = recording.imu, recording.sources[2]
+    assert rates.y.shape == rates.std.shape == (200, 3) and np.all(rates.std == 0.1)
     means = imu.dtheta[:300].reshape(30, 10, 3).sum(axis=1) / 0.1
     np.testing.assert_allclose(rates.y[:30], means, rtol=1e-9)
     in_gap = np.r_[300:303, 303:306]  # the six samples that are left of that step
@@ -285,21 +281,21 @@ def test_zero_angular_rate_at_long_steps_is_told_the_rest_alone(build):
         return frame
 
     text = RATES.format(0.1).replace("10.0", "0.25")
-    rates = read(build(imu=turning_before, toml=lambda s: s + text)).aidings[2]
+    rates = read(build(imu=turning_before, toml=lambda s: s + text)).sources[2]
     assert len(rates.t) > 1 and np.abs(rates.y).max() < np.radians(1.5)
 
 
 def test_zero_angular_rate_is_not_known_better_than_it_scatters(build):
     recording = read(build(toml=lambda s: s + RATES.format(1e-5)))
     expected = np.radians(0.1) / np.sqrt(10)  # of the samples, ten to a mean
-    np.testing.assert_allclose(recording.aidings[2].sd, expected, rtol=0.2)
+    np.testing.assert_allclose(recording.sources[2].std, expected, rtol=0.2)
     assert any("zero-angular-rate: its means scatter" in note for note in recording.meta["notes"])
 
 
 def test_side_slip_is_of_the_constraint_across_the_wheels_alone(build):
-    constraint = '\n[[aiding]]\nkind = "zero-{}-velocity"\nrate = 2.0\nsd = 0.1\nslip = {}\n'
+    constraint = '\n[[source]]\nkind = "zero-{}-velocity"\nrate = 2.0\nstd = 0.1\nslip = {}\n'
     path = build(toml=lambda s: s + constraint.format("lateral", 0.005))
-    assert read(path).aidings[2].slip == 0.005
+    assert read(path).sources[2].slip == 0.005
     with pytest.raises(DataError, match="slip: zero-vertical-velocity takes none"):
         read(build(toml=lambda s: s + constraint.format("vertical", 0.005)))
     with pytest.raises(DataError, match="slip"):
@@ -371,7 +367,7 @@ attitude = { columns = ["r", "p", "y"], unit = "deg" }
 
 
 def test_reference_written_by_this_library(build, tmp_path):
-    expected = read(build()).aidings[0]
+    expected = read(build()).sources[0]
     frame = pd.DataFrame(
         {
             "t [s]": expected.t,
@@ -391,12 +387,12 @@ def test_a_new_kind_of_aiding_needs_nothing_here(build, monkeypatch):
 
     monkeypatch.setattr(plugins, "_plugins", {})
     observe = aiding.find("position").observe  # nothing here calls it
-    sensor = Measurement("airflow", observe, ("speed", "angle"), parameters="antenna")
+    sensor = MeasurementModel("airflow", observe, ("speed", "angle"), parameters="antenna")
     aiding.REGISTRY.add(sensor, __name__)
-    extra = '[[aiding]]\nkind = "airflow"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["vn", "ve"]\nunit = ["knot", "deg"]\nsd = [1.0, 2.0]\n'
-    airflow = read(build(toml=lambda s: s + extra)).aidings[2]
+    extra = '[[source]]\nkind = "airflow"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["vn", "ve"]\nunit = ["knot", "deg"]\nstd = [1.0, 2.0]\n'
+    airflow = read(build(toml=lambda s: s + extra)).sources[2]
     np.testing.assert_allclose(airflow.y[0], [0.11 * 1852 / 3600, np.radians(-0.08)])
-    np.testing.assert_allclose(airflow.sd[0], [1852 / 3600, np.radians(2)])
+    np.testing.assert_allclose(airflow.std[0], [1852 / 3600, np.radians(2)])
 
 
 def test_data_folder(tmp_path, monkeypatch):

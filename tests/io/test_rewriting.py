@@ -21,7 +21,7 @@ time = { column = "t", unit = "s" }   # its clock
 mounting = { roll = -179.364, pitch = 6.760, unit = "deg" }
 
 # the receiver
-[[aiding]]
+[[source]]
 kind = "position"
 time = { column = "t", unit = "s", offset = -0.20 }       # of the receiver
 lever_arm = [
@@ -31,15 +31,15 @@ lever_arm = [
 ]
 
 # its Doppler
-[[aiding]]
+[[source]]
 kind = "velocity"
 
-[aiding.time]
+[source.time]
 column = "t"
 unit = "s"
 
 # the wheel
-[[aiding]]
+[[source]]
 kind = "speed"
 time.column = "t"
 time.offset = 1.0 # by hand
@@ -128,7 +128,7 @@ def test_what_is_missing_is_added_at_the_end_of_its_section(path):
         f"""kind = "velocity"
 lever_arm = [1.00, 0.00, 2.00]  # forward +- 0.10 m, down +- 0.10 m, {MARK}
 
-[aiding.time]
+[source.time]
 column = "t"
 unit = "s"
 offset = 0.500  # +- 0.010 s, {MARK}
@@ -138,7 +138,7 @@ offset = 0.500  # +- 0.010 s, {MARK}
         in text
     )
     plain = 'kind = "zero-lateral-velocity"\nrate = 10.0\n\n# the end\n'
-    path.write_text(f"[imu]\nfile = 'x'\n\n[[aiding]]\n{plain}")
+    path.write_text(f"[imu]\nfile = 'x'\n\n[[source]]\n{plain}")
     assert changed(
         path,
         Edit(0, LEVER_ARM, (1.0, 0.0, 2.0), (0.2, 0.2, 0.2)),
@@ -174,7 +174,7 @@ def test_each_file_that_was_replaced_is_kept(path):
     ]
     assert copies[0].read_text() == TEXT
     offsets = [
-        tomllib.loads(each.read_text())["aiding"][0]["time"]["offset"] for each in [*copies, path]
+        tomllib.loads(each.read_text())["source"][0]["time"]["offset"] for each in [*copies, path]
     ]
     assert offsets == pytest.approx([-0.2, -0.1, 0.0, 0.1])
     assert len(list(path.parent.iterdir())) == 4
@@ -186,12 +186,12 @@ def test_each_file_that_was_replaced_is_kept(path):
     [
         (
             TEXT.replace('kind = "velocity"', 'kind = "position"'),
-            "has [imu] and 3 [[aiding]] (position, position, speed), where the recording has "
+            "has [imu] and 3 [[source]] (position, position, speed), where the recording has "
             "position, velocity, speed; name the file from which it was read",
         ),
         (TEXT.replace("[imu]", "[other]"), "has no [imu] (position, velocity, speed), where"),
         (
-            'aiding = [{ kind = "position", time = { column = "t" } }, { kind = "velocity" }, '
+            'source = [{ kind = "position", time = { column = "t" } }, { kind = "velocity" }, '
             '{ kind = "speed" }]\n[imu]\nfile = "x"\n',
             "is written in a way that cannot be changed in place; change it by hand",
         ),

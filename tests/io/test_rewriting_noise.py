@@ -17,7 +17,7 @@ gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
 accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 grade = "consumer"  # a guess
 
-[[aiding]]  # the receiver
+[[source]]  # the receiver
 kind = "KIND"
 file = "p.csv"
 time = { column = "t", unit = "s" }
@@ -43,38 +43,38 @@ def scaled(factors):
 @pytest.mark.parametrize(
     ("head", "old", "factors", "new"),
     [
-        (VELOCITY, "sd = 3      # by hand", SAME, f"sd = 4.5      # by hand; {END}"),
-        (VELOCITY, "sd = 3", APART, f"sd = [4.5, 4.5, 6.0]  # {END}"),
+        (VELOCITY, "std = 3      # by hand", SAME, f"std = 4.5      # by hand; {END}"),
+        (VELOCITY, "std = 3", APART, f"std = [4.5, 4.5, 6.0]  # {END}"),
         (
             VELOCITY,
-            'sd = "s"',
+            'std = "s"',
             SAME,
-            f'sd = {{ column = "s", unit = "cm/s", scale = 1.5 }}  # {END}',
+            f'std = {{ column = "s", unit = "cm/s", scale = 1.5 }}  # {END}',
         ),
         (
             VELOCITY,
-            'sd = { column = "s", unit = "(m/s)^2" } # variance',
+            'std = { column = "s", unit = "(m/s)^2" } # variance',
             SAME,
-            f'sd = {{ column = "s", unit = "(m/s)^2", scale = 2.25 }} # variance; {END}',
+            f'std = {{ column = "s", unit = "(m/s)^2", scale = 2.25 }} # variance; {END}',
         ),
         (
             VELOCITY,
-            'sd = { column = "s", scale = 2.0, unit = "m/s" }',
+            'std = { column = "s", scale = 2.0, unit = "m/s" }',
             SAME,
-            f'sd = {{ column = "s", scale = 3.0, unit = "m/s" }}  # {END}',
+            f'std = {{ column = "s", scale = 3.0, unit = "m/s" }}  # {END}',
         ),
         (
             POSITION,
-            'sd = ["s", # m, although the columns are rad\n  0.5,   # by tape\n  1,\n]',
+            'std = ["s", # m, although the columns are rad\n  0.5,   # by tape\n  1,\n]',
             (1.5, 1.0, 2.0),
-            'sd = [{ column = "s", unit = "m", scale = 1.5 }, # m, although the columns are rad\n'
+            'std = [{ column = "s", unit = "m", scale = 1.5 }, # m, although the columns are rad\n'
             f"  0.5,   # by tape\n  2.0,\n]  # {END}",
         ),
         (
             VELOCITY,
-            '[aiding.sd]\ncolumn = "s" # mine\nunit = "m/s"',
+            '[source.std]\ncolumn = "s" # mine\nunit = "m/s"',
             SAME,
-            f'[aiding.sd]\ncolumn = "s" # mine\nunit = "m/s"\nscale = 1.5  # {END}',
+            f'[source.std]\ncolumn = "s" # mine\nunit = "m/s"\nscale = 1.5  # {END}',
         ),
     ],
 )
@@ -83,26 +83,26 @@ def test_deviations_change_and_the_rest_stays(tmp_path, head, old, factors, new)
 
 
 def test_a_second_change_takes_the_place_of_the_comment_of_the_first(tmp_path):
-    once = changed(tmp_path, f"{VELOCITY}sd = 3 # mine\n", [scaled(SAME)])
-    assert changed(tmp_path, once, [scaled((2.0,) * 3)]) == f"{VELOCITY}sd = 9.0 # mine; {END}\n"
+    once = changed(tmp_path, f"{VELOCITY}std = 3 # mine\n", [scaled(SAME)])
+    assert changed(tmp_path, once, [scaled((2.0,) * 3)]) == f"{VELOCITY}std = 9.0 # mine; {END}\n"
 
 
-@pytest.mark.parametrize("before", ["", "correlated = { sd = 1, time = 3 }\n"])
+@pytest.mark.parametrize("before", ["", "correlated = { std = 1, time = 3 }\n"])
 def test_correlated_errors_are_added_or_replaced_and_the_grade_named(tmp_path, before):
-    value = "{ sd = [1.5, 1.5, 3.0], time = 30.0 }"
+    value = "{ std = [1.5, 1.5, 3.0], time = 30.0 }"
     edits = [
         lambda path: NoiseEdit(0, "correlated", (value,), SAID),
         lambda path: NoiseEdit(None, "grade", ('"a-imu.toml"',), SAID),
     ]
-    made = changed(tmp_path, f"{VELOCITY}sd = 3\n{before}", edits)
+    made = changed(tmp_path, f"{VELOCITY}std = 3\n{before}", edits)
     head = VELOCITY.replace(
         'grade = "consumer"  # a guess', f'grade = "a-imu.toml"  # a guess; {END}'
     )
-    assert made == f"{head}sd = 3\ncorrelated = {value}  # {END}\n"
+    assert made == f"{head}std = 3\ncorrelated = {value}  # {END}\n"
 
 
 def test_axes_of_the_earth_cannot_change_by_row(tmp_path):
-    text = HEAD.replace("KIND", "position") + 'unit = "m"\naxes = "ECEF"\nsd = 2.0\n'
-    assert "sd = 3.0" in changed(tmp_path, text, [scaled(SAME)])
-    with pytest.raises(DataError, match="its sd is in other axes"):
+    text = HEAD.replace("KIND", "position") + 'unit = "m"\naxes = "ECEF"\nstd = 2.0\n'
+    assert "std = 3.0" in changed(tmp_path, text, [scaled(SAME)])
+    with pytest.raises(DataError, match="its std is in other axes"):
         changed(tmp_path, text, [scaled(APART)])

@@ -137,7 +137,7 @@ def every_type(encoding, order="<"):
 def test_every_field_of_a_bag_is_as_rosbags_reads_it(tmp_path, compression):
     path = write_bag(tmp_path / "all.bag", every_type("ros1"), compression)
     messages, expected = read_bag(map_file(path)), oracle(path, "ros1")
-    found = list(messages.decoded())
+    found = list(messages.decode())
     assert len(found) == 8 and not messages.left
     for topic, decoded in found:
         same_fields(topic, decoded, expected[topic.name])
@@ -150,7 +150,7 @@ def test_every_field_of_a_bag_of_ros_2_is_as_rosbags_reads_it(
 ):
     folder = write_bag2(tmp_path / "all", every_type("cdr", order), storage, compression)
     messages, expected = messages_of(folder), oracle(folder, "cdr")
-    found = list(messages.decoded())
+    found = list(messages.decode())
     assert len(found) == 8 and not messages.left
     for topic, decoded in found:
         same_fields(topic, decoded, expected[topic.name])
@@ -193,11 +193,11 @@ def check_drive(path, driven):
     np.testing.assert_allclose(recording.imu.dv, driven.imu.dv, atol=1e-7)
     offset = recording.imu.t[0] - driven.imu.t[0]
     assert offset == pytest.approx(8 * 3600)
-    assert [each.kind for each in recording.aidings] == ["position", "velocity"]
-    for read, written in zip(recording.aidings, driven.aidings):
+    assert [each.kind for each in recording.sources] == ["position", "velocity"]
+    for read, written in zip(recording.sources, driven.sources):
         np.testing.assert_allclose(read.t - offset, written.t, atol=1e-6)
         np.testing.assert_allclose(read.y, written.y, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(read.sd, written.sd, rtol=1e-5)
+        np.testing.assert_allclose(read.std, written.std, rtol=1e-5)
 
 
 def test_a_drive_comes_back_from_every_bag(tmp_path, driven):
@@ -361,10 +361,10 @@ def test_what_topics_are_for(bag):
     assert "estimated" in left["/odometry/gps_filtered"] and "command" in left["/cmd_vel"]
     assert "calibrated" in left["/mag"]
     of_b = sd.read(path, gnss=1)
-    assert [each.kind for each in of_b.aidings] == ["position", "velocity", "pressure", "speed"]
-    np.testing.assert_allclose(of_b.aidings[0].sd[0], [2.0, 1.0, 3.0])
-    np.testing.assert_allclose(of_b.aidings[1].y[0], [2.0, 1.0, np.nan])
-    np.testing.assert_allclose(of_b.aidings[2].y[0, 0], 96300.0)
+    assert [each.kind for each in of_b.sources] == ["position", "velocity", "pressure", "speed"]
+    np.testing.assert_allclose(of_b.sources[0].std[0], [2.0, 1.0, 3.0])
+    np.testing.assert_allclose(of_b.sources[1].y[0], [2.0, 1.0, np.nan])
+    np.testing.assert_allclose(of_b.sources[2].y[0, 0], 96300.0)
     assert keys(path, "magnetometer")["unit"] == "uT"
     assert "times are those of recording" in " ".join(joined.told)
 
@@ -391,9 +391,9 @@ def test_what_an_autopilot_estimated_is_no_measurement(bag, of):
     reasons = [why for each, why in joined.left if each.section.role != "attitude"]
     assert len(reasons) == 5 and all("autopilot's filter" in why for why in reasons)
     recording = sd.read(path)
-    np.testing.assert_allclose(np.degrees(recording.aidings[0].y[:, :2]), LLA[:, :2] + 1e-5)
+    np.testing.assert_allclose(np.degrees(recording.sources[0].y[:, :2]), LLA[:, :2] + 1e-5)
     by_name = sd.read(path, gnss=0)
-    np.testing.assert_allclose(np.degrees(by_name.aidings[0].y[:, :2]), LLA[:, :2])
+    np.testing.assert_allclose(np.degrees(by_name.sources[0].y[:, :2]), LLA[:, :2])
 
 
 @pytest.mark.parametrize(
@@ -437,7 +437,7 @@ def test_fixes_without_a_fix_are_missing(bag):
     lla = LLA.copy()
     lla[100:150] = 0.0
     path = bag(still(), ("/fix", FIX, fixes("ros1", T, lla, status=status)))
-    assert len(sd.read(path).aidings[0].t) == N - 150
+    assert len(sd.read(path).sources[0].t) == N - 150
     none = fixes("ros1", T, lla, status=-1)
     path.unlink()
     path = bag(still(), ("/fix", FIX, none))

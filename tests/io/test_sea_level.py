@@ -9,7 +9,7 @@ from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording
 
 pytestmark = pytest.mark.short
-SEA = '\n[[aiding]]\nkind = "zero-sea-level"\nrate = 2.0\nsd = 0.8\nlever_arm = [-3.0, 0.5, 1.2]\n'
+SEA = '\n[[source]]\nkind = "zero-sea-level"\nrate = 2.0\nstd = 0.8\nlever_arm = [-3.0, 0.5, 1.2]\n'
 
 
 def with_more(text):
@@ -19,14 +19,14 @@ def with_more(text):
 def test_the_level_is_what_the_heave_is_about(build, tmp_path):
     for line, level in (("", 0.0), ("level = 45.5\n", 45.5), ("level = -28\n", -28.0)):
         recording = read(build(toml=with_more(SEA + line)))
-        sea = recording.aidings[-1]
+        sea = recording.sources[-1]
         assert (
             sea.kind == "zero-sea-level" and sea.parameters == (-3.0, 0.5, 1.2) and len(sea.t) == 40
         )
         np.testing.assert_array_equal(sea.y, np.full((40, 1), level))
-        np.testing.assert_array_equal(sea.sd, np.full((40, 1), 0.8))
+        np.testing.assert_array_equal(sea.std, np.full((40, 1), 0.8))
     write_recording(recording, tmp_path / "sea.nc")
-    np.testing.assert_array_equal(read(tmp_path / "sea.nc").aidings[-1].y, sea.y)
+    np.testing.assert_array_equal(read(tmp_path / "sea.nc").sources[-1].y, sea.y)
 
 
 @pytest.mark.parametrize(
@@ -40,11 +40,11 @@ def test_the_level_is_what_the_heave_is_about(build, tmp_path):
             r"zero-sea-level\) rate: 1e\+06 Hz is more than 10 times that of the IMU; give 1000 Hz or less",
         ),
         (
-            with_more('\n[[aiding]]\nkind = "gravity"\nrate = 2.0\nsd = 0.3\nlevel = 45.0\n'),
+            with_more('\n[[source]]\nkind = "gravity"\nrate = 2.0\nstd = 0.3\nlevel = 45.0\n'),
             "level: gravity takes none; it is the height of mean sea level",
         ),
         (
-            lambda toml: toml.replace("sd = 0.1\n", "sd = 0.1\nlevel = 3.0\n"),
+            lambda toml: toml.replace("std = 0.1\n", "std = 0.1\nlevel = 3.0\n"),
             "level: velocity takes none",
         ),
     ],

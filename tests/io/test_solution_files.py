@@ -28,10 +28,12 @@ KML = "{http://www.opengis.net/kml/2.2}"
 
 @pytest.fixture(scope="module")
 def made():
-    made = solution(flight(30, rate=5.0), start={"t": np.float64(0.0), "sd": (1.0, np.inf)})
-    made.trajectory.sd[:, 14] = np.nan  # a state the filter does not claim
+    made = solution(flight(30, rate=5.0), start={"t": np.float64(0.0), "std": (1.0, np.inf)})
+    unclaimed = np.r_[np.ones(14), np.nan]  # a state of which the filter claims nothing
+    path = made.trajectory
     return replace(
         made,
+        trajectory=replace(path, std=path.std * unclaimed),
         columns={"heave [m]": np.arange(150.0)},
         covariance=np.random.default_rng(1).random((150, 15, 15)),
     )
@@ -47,7 +49,7 @@ def same_state(a, b, angle=0.0):
     )
     for left, right in (
         (a.trajectory.v_n, b.trajectory.v_n),
-        (a.trajectory.sd, b.trajectory.sd),
+        (a.trajectory.std, b.trajectory.std),
         (a.b_a, b.b_a),
         (a.b_g, b.b_g),
     ):
@@ -74,7 +76,7 @@ def test_netcdf_holds_everything(made, tmp_path):
     )
     assert back.meta["notes"] == made.meta["notes"] and back.meta["start"] == {
         "t": 0.0,
-        "sd": [1.0, np.inf],
+        "std": [1.0, np.inf],
     }
     assert back.counts() == made.counts()
 
@@ -91,7 +93,7 @@ def test_netcdf_holds_the_separation_of_a_smoother(made, tmp_path):
         file.dimensions["part"] = 3
         file.create_variable("separation", ("time", "part"), data=parts[0])
     (tmp_path / "b.nc").write_bytes(sealed((tmp_path / "b.nc").read_bytes()))
-    with pytest.raises(DataError, match="separation and separation_sd belong together"):
+    with pytest.raises(DataError, match="separation and separation_std belong together"):
         read_solution(tmp_path / "b.nc")
 
 

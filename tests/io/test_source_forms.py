@@ -15,21 +15,21 @@ from strapdown.io.description.read import read_description as read
 from strapdown.sensor_models.geoid import undulation
 
 pytestmark = pytest.mark.short
-IMU, POSITION, VELOCITY = TOML.split("[[aiding]]")
-POSITION, VELOCITY = "[[aiding]]" + POSITION, "[[aiding]]" + VELOCITY
+IMU, POSITION, VELOCITY = TOML.split("[[source]]")
+POSITION, VELOCITY = "[[source]]" + POSITION, "[[source]]" + VELOCITY
 KNOT = 1852 / 3600
 
 
-def source(kind, **keys):
-    """A section [[aiding]] of gnss.csv; values as TOML."""
-    head = f'[[aiding]]\nkind = "{kind}"\nfile = "gnss.csv"\n'
+def entry(kind, **keys):
+    """A section [[source]] of gnss.csv; values as TOML."""
+    head = f'[[source]]\nkind = "{kind}"\nfile = "gnss.csv"\n'
     time = 'time = { column = "t", unit = "s" }\n'
     return head + time + "".join(f"{key} = {value}\n" for key, value in keys.items())
 
 
 COURSE = dict(form='"speed, course, up"', columns='["s", "c", "up"]', unit='["knot", "deg", "m/s"]')
 ECEF = dict(axes='"ECEF"', columns='["x", "y", "z"]', unit='"m"')
-ECEF_VELOCITY = dict(axes='"ECEF"', columns='["vx", "vy", "vz"]', unit='"m/s"', sd="0.1")
+ECEF_VELOCITY = dict(axes='"ECEF"', columns='["vx", "vy", "vz"]', unit='"m/s"', std="0.1")
 
 
 @pytest.fixture
@@ -49,18 +49,18 @@ def courses(gnss):
 
 
 def test_speed_and_course_are_north_and_east(fixes):
-    [aiding] = fixes(source("velocity", sd="[0.4, 2.0, 0.7]", **COURSE), gnss=courses).aidings
+    [source] = fixes(entry("velocity", std="[0.4, 2.0, 0.7]", **COURSE), gnss=courses).sources
     k = np.arange(20)
     speed, course = 2.0 + k, np.radians(10 + 17 * k)
     v = np.c_[speed * np.cos(course), speed * np.sin(course), np.full(20, -0.3)]
-    np.testing.assert_allclose(aiding.y, v, atol=1e-12)
+    np.testing.assert_allclose(source.y, v, atol=1e-12)
     # the covariance through the derivative of (s cos c, s sin c); a course's error is no less than
     # what the speed's is worth across the track
     across = np.maximum(0.4 * KNOT / speed, np.radians(2))
     J = np.array([[np.cos(course), -v[:, 1]], [np.sin(course), v[:, 0]]]).transpose(2, 0, 1)
     P = J @ (np.array([np.full(20, 0.4 * KNOT), across]).T[:, :, None] ** 2 * J.transpose(0, 2, 1))
-    np.testing.assert_allclose(aiding.sd[:, :2] ** 2, P[:, [0, 1], [0, 1]], rtol=1e-12)
-    np.testing.assert_allclose(aiding.sd[:, 2], 0.7)
+    np.testing.assert_allclose(source.std[:, :2] ** 2, P[:, [0, 1], [0, 1]], rtol=1e-12)
+    np.testing.assert_allclose(source.std[:, 2], 0.7)
 
 
 def test_a_speed_without_course(fixes):
@@ -72,15 +72,15 @@ def test_a_speed_without_course(fixes):
         return gnss
 
     keys = COURSE | dict(form='"speed, course"', columns='["s", "c"]', unit='["knot", "deg"]')
-    recording = fixes(source("velocity", sd="0.2", **keys), gnss=holes)
-    [aiding] = recording.aidings
+    recording = fixes(entry("velocity", std="0.2", **keys), gnss=holes)
+    [source] = recording.sources
     assert (
-        len(aiding.t) == 18 and not {14.5, 15.5} & set(aiding.t) and np.isnan(aiding.y[:, 2]).all()
+        len(source.t) == 18 and not {14.5, 15.5} & set(source.t) and np.isnan(source.y[:, 2]).all()
     )
-    stands = aiding.t == 13.5
-    np.testing.assert_array_equal(aiding.y[stands, :2], 0)
-    np.testing.assert_allclose(aiding.sd[stands, :2], np.hypot(0.2, 0.2 * KNOT))
-    np.testing.assert_allclose(aiding.sd[~stands], 0.2 * KNOT)
+    stands = source.t == 13.5
+    np.testing.assert_array_equal(source.y[stands, :2], 0)
+    np.testing.assert_allclose(source.std[stands, :2], np.hypot(0.2, 0.2 * KNOT))
+    np.testing.assert_allclose(source.std[~stands], 0.2 * KNOT)
     said = " ".join(recording.meta["notes"])
     assert "2 rows without a course, of which 1 at a standstill" in said
     assert "1 row with a speed below zero" in said and "line 7" in said
@@ -130,7 +130,7 @@ def test_geodesy_against_pymap3d_and_pyproj():
 
 
 @pytest.mark.parametrize(
-    ("sd", "covariance"),
+    ("std", "covariance"),
     [
         ("3.0", np.diag([9.0, 9, 9])),
         ('["sx", "sy", "sz"]', np.diag([1.0, 4, 9])),
@@ -142,32 +142,32 @@ def test_geodesy_against_pymap3d_and_pyproj():
         ),
     ],
 )
-def test_a_position_in_ecef(fixes, sd, covariance):
-    expected = fixes(POSITION).aidings[0]
-    aiding = fixes(source("position", sd=sd, **ECEF), gnss=geocentric).aidings[0]
-    np.testing.assert_allclose(aiding.y, expected.y, rtol=0, atol=1e-8)
+def test_a_position_in_ecef(fixes, std, covariance):
+    expected = fixes(POSITION).sources[0]
+    source = fixes(entry("position", std=std, **ECEF), gnss=geocentric).sources[0]
+    np.testing.assert_allclose(source.y, expected.y, rtol=0, atol=1e-8)
     R = np.array(  # of x, y and z in north, east, down
         [np.array(pymap3d.uvw2enu(*axis, 45.0, 7.0))[[1, 0, 2]] * [1, 1, -1] for axis in np.eye(3)]
     ).T
     np.testing.assert_allclose(
-        aiding.sd[0], np.sqrt(np.diag(R @ np.array(covariance, float) @ R.T)), rtol=1e-9
+        source.std[0], np.sqrt(np.diag(R @ np.array(covariance, float) @ R.T)), rtol=1e-9
     )
 
 
 def test_a_velocity_in_ecef_is_turned_where_the_vehicle_is(fixes):
-    expected = fixes(VELOCITY).aidings[0]
-    section, position = source("velocity", **ECEF_VELOCITY), source("position", sd="1.0", **ECEF)
+    expected = fixes(VELOCITY).sources[0]
+    section, position = entry("velocity", **ECEF_VELOCITY), entry("position", std="1.0", **ECEF)
     place = 'place = { latitude = 45.0, longitude = 7.0, unit = "deg" }\n'
     before = section, position  # the order of sections does not count
     for recording in (
         fixes(*before, gnss=geocentric),
         fixes(section, gnss=geocentric, imu=place + IMU),
     ):
-        aiding = recording.aidings[0]
-        np.testing.assert_allclose(aiding.y, expected.y, rtol=0, atol=1e-6)
-        np.testing.assert_allclose(aiding.sd, 0.1)
+        source = recording.sources[0]
+        np.testing.assert_allclose(source.y, expected.y, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(source.std, 0.1)
     with pytest.raises(
-        DataError, match=r"\[\[aiding\]\] 1 \(velocity\): nothing says where it is; add"
+        DataError, match=r"\[\[source\]\] 1 \(velocity\): nothing says where it is; add"
     ):
         fixes(section, gnss=geocentric)
 
@@ -184,10 +184,10 @@ def test_an_attitude_in_ecef(fixes):
         return gnss.assign(qx=q[:, 0], qy=q[:, 1], qz=q[:, 2], qw=q[:, 3])
 
     keys = dict(axes='"FLU to ECEF"', quaternion='"xyzw"', columns='["qx", "qy", "qz", "qw"]')
-    section = source("attitude", unit='"deg"', sd="1.0", **keys)
-    aiding = fixes(section, POSITION, gnss=turned).aidings[0]
-    np.testing.assert_allclose(np.degrees(aiding.y), rph, atol=1e-9)
-    np.testing.assert_allclose(aiding.sd, np.radians(1.0))
+    section = entry("attitude", unit='"deg"', std="1.0", **keys)
+    source = fixes(section, POSITION, gnss=turned).sources[0]
+    np.testing.assert_allclose(np.degrees(source.y), rph, atol=1e-9)
+    np.testing.assert_allclose(source.std, np.radians(1.0))
     reference = """
 [reference]
 file = "gnss.csv"
@@ -199,12 +199,12 @@ attitude = { columns = ["qx", "qy", "qz", "qw"], quaternion = "xyzw", axes = "FL
     for more in ("", where + speed):
         found = fixes(POSITION, VELOCITY, reference + more, gnss=turned)
         np.testing.assert_allclose(np.degrees(found.reference.rph), rph, atol=1e-9)
-    np.testing.assert_allclose(found.reference.lla, found.aidings[0].y, atol=1e-8)
-    np.testing.assert_allclose(found.reference.v_n, found.aidings[1].y, atol=1e-9)
+    np.testing.assert_allclose(found.reference.lla, found.sources[0].y, atol=1e-8)
+    np.testing.assert_allclose(found.reference.v_n, found.sources[1].y, atol=1e-9)
 
 
 def test_heights_above_the_geoid(fixes):
-    lla = fixes(POSITION).aidings[0].y
+    lla = fixes(POSITION).sources[0].y
     model = undulation(lla[:, 0], lla[:, 1])
     assert 45 < model[0] < 60  # the western Alps
     table = lambda gnss: gnss.assign(sep=100 * np.arange(len(gnss)))
@@ -214,9 +214,9 @@ def test_heights_above_the_geoid(fixes):
         ('{ value = 46.3, unit = "m" }', 46.3),
     ):
         line = f"geoid = {geoid}\n"
-        altitude = dict(columns='["alt"]', unit='"m"', sd="1.0", geoid=geoid)
-        recording = fixes(source("altitude", **altitude), POSITION + line, gnss=table)
-        height, position = recording.aidings
+        altitude = dict(columns='["alt"]', unit='"m"', std="1.0", geoid=geoid)
+        recording = fixes(entry("altitude", **altitude), POSITION + line, gnss=table)
+        height, position = recording.sources
         np.testing.assert_allclose(position.y, lla + np.array([0, 0, 1]) * np.c_[added], atol=1e-9)
         np.testing.assert_allclose(height.y[:, 0], position.y[:, 2], atol=1e-6)
         assert sum("above the geoid" in note for note in recording.meta["notes"]) == 2
@@ -237,7 +237,7 @@ position = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }
     path = build(gnss=lambda gnss: gnss.rename(columns={"alt": "alt_msl"}), toml=lambda _: msl)
     wrong = [line for line in inspect_description(path).problems if "mean sea level" in line]
     assert len(wrong) == 2 and all('geoid = "EGM96"' in line for line in wrong)
-    told = msl.replace('sd = ["sd"', 'geoid = "EGM96"\nsd = ["sd"')
+    told = msl.replace('std = ["std"', 'geoid = "EGM96"\nstd = ["std"')
     told = told.replace('"deg", "m"] }', '"deg", "m"], geoid = "EGM96" }')
     path.write_text(told, encoding="utf-8")
     assert not any("mean sea level" in line for line in inspect_description(path).problems)
@@ -266,13 +266,13 @@ def test_rows_that_do_not_count(fixes, where, left):
         return gnss
 
     recording = fixes(POSITION + f"where = {where}\n", gnss=change)
-    assert np.array_equal(recording.aidings[0].t, 10.5 + np.array(list(left)))
+    assert np.array_equal(recording.sources[0].t, 10.5 + np.array(list(left)))
     assert any("of 20 left out, which do not have" in note for note in recording.meta["notes"])
 
 
 def test_where_that_leaves_nothing_is_refused(fixes):
-    with pytest.raises(DataError, match=r"gnss.csv: where: none of its 20 rows has sd >= 9"):
-        fixes(POSITION + 'where = { column = "sd", least = 9 }\n')
+    with pytest.raises(DataError, match=r"gnss.csv: where: none of its 20 rows has std >= 9"):
+        fixes(POSITION + 'where = { column = "std", least = 9 }\n')
 
 
 BOTH = TOML.replace('"m/s^2" }', '"m/s^2", file = "accel.csv" }')
@@ -343,39 +343,39 @@ def test_an_accelerometer_that_does_not_belong(tmp_path, build, change, text):
 
 WRONG = {
     "a form of what is none": (
-        source("position", form='"speed, course"', columns='["s"]', unit='"m"', sd="1"),
+        entry("position", form='"speed, course"', columns='["s"]', unit='"m"', std="1"),
         "form: position takes none",
     ),
     "form and axes": (
-        source("velocity", axes='"ENU"', sd="1", **COURSE),
+        entry("velocity", axes='"ENU"', std="1", **COURSE),
         "axes: a course is told from north",
     ),
     "an unknown form": (
-        source("velocity", **(COURSE | dict(form='"course"')), sd="1"),
+        entry("velocity", **(COURSE | dict(form='"course"')), std="1"),
         "form: input should be 'speed, course'",
     ),
     "too few columns": (
-        source("velocity", **(COURSE | dict(columns='["s", "c"]')), sd="1"),
+        entry("velocity", **(COURSE | dict(columns='["s", "c"]')), std="1"),
         "columns: 2 given, velocity has 3: speed, course, up",
     ),
     "an angle for a speed": (
-        source("velocity", **(COURSE | dict(unit='["deg", "deg", "m/s"]')), sd="1"),
+        entry("velocity", **(COURSE | dict(unit='["deg", "deg", "m/s"]')), std="1"),
         "unit: unit 'deg' is one of angle",
     ),
     "two deviations of three": (
-        source("velocity", sd="[1, 2]", **COURSE),
-        "sd: 2 given, velocity has 3",
+        entry("velocity", std="[1, 2]", **COURSE),
+        "std: 2 given, velocity has 3",
     ),
     "five of a covariance": (
-        source("position", sd="[1, 1, 1, 1, 1]", **ECEF),
-        "sd: 5 given, position has 3",
+        entry("position", std="[1, 1, 1, 1, 1]", **ECEF),
+        "std: 5 given, position has 3",
     ),
     "a covariance in NED": (
-        POSITION.replace('["sd", "sd", "sd"]', "[1, 1, 1, 0.1, 0.1, 0.1]"),
-        "sd: 6 given",
+        POSITION.replace('["std", "std", "std"]', "[1, 1, 1, 0.1, 0.1, 0.1]"),
+        "std: 6 given",
     ),
     "degrees in ECEF": (
-        source("position", sd="1", **(ECEF | dict(unit='["deg", "deg", "m"]'))),
+        entry("position", std="1", **(ECEF | dict(unit='["deg", "deg", "m"]'))),
         "unit: unit 'deg' is one of angle; accepted for length",
     ),
     "axes of a position": (
@@ -383,19 +383,19 @@ WRONG = {
         "axes: 'ENU' of a position; .* or x, y, z with axes = \"ECEF\"",
     ),
     "an altitude in ECEF": (
-        source("altitude", columns='["alt"]', unit='"m"', sd="1", axes='"ECEF"'),
+        entry("altitude", columns='["alt"]', unit='"m"', std="1", axes='"ECEF"'),
         "axes: altitude is no vector",
     ),
     "tilt in ECEF": (
-        source("attitude", columns='["a", "b"]', unit='"deg"', sd="1", axes='"FRD to ECEF"'),
+        entry("attitude", columns='["a", "b"]', unit='"deg"', std="1", axes='"FRD to ECEF"'),
         "axes: roll and pitch alone say nothing in ECEF",
     ),
     "no centimetres": (
-        source("position", sd="1", **(ECEF | dict(unit='"cm"'))),
+        entry("position", std="1", **(ECEF | dict(unit='"cm"'))),
         "line 2: x, y, z are 63.* km from the centre of the Earth",
     ),
     "a geoid of ECEF": (
-        source("position", sd="1", geoid='"EGM96"', **ECEF),
+        entry("position", std="1", geoid='"EGM96"', **ECEF),
         "geoid: only heights take it",
     ),
     "a geoid of a velocity": (VELOCITY + 'geoid = "EGM96"', "geoid: only heights take it"),
@@ -416,7 +416,7 @@ WRONG = {
         "column 'sep' is missing",
     ),
     "an altitude nowhere": (
-        source("altitude", columns='["alt"]', unit='"m"', sd="1", geoid='"EGM96"'),
+        entry("altitude", columns='["alt"]', unit='"m"', std="1", geoid='"EGM96"'),
         "nothing says where it is; add a source of positions",
     ),
     "where without a rule": (
@@ -432,12 +432,12 @@ WRONG = {
         "column 'fix' is missing",
     ),
     "where of a constraint": (
-        '[[aiding]]\nkind = "zero-velocity"\nrate = 1.0\nsd = 0.1\nwhere = { column = "a", least = 1 }',
+        '[[source]]\nkind = "zero-velocity"\nrate = 1.0\nstd = 0.1\nwhere = { column = "a", least = 1 }',
         "where: zero-velocity takes none",
     ),
     "a variance of another unit": (
-        POSITION.replace('["sd", "sd", "sd"]', '{ column = "sd", unit = "m/s^2" }'),
-        "sd: unit 'm/s.2' is one of acceleration",
+        POSITION.replace('["std", "std", "std"]', '{ column = "std", unit = "m/s^2" }'),
+        "std: unit 'm/s.2' is one of acceleration",
     ),
     "a reference of course": (
         '[reference]\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncourse = { columns = ["c"], unit = "deg" }',

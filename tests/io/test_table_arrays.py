@@ -46,7 +46,7 @@ def test_structs_are_tables(tmp_path, write):
         np.testing.assert_array_equal(tables["imu"].numbers(f"gyro_{k + 1}"), GYRO[:, k])
     np.testing.assert_array_equal(tables["gnss"].numbers("alt"), FIXES["alt"])
     recording = sd.read(path)
-    assert len(recording.imu.t) == len(T) and len(recording.aidings[0].t) == 20
+    assert len(recording.imu.t) == len(T) and len(recording.sources[0].t) == 20
     description = tmp_path / "recording.toml"
     description.write_text(
         '[imu]\nfile = "log.mat"\ntable = "imu"\ntime = { column = "time", unit = "s" }\n'

@@ -55,7 +55,7 @@ def test_numbers_are_those_of_pandas(tmp_path, monkeypatch, text, header):
     )
     same(found, expected)
     rows = np.arange(len(found.lines)) % 2 == 1
-    same(found.taking(rows), expected.taking(rows))
+    same(found.take(rows), expected.take(rows))
 
 
 @pytest.mark.parametrize(

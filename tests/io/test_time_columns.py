@@ -90,7 +90,7 @@ def test_each_way_to_write_times_is_the_same_recording(build, way):
     assert found.meta["epoch"] == "2024-05-01T00:00:00Z" and found.meta["date"] == "2024-05-01"
     shift = 12.5 * 3600
     np.testing.assert_allclose(found.imu.t, plain.imu.t + shift, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found.aidings[0].t, plain.aidings[0].t + shift, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found.sources[0].t, plain.sources[0].t + shift, rtol=0, atol=1e-6)
     assert abs(found.utc[0] - np.datetime64("2024-05-01T12:30:10.01")) < np.timedelta64(1, "us")
 
 
@@ -116,7 +116,7 @@ def test_a_time_of_day_alone_counts_from_midnight_for_all_sources(build):
     found = read(build(change, change, lambda text: text.replace(PLAIN, f"time = {{ {keys} }}")))
     assert "epoch" not in found.meta and found.utc is None
     assert found.imu.t[0] == pytest.approx(86399.81)
-    assert found.aidings[0].t[0] == pytest.approx(86400.3)
+    assert found.sources[0].t[0] == pytest.approx(86400.3)
 
 
 def test_a_week_ends(build):

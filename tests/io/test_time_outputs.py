@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from synthetic import flight, solution
 
 from strapdown.checks import DataError
-from strapdown.io.solution import read_solution, write_solution
+from strapdown.io.solution import read_origin, read_solution, write_solution
 from strapdown.io.solutions.number_text import lines
 
 pytestmark = pytest.mark.short
@@ -217,3 +217,50 @@ def test_numbers_as_python_writes_them():
     assert text == [f"{a},{b}" for a, b in zip(expected, rest)]
     assert lines([small]).decode().split() == [repr(each) for each in np.round(small, 10).tolist()]
     assert lines([np.array([np.nan]), np.array([1.5])]) == b",1.5\n"
+
+
+def test_tum_from_a_stated_origin(made, tmp_path):
+    """By pymap3d: places from the origin, and attitudes in its axes; two files share the frame."""
+    origin = np.radians(47.63), np.radians(9.35), 400.0
+    made.save(tmp_path / "a.tum", origin=origin)
+    assert read_origin(tmp_path / "a.tum") == pytest.approx(origin, rel=0, abs=1e-12)
+    rows = np.loadtxt(tmp_path / "a.tum")
+    lat, lon = np.degrees(made.trajectory.lla[:, :2]).T
+    enu = pymap3d.geodetic2enu(lat, lon, made.trajectory.lla[:, 2], 47.63, 9.35, 400.0)
+    np.testing.assert_allclose(rows[:, 1:4], np.column_stack(enu), rtol=0, atol=2e-6)
+    made.save(tmp_path / "own.tum")
+    own = read_origin(tmp_path / "own.tum")
+    np.testing.assert_allclose(own, made.trajectory.lla[0], rtol=0, atol=1e-6)
+    made.save(tmp_path / "again.tum", origin=own)
+    np.testing.assert_allclose(
+        np.loadtxt(tmp_path / "again.tum"), np.loadtxt(tmp_path / "own.tum"), rtol=0, atol=2e-6
+    )
+    turn = Rotation.from_quat(np.loadtxt(tmp_path / "own.tum")[:, 4:]).inv() * Rotation.from_quat(
+        rows[:, 4:]
+    )
+    assert np.ptp(turn.magnitude()) < 1e-6 < turn.magnitude()[0]  # one turn between the two frames
+
+
+@pytest.mark.parametrize(
+    ("name", "origin", "said"),
+    [
+        ("a.kml", (0.8, 0.1, 0.0), "origin: positions in .kml are geodetic; leave origin out, or"),
+        ("a.csv", (0.8, 0.1, 0.0), "origin: positions in .csv are geodetic"),
+        ("a.tum", (47.6, 9.3, 400.0), "latitude goes to 1.571 rad .90 deg.: is it in deg"),
+        ("a.tum", (0.8, 0.1), "origin"),
+        ("a.tum", (0.8, np.nan, 0.0), "origin"),
+        ("a.tum", "here", "origin"),
+    ],
+)
+def test_an_origin_that_fits_no_file_is_refused_in_a_line(made, tmp_path, name, origin, said):
+    with pytest.raises(DataError, match=f"{name}: .*{said}") as refused:
+        write_solution(made, tmp_path / name, origin=origin)
+    assert "\n" not in str(refused.value) and not list(tmp_path.iterdir())
+
+
+def test_the_origin_of_other_files_is_refused_in_a_line(tmp_path):
+    (tmp_path / "other.tum").write_text("0.0 0 0 0 0 0 0 1\n")
+    with pytest.raises(DataError, match="other.tum: no line says its origin"):
+        read_origin(tmp_path / "other.tum")
+    with pytest.raises(DataError, match="none.tum: cannot be read"):
+        read_origin(tmp_path / "none.tum")

@@ -64,7 +64,7 @@ def test_a_drive_is_read_with_its_units(tmp_path):
     many = len(imu.t)
     assert many >= 199 and np.allclose(rate, np.radians(gyro[-many:] / 4096.0) * signs, rtol=1e-6)
     assert np.allclose(force, accel[-many:] / 1024.0 * signs, rtol=1e-6)
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     assert np.allclose(
         np.degrees(position.y[:, :2]), np.stack([fixes["lat"], fixes["lon"]], 1) / 1e7
     )
@@ -321,13 +321,13 @@ def test_a_receiver_beside_an_imu_of_another_maker(tmp_path):
         '[imu]\nfile = "imu.csv"\ntime = { column = "t", unit = "s", clock = "unix" }\n'
         'gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }\n'
         'accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }\n'
-        '[[aiding]]\nkind = "position"\nfile = "gnss.ubx"\n'
+        '[[source]]\nkind = "position"\nfile = "gnss.ubx"\n'
         'time = { column = "gps_ms", unit = "ms", clock = "gps" }\n'
-        'columns = ["lat", "lon", "height"]\nunit = ["deg", "deg", "m"]\nsd = 1.0\n'
+        'columns = ["lat", "lon", "height"]\nunit = ["deg", "deg", "m"]\nstd = 1.0\n'
     )
     (tmp_path / "recording.toml").write_text(text, encoding="utf-8")
     recording = sd.read(tmp_path / "recording.toml")
-    assert abs(recording.aidings[0].t[0] - recording.imu.t[0]) < 0.02
+    assert abs(recording.sources[0].t[0] - recording.imu.t[0]) < 0.02
 
 
 def test_content_tells_the_format(tmp_path, written):
@@ -353,7 +353,7 @@ def test_messages_without_a_date_are_counted(tmp_path):
     moments = GPS + 1000 * np.arange(10)
     unix = "unix_s", GPS / 1e3 + 315964800 - 18 + 0.01 * np.arange(1000)
     recording = sd.read(*beside_imu(tmp_path, unix, ubx.pvt(moments, valid=0).tobytes()))
-    assert not recording.aidings
+    assert not recording.sources
     assert any("10 NAV-PVT without a valid date" in line for line in recording.meta["read"])
 
 
@@ -368,7 +368,7 @@ def test_a_time_of_week_gets_the_week_of_the_file_beside_it(tmp_path, absolute):
     times = ("unix_s", unix) if absolute else ("tow_s", of_week)
     data = ubx.frames(0x0102, payload).tobytes()
     recording = sd.read(*beside_imu(tmp_path, times, data))
-    (position,) = recording.aidings
+    (position,) = recording.sources
     assert np.allclose(position.t - recording.imu.t[0], np.arange(10), atol=0.02)
     assert ("epoch" in recording.meta) == absolute
 
@@ -385,6 +385,6 @@ def test_an_imu_with_two_tables_and_no_date(written, tmp_path):
     both = np.concatenate([gyro, accel], axis=1).reshape(n // 10, -1)
     written(np.concatenate([place, both], axis=1).tobytes())
     recording = sd.read(tmp_path / "a.ubx")
-    (position,) = recording.aidings
+    (position,) = recording.sources
     assert np.allclose(position.t, tow / 1e3) and abs(recording.imu.t[0] - tow[0] / 1e3) < 0.2
     assert len(recording.imu.t) > n - 5

@@ -80,10 +80,10 @@ def test_a_written_flight_comes_back(flown, tmp_path):
     np.testing.assert_allclose(found.imu.t, flown.imu.t, atol=1e-6)
     np.testing.assert_allclose(found.imu.dtheta[1:], flown.imu.dtheta[1:], rtol=1e-3, atol=1e-8)
     np.testing.assert_allclose(found.imu.dv[1:], flown.imu.dv[1:], rtol=1e-3, atol=1e-7)
-    for ours, theirs in zip(found.aidings, flown.aidings, strict=True):
+    for ours, theirs in zip(found.sources, flown.sources, strict=True):
         np.testing.assert_allclose(ours.t, theirs.t, atol=1e-6)  # the delay is taken off
         np.testing.assert_allclose(ours.y, theirs.y, rtol=1e-7, atol=1e-9)
-        np.testing.assert_allclose(ours.sd[:, 0], theirs.sd[:, 0], rtol=1e-6)
+        np.testing.assert_allclose(ours.std[:, 0], theirs.std[:, 0], rtol=1e-6)
         np.testing.assert_allclose(ours.parameters, [0.07, 0.0, -0.2], atol=1e-7)
     assert found.meta["vehicle"] == "multicopter"
     zero = iso(float(gps_from_unix(written.EPOCH * 1e-6)))
@@ -217,8 +217,8 @@ def test_delay_and_antenna_of_each_receiver(flown, log, slot, late):
     topics["sensor_gps", 0] = {**fixes, "device_id": ("uint32_t", number)}
     found += [sd.read(log(topics, {**NEW, f"SENS_GPS{slot}_ID": identity}))]
     for each in found:
-        position = each.aidings[0]
-        np.testing.assert_allclose(position.t, flown.aidings[0].t, atol=1e-6)
+        position = each.sources[0]
+        np.testing.assert_allclose(position.t, flown.sources[0].t, atol=1e-6)
         arm = np.array([0.0, -0.2, -0.4]) + 0.1 * slot * np.array([1, 1, 1])
         np.testing.assert_allclose(position.parameters, arm, atol=1e-7)
         assert f"SENS_GPS{slot}_DELAY of the log is" in " ".join(each.meta["read"])
@@ -230,19 +230,19 @@ def test_a_delay_that_px4_has_taken_off_already(flown, log):
     sampled = np.asarray(fixes["timestamp"][1]) - 300_000
     fixes["timestamp_sample"] = "uint64_t", sampled
     found = sd.read(log(topics, NEW))
-    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-6)
+    np.testing.assert_allclose(found.sources[0].t, flown.sources[0].t, atol=1e-6)
     assert found.meta["epoch"] == iso(float(gps_from_unix(written.EPOCH * 1e-6)))
     assert "taken the receiver's delay off" in " ".join(found.meta["read"])
     # what the driver does not say, and what earlier versions did not use
     for values, parameters, late in ((0 * sampled, NEW, 0.08), (sampled, EKF2, 0.11)):
         fixes["timestamp_sample"] = "uint64_t", values
-        found = sd.read(log(topics, parameters)).aidings[0]
-        np.testing.assert_allclose(found.t, flown.aidings[0].t + 0.3 - late, atol=1e-6)
+        found = sd.read(log(topics, parameters)).sources[0]
+        np.testing.assert_allclose(found.t, flown.sources[0].t + 0.3 - late, atol=1e-6)
 
 
 def test_a_delay_that_no_parameter_says_is_assumed(flown, log):
     found = sd.read(log(written.topics_of(flown), {"MAV_TYPE": 2}))
-    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-6)
+    np.testing.assert_allclose(found.sources[0].t, flown.sources[0].t, atol=1e-6)
     assert any("no delay of the receiver: 0 s" in line for line in found.meta["read"])
     known = sd.read(log(written.topics_of(flown), {"EKF2_GPS_DELAY": 0.0})).meta["read"]
     assert not any("delay" in line for line in known)
@@ -251,7 +251,7 @@ def test_a_delay_that_no_parameter_says_is_assumed(flown, log):
 def test_older_fixes_are_whole_numbers(flown, log):
     topics = written.topics_of(flown)
     topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))
-    found, expected = sd.read(log(topics)).aidings[0], flown.aidings[0]
+    found, expected = sd.read(log(topics)).sources[0], flown.sources[0]
     np.testing.assert_allclose(found.y[:, :2], expected.y[:, :2], atol=1e-9)
     np.testing.assert_allclose(found.y[:, 2], expected.y[:, 2], atol=1e-3)
 
@@ -262,7 +262,7 @@ def test_one_receiver_in_two_topics_is_taken_once(flown, log):
     slow = {key: (kind, np.asarray(values)[::5]) for key, (kind, values) in fixes.items()}
     topics["vehicle_gps_position", 0], topics["sensor_gps", 0] = fixes, slow
     found = sd.read(log(topics))
-    assert len(found.aidings) == 2 and len(found.aidings[0].t) == len(fixes["timestamp"][1])
+    assert len(found.sources) == 2 and len(found.sources[0].t) == len(fixes["timestamp"][1])
     assert any("sensor_gps" in line and "same receiver" in line for line in found.meta["read"])
 
 
@@ -273,10 +273,10 @@ def test_rows_without_a_3d_fix_are_not_used(flown, log):
     types[:6] = 0, 1, 2, 2, 8, 6  # 8 is extrapolated
     topics["sensor_gps", 0]["fix_type"] = "uint8_t", types
     found = sd.read(log(topics))
-    assert [len(each.t) for each in found.aidings] == [many - 5] * 2
+    assert [len(each.t) for each in found.sources] == [many - 5] * 2
     assert any("5 of" in line and "3D" in line for line in found.meta["read"])
     topics["sensor_gps", 0]["fix_type"] = "uint8_t", 0 * types
-    assert sd.read(log(topics)).aidings == ()
+    assert sd.read(log(topics)).sources == ()
 
 
 def test_what_the_receiver_does_not_say_is_assumed(flown, log):
@@ -286,14 +286,14 @@ def test_what_the_receiver_does_not_say_is_assumed(flown, log):
     fixes |= {"eph": ("float", zero), "altitude_ellipsoid_m": ("double", zero)}
     fixes |= {"vel_ned_valid": ("bool", zero), "time_utc_usec": ("uint64_t", zero)}
     found = sd.read(log(topics, {**EKF2, "EKF2_GPS_P_NOISE": 0.7}))
-    (position,) = found.aidings
-    assert np.all(position.sd == 0.7)
+    (position,) = found.sources
+    assert np.all(position.std == 0.7)
     # EGM96 at 47.4 N 8.5 E is 47.3 m, and the file was written with 47 m
-    np.testing.assert_allclose(position.y[:, 2] - flown.aidings[0].y[:, 2], 0.3, atol=0.3)
+    np.testing.assert_allclose(position.y[:, 2] - flown.sources[0].y[:, 2], 0.3, atol=0.3)
     assert "epoch" not in found.meta
     read = " ".join(found.meta["read"])
     assert "EKF2_GPS_P_NOISE of the log" in read and "vel_ned_valid = 0" in read
-    assert len(sd.read(log(topics), gnss=0).aidings) == 2
+    assert len(sd.read(log(topics), gnss=0).sources) == 2
 
 
 @pytest.mark.parametrize("old", [False, True])
@@ -306,8 +306,8 @@ def test_ellipsoid_heights_that_are_those_above_sea_level(flown, log, old):
         topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))
     found = sd.read(log(topics))
     # EGM96 at 47.4 N 8.5 E is 47.3 m, and the file was written with 47 m
-    height = found.aidings[0].y[:, 2]
-    np.testing.assert_allclose(height - flown.aidings[0].y[:, 2], 0.3, atol=0.3)
+    height = found.sources[0].y[:, 2]
+    np.testing.assert_allclose(height - flown.sources[0].y[:, 2], 0.3, atol=0.3)
     assert any("are equal in all rows" in line for line in found.meta["read"])
 
 
@@ -347,14 +347,14 @@ def test_magnetometer_and_barometer(flown, log):
         "baro_pressure_pa": ("float", pressure),
     }
     path = log(topics, {**EKF2, "EKF2_BARO_NOISE": 2.5})
-    found = {each.kind: each for each in sd.read(path).aidings}
+    found = {each.kind: each for each in sd.read(path).sources}
     np.testing.assert_allclose(found["magnetic-field"].y, 1e-4 * field, rtol=1e-6)
-    np.testing.assert_allclose(found["magnetic-field"].sd, 5e-6)
+    np.testing.assert_allclose(found["magnetic-field"].std, 5e-6)
     np.testing.assert_allclose(found["magnetic-field"].t, flown.imu.t[::10], atol=1e-6)
     np.testing.assert_allclose(found["pressure"].y[:, 0], pressure)
-    assert np.all(found["pressure"].sd == 2.5)
+    assert np.all(found["pressure"].std == 2.5)
     assert "magnetic-field" not in {
-        each.kind for each in sd.read(path, magnetometer=None, barometer=None).aidings
+        each.kind for each in sd.read(path, magnetometer=None, barometer=None).sources
     }
 
 
@@ -419,7 +419,7 @@ def test_a_format_that_has_a_field_twice_is_left_and_said(flown, log):
     topics = written.topics_of(flown)
     path = log(topics)
     path.write_bytes(path.read_bytes().replace(b"float eph;", b"float epv;"))
-    assert [each.kind for each in sd.read(path).aidings] == []
+    assert [each.kind for each in sd.read(path).sources] == []
     remark = "1 topic not read: the format is missing or contradicts itself"
     assert remark in str(inspect(path))
 
@@ -461,7 +461,7 @@ def test_a_damaged_place_is_passed_over(flown):
 
 
 def test_a_log_that_is_cut_anywhere_gives_its_beginning(flown):
-    brief = replace(flown, imu=type(flown.imu)(*(each[:60] for each in flown.imu)), aidings=())
+    brief = replace(flown, imu=type(flown.imu)(*(each[:60] for each in flown.imu)), sources=())
     content = written.ulog(written.topics_of(brief), EKF2)
     whole = ULog(content).columns("sensor_combined")
     for end in range(16, len(content), 7):

@@ -19,21 +19,21 @@ accel = { columns = ["fx", "fy", "fz"], unit = "m/s^2" }
 grade = "consumer"
 """
 FIXES = """
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "h"]
 unit = ["deg", "deg", "m"]
-sd = [1.0, 1.0, 1.5]
+std = [1.0, 1.0, 1.5]
 
-[[aiding]]
+[[source]]
 kind = "velocity"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["vn", "ve", "vd"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 """
 REFUSED = "deg/s read as rad/s.*--vehicle multicopter"
 
@@ -45,7 +45,7 @@ def folder(request, tmp_path_factory):
     flight = sd.simulate(
         rocking(request.param), 40.0, "consumer", request.param, 200.0, Gnss(interval=0.2)
     )
-    imu, (position, velocity) = flight.imu, flight.aidings
+    imu, (position, velocity) = flight.imu, flight.sources
     rates = np.c_[imu.t, np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]]
     pd.DataFrame(rates, columns="t wx wy wz fx fy fz".split()).to_csv(path / "imu.csv", index=False)
     fixes = np.c_[position.t, position.y / [DEG, DEG, 1.0], velocity.y]

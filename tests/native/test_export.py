@@ -65,7 +65,7 @@ def test_the_start_of_a_filter_is_constants_and_copies_or_is_refused(name):
     made, found = pictured(of)
     assert found.fixed == FIXED.get(name, ())
     # another start than any that was tried, put together as C does
-    start = of.start._replace(ba=(0.01, -0.02, 0.03), rph=(0.2, -0.1, 2.0), v=(1.0, 2.0, 3.0))
+    start = of.start._replace(b_a=(0.01, -0.02, 0.03), rph=(0.2, -0.1, 2.0), v_n=(1.0, 2.0, 3.0))
     want, want_whole = numbers(of.records(start), made)
     got, got_whole = np.zeros_like(want), np.zeros_like(want_whole)
     for place, values in found.constants.items():
@@ -130,7 +130,7 @@ def test_the_header_shows_every_field_with_its_words():
         ("STATES", 16),
         ("SOURCES", 3),
         ("SOURCE_PRESSURE", 1),
-        ("ROW_SD", solution_row.SD),
+        ("ROW_STD", solution_row.STD),
         ("DOUBTFUL", contract.DOUBTFUL.value),
         ("STUCK", Code.STUCK.value),
     ):
@@ -142,7 +142,7 @@ def test_the_header_shows_every_field_with_its_words():
 
 def test_a_source_text_says_units_axes_and_parameters():
     assert source_text(aiding.find("position")) == (
-        "y: latitude rad, longitude rad, height m; sd (3): m, north, east, down; "
+        "y: latitude rad, longitude rad, height m; std (3): m, north, east, down; "
         "parameters: lever arm from the IMU to the antenna, m, body (3)"
     )
     assert "hand one in only at rest" in source_text(aiding.find("zero-velocity"))
@@ -178,4 +178,4 @@ def test_no_sources_and_an_unknown_target_are_refused():
 def test_a_recording_with_more_fixes_in_a_gap_than_there_is_room_for_is_refused():
     of = choice(waiting=1)
     with pytest.raises(sd.DataError, match="2 fixes up to one sample.*--waiting 2"):
-        of.replayed()
+        of.replay()

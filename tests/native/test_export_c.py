@@ -39,12 +39,12 @@ def in_c(made):
 
 def values(of):
     s = of.start
-    return [s.t, *s.lla, *s.v, *s.rph, *s.ba, *s.bg, *s.sd[:15], *of.noise]
+    return [s.t, *s.lla, *s.v_n, *s.rph, *s.b_a, *s.b_g, *s.std[:15], *of.noise]
 
 
 def begun(of, in_c):
     assert in_c.start(values(of)) == 0
-    for s, a in enumerate(of.aidings):
+    for s, a in enumerate(of.sources):
         assert in_c.source(s, [*a.parameters, 0, 0, 0, 0, 0, 0][:6], 0.0) == 0
     return in_c
 
@@ -75,7 +75,7 @@ def test_the_example_of_the_readme_compiles(made):
 
 
 def test_the_flight_shows_the_rules_of_the_loop(made):
-    done = made[0].replayed()
+    done = made[0].replay()
     uses = set(zip(done.out.fix.source.tolist(), done.out.fix.use.tolist()))
     assert {
         (0, Use.ACCEPTED),
@@ -92,21 +92,21 @@ def test_live_with_late_fixes_it_is_what_a_stream_is(made, in_c):
     """Fixes that come late, beside each other in the wrong order, and twice in one sample."""
     of = made[0]
     begun(of, in_c)
-    none = [replace(a, t=a.t[:0], y=a.y[:0], sd=a.sd[:0]) for a in of.aidings]
+    none = [replace(a, t=a.t[:0], y=a.y[:0], std=a.std[:0]) for a in of.sources]
     stream = sd.Stream(
-        of.filter, start=of.start, imu=of.spec, noise=of.noise, aidings=none, estimate=[]
+        of.filter, start=of.start, imu=of.spec, noise=of.noise, sources=none, estimate=[]
     )
     rng = np.random.default_rng(5)
     events = [(t, 1, sample) for t, sample in zip(of.recording.imu.t, zip(*of.recording.imu))]
-    for s, a in enumerate(of.aidings):
+    for s, a in enumerate(of.sources):
         late = rng.choice([-0.3, -0.02, 0.004, 0.3], len(a.t))
-        events += [(t + by, 0, (t, s, y, w)) for t, y, w, by in zip(a.t, a.y, a.sd, late)]
+        events += [(t + by, 0, (t, s, y, w)) for t, y, w, by in zip(a.t, a.y, a.std, late)]
     belief, results, compared = None, [], 0
     for _, kind, event in sorted(events, key=lambda event: event[:2]):
         if kind == 0:
             t, s, y, w = event
             results.append(in_c.fix(s, t, y, w))
-            stream.step(sd.Fix(t, s, tuple(y), tuple(w)))
+            stream.step(sd.Measurement(t, s, tuple(y), tuple(w)))
         elif event[0] > of.start.t + 1e-6:
             t, dt, dtheta, dv = event
             belief = stream.step(sd.Sample(t, dt, tuple(dtheta), tuple(dv)))
@@ -114,7 +114,7 @@ def test_live_with_late_fixes_it_is_what_a_stream_is(made, in_c):
             assert status == stream.status, t
             compared += 1
             if compared % 100 == 0:
-                for name in ("lla", "v", "C", "ba", "bg", "P"):
+                for name in ("lla", "v_n", "C_nb", "b_a", "b_g", "P"):
                     place = in_c.places[f"belief.{name}"]
                     np.testing.assert_array_equal(in_c.read(place), getattr(belief, name), f"{t}")
     books = in_c.read(in_c.places["cursor.books"])

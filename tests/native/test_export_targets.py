@@ -142,7 +142,7 @@ def test_an_hour_has_the_bits_of_python(tmp_path):
 def test_every_filter_has_the_bits_of_python(name, tmp_path):
     needed("cc")
     recording = sd.simulate("ship", 60.0, seed=4, attitude=Ahrs())
-    kinds = [a.kind for a in recording.aidings]
+    kinds = [a.kind for a in recording.sources]
     use = filters.find(name).uses
     kinds = SOURCES.get(name) or [kind for kind in kinds if use is None or kind in use]
     kinds = list(dict.fromkeys([*kinds, *filters.find(name).needs]))

@@ -13,13 +13,13 @@ from strapdown.native import wheel
 
 
 def test_file_size_tag_and_levels_are_told(tmp_path):
-    made = tmp_path / "strapdown-0.1.0-py3-none-manylinux_2_17_x86_64.whl"
+    made = tmp_path / "strapdown-0.2.0-py3-none-manylinux_2_17_x86_64.whl"
     with zipfile.ZipFile(made, "w") as file:
         file.writestr("strapdown/lib/kernels.json", json.dumps({"libraries": {"x86-64-v2": {}}}))
         file.writestr("strapdown/lib/kernels-x86-64-v2.bin", bytes(1_500_000))
     said = wheel.describe_wheel(made)
     assert said == f"{made}, 1.5 MB, py3-none-manylinux_2_17_x86_64: kernels for x86-64-v2"
-    plain = tmp_path / "strapdown-0.1.0-py3-none-any.whl"
+    plain = tmp_path / "strapdown-0.2.0-py3-none-any.whl"
     zipfile.ZipFile(plain, "w").close()
     assert "0.0 MB, py3-none-any: without kernels, which numba compiles" in wheel.describe_wheel(
         plain

@@ -70,7 +70,7 @@ def test_error_figures_show_true_minus_estimate_and_three_sigma():
         trace(figure, "error (true - estimate)").y, e.position[:, 0], rtol=1e-4, atol=1e-4
     )
     assert np.nanmax(trace(figure, "±3σ", "y3").y) == pytest.approx(
-        3 * SOLUTION.trajectory.sd[:, 2].max(), rel=1e-5
+        3 * SOLUTION.trajectory.std[:, 2].max(), rel=1e-5
     )
     assert titles(figure) == ["north [m]", "east [m]", "down [m]"]
     assert titles(figures.attitude(SOLUTION, TRUTH)) == [
@@ -122,9 +122,9 @@ def test_no_trace_of_a_long_run_is_long():
 
 def test_the_initial_convergence_does_not_flatten_the_rest_but_is_told():
     figure = figures.attitude(SOLUTION, TRUTH)
-    sd = SOLUTION.trajectory.sd
+    std = SOLUTION.trajectory.std
     top = figure.layout.yaxis3.range[1]
-    assert 3 * np.degrees(sd[-1, 8]) < top < 10 < 3 * np.degrees(sd[0, 8])
+    assert 3 * np.degrees(std[-1, 8]) < top < 10 < 3 * np.degrees(std[0, 8])
     assert (
         "heading up to" in figure.layout.meta["notes"][0]
         and "Double-click" in figure.layout.meta["notes"][0]
@@ -135,7 +135,7 @@ def test_an_outage_is_never_beyond_the_frame():
     lla = SOLUTION.trajectory.lla.copy()
     lla[700:720, 2] += 500.0
     limit, largest = drawing.frame(
-        TRUTH.t, TRUTH.lla[:, 2] - lla[:, 2], 3 * SOLUTION.trajectory.sd[:, 2]
+        TRUTH.t, TRUTH.lla[:, 2] - lla[:, 2], 3 * SOLUTION.trajectory.std[:, 2]
     )
     assert limit > largest > 490
 
@@ -215,7 +215,7 @@ def test_gaps_are_shaded_and_events_numbered():
 def test_what_a_filter_does_not_claim_is_left_out():
     silent = replace(
         SOLUTION,
-        trajectory=replace(SOLUTION.trajectory, sd=np.full((len(TRUTH), 15), np.nan)),
+        trajectory=replace(SOLUTION.trajectory, std=np.full((len(TRUTH), 15), np.nan)),
         b_a=np.zeros((len(TRUTH), 3)),
     )
     assert (
@@ -245,16 +245,16 @@ def test_units_of_biases_follow_their_size():
     )
 
 
-def test_euler_sd_agrees_with_sampling():
+def test_euler_std_agrees_with_sampling():
     rng = np.random.default_rng(5)
     from scipy.spatial.transform import Rotation
 
-    rph, sd = np.array([[0.3, -0.6, 1.1]]), np.array([[0.001, 0.002, 0.004]])
+    rph, std = np.array([[0.3, -0.6, 1.1]]), np.array([[0.001, 0.002, 0.004]])
     estimate = Rotation.from_euler("ZYX", rph[:, ::-1])
-    angles = (Rotation.from_rotvec(rng.standard_normal((40_000, 3)) * sd) * estimate).as_euler(
+    angles = (Rotation.from_rotvec(rng.standard_normal((40_000, 3)) * std) * estimate).as_euler(
         "ZYX"
     )[:, ::-1]
-    assert figures.euler_sd(rph, sd)[0] == pytest.approx(angles.std(axis=0), rel=0.02)
+    assert figures.euler_std(rph, std)[0] == pytest.approx(angles.std(axis=0), rel=0.02)
 
 
 def test_headings_are_cut_where_they_wrap():

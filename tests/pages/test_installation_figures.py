@@ -38,7 +38,7 @@ def test_each_component_has_a_panel_with_its_column_and_both_bands(solution):
         values = solution.columns[ARM.format(axis)]
         (drawn,), (band,) = traces(figure, "estimate", row), traces(figure, "±2σ", row)
         np.testing.assert_allclose(drawn.y, values, rtol=1e-4, atol=1e-6)
-        half = 2 * solution.columns["sd of " + ARM.format(axis)]
+        half = 2 * solution.columns["std of " + ARM.format(axis)]
         n = len(values)
         np.testing.assert_allclose(band.y[:n], values + half, rtol=1e-4, atol=1e-4)
         lower, upper = traces(figure, "prior", row)
@@ -48,7 +48,7 @@ def test_each_component_has_a_panel_with_its_column_and_both_bands(solution):
 
 def test_a_prior_that_would_flatten_the_rest_is_said(solution):
     columns = dict(solution.columns)
-    for name in (ARM.format("down"), "sd of " + ARM.format("down")):
+    for name in (ARM.format("down"), "std of " + ARM.format("down")):
         columns[name] = columns[name] * 0.01
     figure = estimates(replace(solution, columns=columns), "lever-arm")
     assert figure.layout.meta["notes"] == ["Priors beyond the frame: down ±10.0 m."]

@@ -60,7 +60,7 @@ def test_bands_are_shaded_of_two_and_dotted_of_three():
     assert {t.fill for t in bands(BOTH)} == {"toself"}
     assert {(t.fill, t.line.dash) for t in bands(BOTH | {"third": FAR})} == {(None, "dot")}
     half = bands(BOTH)[0]
-    assert np.nanmax(half.y) == pytest.approx(3 * OTHER.trajectory.sd[:, 3].max(), rel=0.01)
+    assert np.nanmax(half.y) == pytest.approx(3 * OTHER.trajectory.std[:, 3].max(), rel=0.01)
 
 
 def test_one_that_diverges_leaves_the_scale_to_the_other_and_is_named():
@@ -105,8 +105,8 @@ def test_a_reference_and_fixes_stand_beside_the_estimates():
 def test_the_pointer_shows_value_unit_and_standard_deviation():
     (north, *_) = lines(figures.velocity(BOTH, TRUTH), "one")
     assert north.hovertemplate == "%{y:.4g} ± %{customdata:.2g} m/s"
-    sd = ONE.trajectory.sd[:, 3]
-    assert np.allclose(north.customdata, sd, rtol=0.01) and len(north.customdata) == len(north.x)
+    std = ONE.trajectory.std[:, 3]
+    assert np.allclose(north.customdata, std, rtol=0.01) and len(north.customdata) == len(north.x)
     assert figures.velocity(BOTH).layout.xaxis.unifiedhovertitle.text == "%{x:.2f} s"
 
 
@@ -231,7 +231,7 @@ def test_the_separation_of_a_smoother_is_what_it_was_from_the_filter():
     filtered = sd.fuse(recorded(), start=start(recorded()))
     made = sd.smooth(recorded(), start=start(recorded()))
     size = np.linalg.norm(made.trajectory.v_n - filtered.trajectory.v_n, axis=1)
-    seen = np.isfinite(made.separation.sd[:, 1])
+    seen = np.isfinite(made.separation.std[:, 1])
     assert len(seen) == len(made.t) and seen.any()
     # of the components that can be compared
     assert (made.separation.size[seen, 1] <= size[seen] * 1.001 + 1e-9).all()
@@ -239,7 +239,7 @@ def test_the_separation_of_a_smoother_is_what_it_was_from_the_filter():
     assert {t.name for t in figure.data} == {"separation", "3σ"}
     assert separation_figures.separation(filtered) is None
     middle, late = 0.5 * (made.t[0] + made.t[-1]), made.t[-1]
-    part = made[middle:late]
+    part = made.between(middle, late)
     np.testing.assert_array_equal(part.separation.size, made.separation.size[made.t >= middle])
     assert separation_figures.separation(part).data
 
@@ -289,7 +289,7 @@ def test_what_goes_into_the_page_keeps_what_can_be_seen():
 
 def test_a_solution_without_rows_is_left_out():
     rows = slice(0, 0)
-    empty = replace(ONE, trajectory=ONE.trajectory.taking(rows))
+    empty = replace(ONE, trajectory=ONE.trajectory.take(rows))
     assert figures.sigma({"empty": empty}) is None and figures.track(empty) is None
     assert (
         lines(figures.sigma({"empty": empty, "one": ONE}), "one")[0].line.color

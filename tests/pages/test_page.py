@@ -207,7 +207,7 @@ def test_no_solution_is_refused():
 def test_no_claim_is_asked_for_where_none_is_drawn():
     silent = replace(
         SOLUTION,
-        trajectory=replace(SOLUTION.trajectory, sd=np.full_like(SOLUTION.trajectory.sd, np.nan)),
+        trajectory=replace(SOLUTION.trajectory, std=np.full_like(SOLUTION.trajectory.std, np.nan)),
     )
     assert (
         "It should stay below" in report(SOLUTION, TRUTH).html
@@ -256,7 +256,7 @@ def test_a_solution_of_hardly_any_rows_has_a_page(rows):
     short = replace(
         SOLUTION,
         trajectory=type(old)(
-            *(values[part] for values in (old.t, old.lla, old.v_n, old.q_nb, old.sd))
+            *(values[part] for values in (old.t, old.lla, old.v_n, old.q_nb, old.std))
         ),
         b_a=SOLUTION.b_a[part],
         b_g=SOLUTION.b_g[part],

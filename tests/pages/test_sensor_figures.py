@@ -8,7 +8,7 @@ from synthetic import solution
 
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.pages import drawing, sensor_figures
 from strapdown.pages.spectra import power_spectrum, segments
 
@@ -24,10 +24,10 @@ def recording(force=None, t=None, **meta):
     made[:, 2] += np.sin(2 * np.pi * 20 * t) - 9.8
     force = made if force is None else force
     rates = 0.01 * rng.standard_normal((N, 3))
-    fixes = Aiding(
+    fixes = Source(
         "position", t[::100], np.zeros((N // 100, 3)), np.ones((N // 100, 3)), name="gnss"
     )
-    held = Aiding("zero-lateral-velocity", t[::10], np.zeros((N // 10, 1)), np.ones((N // 10, 1)))
+    held = Source("zero-lateral-velocity", t[::10], np.zeros((N // 10, 1)), np.ones((N // 10, 1)))
     dt = np.full(N, 1 / RATE)
     return Recording(
         Imu(t, dt, rates * dt[:, None], force * dt[:, None]), (fixes, held), None, meta

@@ -9,7 +9,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.preprocessing.lever_arm import gnss_at, imu_at, specific_force_at
 from strapdown.sim.trajectory import DEG, Motion, records
@@ -151,7 +151,7 @@ def test_the_moved_imu_navigates_the_moved_point():
 # ---- GNSS
 
 
-def antenna(kind="position", sd_=0.5, n=21, arm=ARM):
+def antenna(kind="position", std_=0.5, n=21, arm=ARM):
     """(fixes of an antenna at ARM, truth at the IMU, Imu) of a body that turns at 0.3 rad/s and
     rolls."""
     motion = Motion(
@@ -167,7 +167,7 @@ def antenna(kind="position", sd_=0.5, n=21, arm=ARM):
         arm, omega
     )
     y = there.lla if kind == "position" else there.v_n
-    return Aiding(kind, truth.t[rows], y, np.full((n, 3), sd_), tuple(arm)), truth, imu, rows
+    return Source(kind, truth.t[rows], y, np.full((n, 3), std_), tuple(arm)), truth, imu, rows
 
 
 @pytest.mark.short
@@ -189,7 +189,7 @@ def test_positions_move_from_the_antenna_to_the_imu(form):
     assert (
         moved.parameters == (0.0, 0.0, 0.0)
         and moved.kind == "position"
-        and np.array_equal(moved.sd, fixes.sd)
+        and np.array_equal(moved.std, fixes.std)
     )
     assert np.abs(displacement(fixes.y, truth.lla[rows])).max() > 1.5
 
@@ -213,7 +213,7 @@ def test_standard_deviations_grow_with_the_attitude_error(kind):
     deviation of 4000 has 1.1 %, so 6 % is over five of its own."""
     fixes, truth, imu, rows = antenna(kind, n=3)
     deviations, rng = np.array([0.02, 0.03, 0.06]), np.random.default_rng(2)
-    moved = gnss_at(fixes, truth, imu, attitude_sd=deviations, rate_sd=0.1)
+    moved = gnss_at(fixes, truth, imu, attitude_std=deviations, rate_std=0.1)
     from scipy.spatial.transform import Rotation
 
     arm = ARM if kind == "position" else np.cross(imu.dtheta[rows[1] - 1] / 0.02, ARM)
@@ -221,23 +221,23 @@ def test_standard_deviations_grow_with_the_attitude_error(kind):
         Rotation.from_rotvec(rng.normal(0, deviations, (4000, 3))) * truth.rotation[rows[1]]
     ).apply(arm)
     grown = np.sqrt(
-        moved.sd[1] ** 2 - 0.25 - (0.1 * np.linalg.norm(ARM)) ** 2 * (kind == "velocity")
+        moved.std[1] ** 2 - 0.25 - (0.1 * np.linalg.norm(ARM)) ** 2 * (kind == "velocity")
     )
     np.testing.assert_allclose(grown, turned.std(axis=0), rtol=0.06)
     stated = gnss_at(
         fixes,
-        replace(truth, sd=np.tile(np.r_[np.zeros(6), deviations], (len(truth), 1))),
+        replace(truth, std=np.tile(np.r_[np.zeros(6), deviations], (len(truth), 1))),
         imu,
-        rate_sd=0.1,
+        rate_std=0.1,
     )
-    np.testing.assert_allclose(stated.sd, moved.sd)
+    np.testing.assert_allclose(stated.std, moved.std)
 
 
 @pytest.mark.short
 def test_what_is_not_measured_stays_so():
     fixes, truth, _, _ = antenna()
-    fixes.y[3] = np.nan
-    moved = gnss_at(fixes, truth)
+    fourth = np.arange(len(fixes.t))[:, None] == 3
+    moved = gnss_at(replace(fixes, y=np.where(fourth, np.nan, fixes.y)), truth)
     assert np.isnan(moved.y[3]).all() and np.isfinite(np.delete(moved.y, 3, 0)).all()
 
 
@@ -251,7 +251,7 @@ def test_what_cannot_be_moved_is_refused():
     velocity = antenna("velocity")[0]
     for call, message in (
         (
-            lambda: gnss_at(Aiding("heading", fixes.t, fixes.y[:, :1], fixes.sd[:, :1]), truth),
+            lambda: gnss_at(Source("heading", fixes.t, fixes.y[:, :1], fixes.std[:, :1]), truth),
             "fixes of kind 'heading' stay",
         ),
         (

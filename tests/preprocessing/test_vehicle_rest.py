@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_samples import level
 
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.preprocessing.imu_samples import increments
 from strapdown.preprocessing.stationary import at_rest
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
@@ -15,8 +15,8 @@ from strapdown.preprocessing.wheel_slip import MAX_SLIP, is_slipping, without_sl
 pytestmark = pytest.mark.short
 
 
-def wheel(t, y, sd=0.05, **more):
-    return Aiding("speed", t, np.asarray(y, float)[:, None], np.full((len(t), 1), sd), **more)
+def wheel(t, y, std=0.05, **more):
+    return Source("speed", t, np.asarray(y, float)[:, None], np.full((len(t), 1), std), **more)
 
 
 def samples(t, gyro, accel):
@@ -56,7 +56,7 @@ def test_smooth_straight_motion_is_no_rest_where_a_speed_says_so(kind):
     fixes = wheel(t, speed, 0.1)
     if kind == "velocity":
         y = np.c_[0 * speed, -speed, 0 * speed]
-        fixes = Aiding("velocity", t, y, np.full_like(y, 0.1))
+        fixes = Source("velocity", t, y, np.full_like(y, 0.1))
     assert vehicle_at_rest(imu).all()
     rest = vehicle_at_rest(imu, [fixes])
     assert not rest[(imu.t > 20.1) & (imu.t < 29.9)].any()

@@ -8,23 +8,25 @@ import pytest
 from strapdown.evaluation.consistency import proportion
 from strapdown_reproductions.alam import claims, main
 from strapdown_reproductions.alam.claims import AlamEvidence
+from strapdown_reproductions.alam.concordance import entries
 from strapdown_reproductions.alam.convergence import CASES
+from strapdown_reproductions.alam.readings import EKF, NLO, READINGS, VARIANTS, WORDS, XKF
 from strapdown_reproductions.alam.runs import (
     ABLATIONS,
     ASTRAY,
     AXES,
-    EKF,
+    CONSTANT,
     EKF_NO_COURSE,
     FILTERS,
     FULL,
     MEASURES,
-    NLO,
-    READINGS,
-    XKF,
+    POSITION_ALONE,
+    STABILISED,
     XKF_NO_COURSE,
 )
 from strapdown_reproductions.alam.table1 import wide
 from strapdown_reproductions.common.claims import judge
+from strapdown_reproductions.common.concordance import missing_references
 from strapdown_reproductions.common.pages import (
     DEPENDS,
     NOT_REPRODUCED,
@@ -36,9 +38,10 @@ from strapdown_reproductions.common.pages import (
 pytestmark = pytest.mark.short
 SEEDS = 12
 PLACES = (*(f"outage {k}" for k in range(1, 6)), "thor75", "drive0708")
-RIGHT = {EKF: 40.0, NLO: 11.5, XKF: 10.0, FULL: 10.0}
+OF_STABILISED = {label: 10.0 for label in ABLATIONS if label.endswith(STABILISED)}
+RIGHT = {EKF: 40.0, NLO: 11.5, XKF: 10.0, FULL: 10.0, POSITION_ALONE: 30.0} | OF_STABILISED
 """m: RMSE of a world in which the EKF is far off and the XKF best."""
-WRONG = {EKF: 5.0, NLO: 9.0, XKF: 20.0, FULL: 20.0}
+WRONG = {EKF: 5.0, NLO: 9.0, XKF: 20.0, FULL: 20.0, POSITION_ALONE: 3.0}
 
 
 def scores(level, spread=0.02, north=None, places=PLACES, velocity=None, seeds=SEEDS):
@@ -51,12 +54,10 @@ def scores(level, spread=0.02, north=None, places=PLACES, velocity=None, seeds=S
                 size = level.get(
                     name, level[name.split(",")[0]] if name.split(",")[0] in level else 15.0
                 )
+                speed = (velocity or {}).get(name.split(",")[0], size / 10)
                 draw = lambda value: float(value * np.exp(spread * rng.standard_normal()))
                 row = {
-                    measure: draw(
-                        size if measure.endswith("m") else (velocity or {}).get(name, size / 10)
-                    )
-                    for measure in MEASURES
+                    measure: draw(size if measure.endswith("m") else speed) for measure in MEASURES
                 }
                 if north and name in north.get(case, {}):
                     row["north_rmse_m"] = draw(north[case][name])
@@ -97,30 +98,49 @@ def biases(ekf, others, spread=0.02, late=0.8):
 def converged(counts, starts=100):
     """Starts 170 deg off, of which so many converged {label: number}."""
     rows = [
-        (label, seed, 20.0 if seed < counts.get(label, starts) else np.inf, 5.0, 1.0, "")
+        (label, seed, 20.0 if seed < counts.get(label, starts) else np.inf, 5.0, 1.0, "", 1.0)
         for label in CASES
         for seed in range(starts)
     ]
-    return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
+    columns = ["case", "seed", "since_s", "first_s", "last_deg", "said", "late_share"]
+    return pd.DataFrame(rows, columns=columns)
 
 
-MIXED = {case: {EKF: 5.0, EKF_NO_COURSE: 30.0} for case in ("outage 1", "outage 2")}
+def costs(observer, ekf):
+    """Seconds of three repetitions around `observer` and `ekf`, each 10 % apart."""
+    rows = [
+        (label, k, size * (1 + 0.1 * k))
+        for label, size in {NLO: observer, EKF: ekf, XKF: 2.0}.items()
+        for k in range(3)
+    ]
+    return pd.DataFrame(rows, columns=["filter", "repetition", "seconds"])
+
+
+MIXED = {
+    case: {reading.ekf: 5.0 for reading in READINGS} | {EKF_NO_COURSE: 30.0}
+    for case in ("outage 1", "outage 2")
+}
 """The EKF better in the north of two outages, thanks to its course."""
 SCORES = scores(RIGHT, north=MIXED)
 GOOD = AlamEvidence(
-    wide(SCORES), biases((0.1, 0.05), (1e-3, 1e-4)), converged({"two-stage EKF": 20})
+    wide(SCORES),
+    biases((0.1, 0.05), (1e-3, 1e-4)),
+    converged({reading.ekf: 20 for reading in READINGS}),
+    costs(0.5, 1.0),
 )
 MANY = 120
 """Seeds after which what never happened is known to be seldom."""
 BAD = AlamEvidence(
     wide(scores(WRONG, seeds=MANY)),
     biases((1e-3, 1e-4), (0.1, 0.05)),
-    converged({label: 10 for label in CASES if label.startswith("XKF")}),
+    converged({label: 10 for label in CASES if label.startswith(("XKF", CONSTANT))}),
+    costs(1.5, 1.0),
 )
 LOUD = AlamEvidence(
     wide(scores({name: 10.0 for name in FILTERS}, spread=3.0)),
     biases((0.01, 0.001), (0.005, 0.0005), spread=8.0),
     converged({}, starts=3),
+    costs(1.1, 1.0),
 )
 
 
@@ -147,10 +167,14 @@ def test_a_world_in_which_it_is_wrong():
 
 def test_a_world_in_which_nothing_can_be_told():
     found = verdicts(LOUD)
-    assert found.pop("inherits_stability") == REPRODUCED  # three of three
+    # three of three
+    assert found.pop("inherits_stability") == found.pop("constant_gains") == REPRODUCED
     # by chance each is the better one now and then
     assert found.pop("some_cases") == found.pop("north") == REPRODUCED
+    # of 24 readings one may contradict by chance
     stabilised = found.pop("biases_stabilised")
+    for name in ("diverges_rapidly", "because_of_bias"):
+        assert found.pop(name) in (UNDECIDED, NOT_REPRODUCED)
     assert set(found.values()) == {UNDECIDED}, found
     assert stabilised in (UNDECIDED, NOT_REPRODUCED, PARTLY)
     assert proportion(3, 3).low == pytest.approx(0.44, abs=0.005)  # the page says so of three seeds
@@ -158,13 +182,15 @@ def test_a_world_in_which_nothing_can_be_told():
 
 def test_findings_are_complete_and_in_order():
     found = claims.claims(GOOD)
-    assert len(found) == 14 and len({f["claim"] for f in found}) == 14
+    assert len(found) == 18 and len({f["claim"] for f in found}) == 18
     assert all(f["rule"] and f["measured"] and f["source"] and f["decided_by"] for f in found)
     assert "Published: 3 of 5" in found[6]["measured"] and "2 of 5 outages" in found[2]["measured"]
 
 
 def test_without_runs_nothing_is_said():
-    nothing = AlamEvidence({}, biases((1.0, 1.0), (1.0, 1.0))[:0], converged({})[:0])
+    nothing = AlamEvidence(
+        {}, biases((1.0, 1.0), (1.0, 1.0))[:0], converged({})[:0], costs(1, 1)[:0]
+    )
     found = claims.claims(nothing)
     assert {f["verdict"] for f in found} <= {UNDECIDED}, [
         (f["claim"], f["verdict"]) for f in found if f["verdict"] != UNDECIDED
@@ -226,14 +252,14 @@ def test_lists_of_ratios_say_what_stands_over_what():
         and "in the north, XKF / NLO: outage 1 " in found[11]["measured"]
     )
     assert "outage 3 " not in found[9]["measured"]
-    headings = [heading for _, heading, _ in main.shown(SCORES, GOOD.biases, GOOD.converged)]
+    headings = [heading for _, heading, _ in main.table_texts(SCORES, GOOD)]
     named = [
         part.replace("table ", "").strip('"')
         for each in found
         for part in each["decided_by"].split("; ")
         if not part.startswith("figure")
     ]
-    assert len(named) == 6 and all(
+    assert len(named) == 10 and all(
         any(heading.startswith(name) for heading in headings) for name in named
     )
 
@@ -355,7 +381,8 @@ def test_readings_that_contradict_each_other_decide():
         assert verdict_of(name, tables=wide(table)) == DEPENDS, name
     found = judge(claims.CLAIMS["east"], GOOD._replace(tables=wide(table)))
     assert "as printed: 0 of 7 cells for it, 7 against" in found["measured"]
-    assert "own attitude in stage 2: 7 of 7" in found["measured"]
+    spirit = sum(reading.word == "spirit" for reading in READINGS)
+    assert f"spirit: {spirit} reproduced" in found["measured"]
 
 
 @pytest.mark.parametrize("velocity", [{EKF: 1.0, XKF: 1.0}, {EKF: 2.9, XKF: 1.0}])
@@ -370,7 +397,7 @@ def test_diverging_in_position_alone_is_half_of_the_claim(velocity):
 def test_lost_runs_count_among_the_biases():
     """The XKF's estimates wander less in two seeds of twelve, and it is lost in the others."""
     table = GOOD.biases.copy()
-    xkfs = [xkf for _, xkf in READINGS.values()]
+    xkfs = {reading.xkf for reading in READINGS}
     lost = table["filter"].isin(xkfs) & (table["seed"] >= 2)
     for sensor, most in ASTRAY.items():
         table.loc[lost, [f"{sensor}_wander", f"{sensor}_wander_late", f"{sensor}_rms"]] = most
@@ -421,17 +448,59 @@ def test_half_as_much_again_is_not_significantly_more():
 
 
 def test_stability_of_one_form_alone_is_partly_inherited():
-    one = converged({"XKF, 15 states": 10})
-    assert (
-        judge(claims.CLAIMS["inherits_stability"], GOOD._replace(converged=one))["verdict"]
-        == PARTLY
-    )
+    for one in (FULL, XKF):
+        assert verdict_of("inherits_stability", converged=converged({one: 10})) == DEPENDS
+
+
+def test_a_stabilised_bias_explains_where_it_halves_the_error():
+    """The EKF is four times as far off as the XKF, and as itself with the bias stabilised; 1.6 times as
+    far is not enough, nor is it where the EKF is the nearer one."""
+    for stabilised, ekf, verdict in ((10.0, 40.0, REPRODUCED), (25.0, 40.0, NOT_REPRODUCED)):
+        level = RIGHT | dict.fromkeys(OF_STABILISED, stabilised) | {EKF: ekf}
+        assert verdict_of("because_of_bias", tables=wide(scores(level))) == verdict
+    level = RIGHT | dict.fromkeys(OF_STABILISED, 1.0) | {EKF: 5.0}
+    assert verdict_of("because_of_bias", tables=wide(scores(level))) == NOT_REPRODUCED
+
+
+def test_every_reading_votes():
+    """One line for each, with a word; in a world where one XKF alone is bad its line alone turns."""
+    table = scores(RIGHT)
+    bad = READINGS[7]
+    table.loc[table["filter"] == bad.xkf, list(MEASURES)] *= 10
+    found = claims.votes(GOOD._replace(tables=wide(table))).set_index("reading")
+    assert list(found.index) == [reading.name for reading in READINGS]
+    assert set(found["word"]) == set(WORDS)
+    turned = found.index[found["6 east"] == NOT_REPRODUCED]
+    assert list(turned) == [bad.name]
+    titles = {title.split(" ")[0] for title in claims.BY_READINGS}
+    assert titles <= {str(k) for k in range(1, len(claims.CLAIMS) + 1)}
+
+
+def test_no_line_of_a_rule_is_long():
+    lines = [line for claim in claims.CLAIMS.values() for line in claim.rule.splitlines()]
+    assert max(map(len, lines)) <= 300
+
+
+def test_every_entry_of_the_concordance_leads_somewhere():
+    found = [{"claim": "", "source": "", "verdict": PARTLY}] * len(claims.CLAIMS)
+    assert missing_references(entries(found)) == []
+    printed = " ".join(entry.printed for entry in entries(found))
+    for each in (*(f"({k})" for k in range(1, 11)), *(f"Fig. {k}" for k in range(1, 5)), "Table 1"):
+        assert each in printed
+
+
+def test_readings_differ_in_one_point_of_the_letter():
+    """Of the letter alone all three parts are the letter; gains are changed one at a time."""
+    assert [reading.word for reading in READINGS].count("letter") == 1
+    assert READINGS[0].word == "letter" and READINGS[0].name == "as printed"
+    options = {label: set(VARIANTS[label].options.items()) for label in VARIANTS}
+    for reading in READINGS:
+        if reading.name.endswith("of the library") and "all" not in reading.name:
+            assert len(options[reading.nlo] - options[NLO]) == 1, reading
 
 
 def test_tables_for_people():
-    shown = dict(
-        (name, table) for name, _, table in main.shown(SCORES, GOOD.biases, GOOD.converged)
-    )
+    shown = dict((name, table) for name, _, table in main.table_texts(SCORES, GOOD))
     first = shown["redrawn"].iloc[0]
     for column, published, ours in (("north, EKF, m", "7.9", 5.0), ("down, XKF, m", "24.7", 10.0)):
         printed, _, text = first[column].partition(" / ")
@@ -446,8 +515,9 @@ def test_tables_for_people():
     assert list(shown["filters"]["filter"]) == list(FILTERS | ABLATIONS) and set(
         shown["filters"]["lost"]
     ) == {f"0 of {7 * SEEDS}"}
-    assert len(shown["ablations"]) == 3 * len(ABLATIONS) + 3 and len(shown["biases"]) == len(
+    apart = [name for name in ABLATIONS if name not in VARIANTS]
+    assert len(shown["ablations"]) == 3 * len(apart) + 3 and len(shown["biases"]) == len(
         FILTERS | ABLATIONS
     )
     by = shown["convergence"].set_index("filter")["below 10 deg from some time to 60 s"]
-    assert by["two-stage EKF"] == "20 of 100" and by["closed loop"] == "100 of 100"
+    assert by[EKF] == "20 of 100" and by["closed loop"] == "100 of 100"

@@ -14,7 +14,7 @@ from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown_reproductions.common import markdown
 from strapdown_reproductions.noise import allan_records
-from strapdown_reproductions.noise.allan_records import RESTS, Rest, evened, frame, rows
+from strapdown_reproductions.noise.allan_records import RESTS, Rest, even_stamps, frame, rows
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "evidence" / "noise.md"
 WALKING = ImuSpec(
@@ -81,7 +81,7 @@ def test_stamps_that_jitter_do_not_matter():
     imu = at_rest(WALKING)
     dt = imu.dt * np.random.default_rng(1).uniform(0.9, 1.1, len(imu.dt))
     jittered = Imu(np.cumsum(dt), dt, imu.dtheta * (dt / imu.dt)[:, None], imu.dv)
-    even = evened(jittered)
+    even = even_stamps(jittered)
     assert np.ptp(even.dt) == 0 and even.t[-1] == pytest.approx(jittered.t[-1])
     np.testing.assert_allclose(even.dtheta, imu.dtheta * (even.dt / imu.dt)[:, None], rtol=1e-12)
 
@@ -96,6 +96,6 @@ def test_the_page_has_the_figures_of_the_recorded_data(data_folder):
 def test_the_rests_and_grades_are_those_of_the_examples():
     for rest in RESTS:
         if rest.grade:
-            assert rest.grade in sd.grades()
+            assert rest.grade in sd.imus()
         if rest.file.endswith(".toml"):
             assert (allan_records.DESCRIPTIONS / rest.file).exists()

@@ -16,7 +16,7 @@ from strapdown_reproductions.common.write_docs import DOCS, mark
 @pytest.mark.parametrize("length", [0.01, 1.0, 30.0])
 def test_the_displacement_is_the_double_integral(time, length):
     inner = lambda t: quad(lambda s: np.exp(-s / time), 0, t, limit=200)[0]
-    assert law.displaced(time, length) == pytest.approx(
+    assert law.displacement(time, length) == pytest.approx(
         quad(inner, 0, length, limit=200)[0], rel=1e-6
     )
 

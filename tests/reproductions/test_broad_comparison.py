@@ -38,7 +38,7 @@ def recording(truth, known=slice(None), movement=((1.0, 2.0),)):
 def trial(truth, number="02", **more):
     made = recording(truth, **more)
     return main.BroadTrial(
-        f"{number}_made", made, {}, 100.0, main.moving(made) & np.isin(T, made.reference.t)
+        f"{number}_made", made, {}, 100.0, main.moving_samples(made) & np.isin(T, made.reference.t)
     )
 
 
@@ -183,17 +183,17 @@ def test_tables_and_claims():
     assert "chosen on" in caption and (
         tables["inclination"][1].iloc[:, 1:].astype(float) < 1e-4
     ).all(axis=None)
-    claims = main.judged(orientation, trials)
+    claims = main.judge_orientation(orientation, trials)
     assert [(c["holds"], c["bound"]) for c in claims] == [(True, 2.6), (False, 2.5), (True, 5.0)]
     # one trial decides nothing of the mean
-    assert [c["bound"] for c in main.judged(orientation, trials[3:4])] == [2.5]
+    assert [c["bound"] for c in main.judge_orientation(orientation, trials[3:4])] == [2.5]
 
 
 @pytest.mark.short
 def test_what_cannot_be_scored_fails_its_claim():
     trials, runs = five({"attitude-mekf": (1, 1, 1, 1, 1)})
     runs[1] = runs[1]._replace(angles=np.full((N, 3), np.nan))
-    claims = main.judged(main.tables(trials, runs)["orientation"][1], trials)
+    claims = main.judge_orientation(main.tables(trials, runs)["orientation"][1], trials)
     assert not claims[0]["holds"] and claims[1]["holds"]
 
 
@@ -266,7 +266,7 @@ def test_products_of_quaternions_against_scipy():
 @pytest.mark.short
 def test_a_peer_that_is_not_installed_is_said(monkeypatch):
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4)})
-    monkeypatch.setattr(main, "installed", lambda package: None)
+    monkeypatch.setattr(main, "installed_version", lambda package: None)
     assert (
         list(
             main.peer_runs(
@@ -353,10 +353,10 @@ def test_reproduction_writes_its_page(data_folder, tmp_path):
         "inclination.csv",
         "index.html",
         "orientation.csv",
-        "over-sd.csv",
+        "over-std.csv",
         "table.md",
     ]
-    over = pd.read_csv(tmp_path / "out" / "over-sd.csv").set_index("estimator")["24"]
+    over = pd.read_csv(tmp_path / "out" / "over-std.csv").set_index("estimator")["24"]
     assert all(
         0.1 < float(value) < 2
         for name in ("attitude-mekf", "mahony")

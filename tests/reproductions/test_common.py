@@ -10,7 +10,16 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown_reproductions.common import kinds, markdown, runner, study, targets, write_docs
-from strapdown_reproductions.common.claims import Claim, JudgedClaim, findings, judge, over
+from strapdown_reproductions.common.claims import (
+    MAX_LINE,
+    Claim,
+    JudgedClaim,
+    findings,
+    in_lines,
+    judge,
+    over,
+    verdict_of,
+)
 from strapdown_reproductions.common.kinds import ALWAYS
 from strapdown_reproductions.common.pages import (
     DEPENDS,
@@ -25,9 +34,11 @@ from strapdown_reproductions.common.reproduction import Asked, reproduction
 from strapdown_reproductions.common.verdicts import (
     Count,
     both,
-    counted,
-    decided,
+    count_votes,
+    decide,
     over_readings,
+    tally,
+    without_verdicts,
 )
 
 pytestmark = pytest.mark.short
@@ -62,6 +73,7 @@ CLAIM = Claim(
 )
 def test_all_parts_of_a_claim_must_hold(a, b, verdict):
     found = judge(CLAIM, {"a": a, "b": b})
+    assert verdict_of(CLAIM, {"a": a, "b": b}) == verdict
     assert found["verdict"] == verdict and found["claim"] == "Both are large."
     assert found["measured"].endswith(f". Largest {max(a):.1f}") and "a: " in found["measured"]
 
@@ -75,14 +87,14 @@ def test_a_claim_that_the_evidence_cannot_decide_says_what_is_missing():
 
 
 def test_a_verdict_that_is_no_share_of_cells():
-    judged = CLAIM._replace(parts={"x": lambda e: JudgedClaim(decided(True, False), "by eye")})
+    judged = CLAIM._replace(parts={"x": lambda e: JudgedClaim(decide(True, False), "by eye")})
     found = judge(judged._replace(measured="{x}"), {"a": [0]})
     assert (found["verdict"], found["measured"]) == (REPRODUCED, "by eye")
 
 
 def test_counts():
-    assert counted([1, -1, 0, 1]) == Count(2, 1, 4)
-    assert decided(False, True) == NOT_REPRODUCED and decided(False, False) == UNDECIDED
+    assert count_votes([1, -1, 0, 1]) == Count(2, 1, 4)
+    assert decide(False, True) == NOT_REPRODUCED and decide(False, False) == UNDECIDED
 
 
 def test_seeds():
@@ -136,7 +148,7 @@ def test_tasks_fill_their_tables_in_order(workers):
         runner.Task("", several, (1,)),
         runner.Task("one", in_a_table, (3, 1)),
     ]
-    found = runner.collected(tasks, workers, told.append)
+    found = runner.collect_tables(tasks, workers, told.append)
     assert found["one"]["seed"].tolist() == [5, 6, 0, 3] and found["other"]["seed"].tolist() == [9]
     assert found["one"].index.tolist() == [0, 1, 2, 3] and found["nothing"].empty
     assert told == pytest.approx([1 / 3, 2 / 3, 1.0])
@@ -148,10 +160,12 @@ def test_figures_against_targets():
         "high": targets.Target("large", ">=", 2),
         "open": targets.Target("not known", "<=", 1.0),
     }
-    held, missed = targets.judged({"low": 0.98765, "high": 1.5, "open": float("nan")}, wanted)
+    held, missed = targets.judge_targets(
+        {"low": 0.98765, "high": 1.5, "open": float("nan")}, wanted
+    )
     assert (held["figure"], held["target"], held["holds"]) == ("0.988 m", "<= 1 m", True)
     assert (missed["figure"], missed["target"], missed["holds"]) == ("1.5", ">= 2", False)
-    assert targets.judged({"low": 0.98765}, wanted, 4)[0]["figure"] == "0.9877 m"
+    assert targets.judge_targets({"low": 0.98765}, wanted, 4)[0]["figure"] == "0.9877 m"
     text = targets.in_docs(
         [held], {"a": ("Some", pd.DataFrame({"x": [1234.5678]})), "b": ("No", pd.DataFrame())}
     )
@@ -168,8 +182,8 @@ def test_what_a_run_has_written_goes_into_its_page(tmp_path, monkeypatch):
     write_docs.main("alam", str(out))
     end = markdown.end("new\n")
     assert page.read_text() == f"before\n{write_docs.mark('alam')}\nnew\n{end}\nafter\n"
-    assert not markdown.edited(page.read_text())
-    assert markdown.edited(page.read_text().replace("new", "newer")) == [
+    assert not markdown.edited_texts(page.read_text())
+    assert markdown.edited_texts(page.read_text().replace("new", "newer")) == [
         "findings.md of strapdown reproduce alam"
     ]
     write_docs.main("alam", str(out))
@@ -194,8 +208,45 @@ def test_a_page_of_few_runs_has_no_verdicts(tmp_path):
     page = (tmp_path / "9" / "index.html").read_text()
     assert "A quick run, 9 of each" in page and "1 claims: 1 too few runs" in page
     text = (tmp_path / "10" / "findings.md").read_text()
-    assert "**reproduced** | 3 is most |" in text and "1. No kind. a: 2 of 2 cells" in text
+    assert "**reproduced** | 3 is most |" in text
+    assert "1. No kind.\n    - A: 2 of 2 cells" in text and "\n    - Rule: more than 1.\n" in text
     assert "quick" not in (tmp_path / "10" / "index.html").read_text()
+
+
+def test_a_page_of_few_runs_has_no_word_of_a_verdict(tmp_path):
+    told = CLAIM._replace(
+        kind=ALWAYS, answer="Most is {most:.0f}. By the reading a: not reproduced.", rule="as it is"
+    )
+    votes = {"votes": "By the letter reproduced."}
+    claims = [claim | votes for claim in findings([told], {"a": [2, 3], "b": [2]})]
+    work = study.StudyWork("A study", ["Not reproduced means something. It has cells."])
+    outcome = study.Outcome("Small.", claims, pd.DataFrame({"x": ["y"]}), {}, ())
+    texts = lambda claims: {"more.md": claims[0]["verdict"]}
+    for runs, expected in ((runner.ENOUGH - 1, False), (runner.ENOUGH, True)):
+        study.write_study(tmp_path, work, outcome._replace(runs=runs, texts=texts))
+        for name in ("index.html", "findings.md", "more.md"):
+            text = (tmp_path / name).read_text(encoding="utf-8")
+            assert ("reproduced" in text) == expected, (name, text)
+        page = (tmp_path / "index.html").read_text(encoding="utf-8")
+        assert "Most is 3." in page and "It has cells." in page
+        assert ("every cell supports it" in page) == ("By the letter" in page) == expected
+
+
+def test_lines_are_cut_behind_sentences():
+    text = "; ".join(["a rule of forty characters, which it has"] * 20) + "\nanother"
+    lines = in_lines(text).splitlines()
+    assert max(map(len, lines)) <= MAX_LINE and lines[-1] == "another"
+    assert all(line.endswith((";", "has")) for line in lines[:-1])
+    assert " ".join(lines[:-1]) + "\nanother" == text
+    assert max(map(len, in_lines("word " * 200).splitlines())) <= MAX_LINE
+
+
+def test_verdicts_are_tallied_and_left_out():
+    assert tally([NOT_REPRODUCED, REPRODUCED, REPRODUCED]) == "2 reproduced, 1 not reproduced"
+    assert (
+        without_verdicts("It is 3 m. Not reproduced by a: 2.\nPartly; or not")
+        == "It is 3 m. 2.\nor not"
+    )
 
 
 def test_what_holds_by_algebra_is_counted_apart():
@@ -203,7 +254,7 @@ def test_what_holds_by_algebra_is_counted_apart():
     found = findings([same], {"a": [2], "b": [2]}) + findings([same], {"a": [2], "b": [3]})
     assert [each["identity"] for each in found] == ["a is b", ""]
     assert counts(found) == "2 claims: 1 reproduced, 1 decided by algebra alone"
-    assert found[0]["kind"] == "always" and found[0]["rule"].endswith(ALWAYS.rule)
+    assert found[0]["kind"] == "always" and ALWAYS.rule not in found[0]["rule"]
 
 
 def test_readings_that_decide_are_no_lack_of_data():

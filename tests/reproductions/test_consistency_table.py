@@ -14,7 +14,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import STATES
 from strapdown.evaluation.consistency import band, state_errors
 from strapdown.evaluation.cramer_rao import cramer_rao
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.synthesis import Simulator
 from strapdown_reproductions.common import write_docs
 from strapdown_reproductions.common.runner import StudyTables
@@ -70,7 +70,9 @@ def test_a_twin_without_memory_is_chi_square():
     """Independent epochs: their number inside the band is binomial, and the mean of all NEES has
     the variance of chi-square."""
     epochs, count, sets = 40, 5, 2000
-    right = twin.drawn(np.zeros((epochs, STATES, STATES)), count, sets, np.random.default_rng(2))
+    right = twin.draw_sets(
+        np.zeros((epochs, STATES, STATES)), count, sets, np.random.default_rng(2)
+    )
     inside = np.rint(right.inside * epochs)
     assert inside.mean() == pytest.approx(0.95 * epochs, abs=4 * np.sqrt(1.9 / sets))
     assert np.mean(inside <= 35) == pytest.approx(binom.cdf(35, epochs, 0.95), abs=0.02)
@@ -81,7 +83,7 @@ def test_a_twin_without_memory_is_chi_square():
 
 @pytest.mark.short
 def test_a_twin_that_forgets_nothing_is_inside_always_or_never():
-    right = twin.drawn(np.tile(np.eye(3), (30, 1, 1)), 4, 1000, np.random.default_rng(3))
+    right = twin.draw_sets(np.tile(np.eye(3), (30, 1, 1)), 4, 1000, np.random.default_rng(3))
     assert set(right.inside) == {0.0, 1.0}
     assert right.inside.mean() == pytest.approx(0.95, abs=0.03)
 
@@ -94,7 +96,7 @@ def test_steps_are_composed_in_their_order(count):
     P = whole = np.eye(3)
     for step, noise in zip(Phi, Q):
         P, whole = step @ P @ step.T + noise, step @ whole
-    one, noise = twin.composed(Phi, Q)
+    one, noise = twin.compose_steps(Phi, Q)
     np.testing.assert_allclose(one, whole)
     np.testing.assert_allclose(one @ one.T + noise, P)
 
@@ -102,14 +104,14 @@ def test_steps_are_composed_in_their_order(count):
 @pytest.fixture(scope="module")
 def moved():
     """(Simulator, IMU, Memory of its twin) of the first 20 s in the hand."""
-    own, imu = world("hand-held", False).replace(duration=20.0), grade("tactical")
+    own, imu = world("hand-held", False).replace(duration=20.0), imu_spec("tactical")
     own = own.replace(gnss=own.gnss._replace(lever_arm=(0.5, 0.2, -0.3)))
-    made, at = Simulator(own), twin.counted(own)
+    made, at = Simulator(own), twin.epoch_samples(own)
     P = np.diag(own.start_deviations(imu) ** 2)
     return (
         made,
         imu,
-        twin.remembered(made.ideal_recording(), P, imu.noise(), own.gnss.lever_arm, at),
+        twin.make_memory(made.ideal_recording(), P, imu.noise(), own.gnss.lever_arm, at),
     )
 
 
@@ -117,7 +119,7 @@ def test_the_twin_is_as_sure_as_the_closed_loop_at_the_truth(moved):
     made, imu, memory = moved
     bound = cramer_rao(made.ideal_recording(), made.exact_start(imu), imu.noise(), every=100)
     stated = np.sqrt(np.diagonal(memory.covariance[1:], axis1=1, axis2=2))
-    np.testing.assert_allclose(stated, bound.sd, rtol=0.03)
+    np.testing.assert_allclose(stated, bound.std, rtol=0.03)
 
 
 def test_the_twin_forgets_an_error_as_the_closed_loop_does(moved):
@@ -150,10 +152,10 @@ def shifted(start, error):
     rotation = Rotation.from_euler("ZYX", start.rph[::-1])
     heading, pitch, roll = (Rotation.from_rotvec(-error[6:9]) * rotation).as_euler("ZYX")
     return start._replace(
-        v=tuple(np.array(start.v) - error[3:6]),
+        v_n=tuple(np.array(start.v_n) - error[3:6]),
         rph=(roll, pitch, heading),
-        ba=tuple(np.array(start.ba) - error[9:12]),
-        bg=tuple(np.array(start.bg) - error[12:15]),
+        b_a=tuple(np.array(start.b_a) - error[9:12]),
+        b_g=tuple(np.array(start.b_g) - error[12:15]),
     )
 
 
@@ -172,7 +174,7 @@ def test_only_fed_filters_get_an_ahrs_and_a_hand_gets_positions():
     for name in SCENARIOS:
         assert world(name, True).attitude and not world(name, False).attitude
         assert world(name, False).magnetometer is None
-        assert world(name, False).gnss.position_sd is not None
+        assert world(name, False).gnss.position_std is not None
 
 
 @pytest.mark.short
@@ -230,7 +232,7 @@ def test_where_a_filter_holds_is_said_in_few_words():
     rows += [made_up(grade="industrial", scenario=name, refused="why") for name in SCENARIOS[:2]]
     rows += [made_up(grade="dmu10", scenario=name) for name in SCENARIOS[1:]]
     rows += [made_up(grade="dmu10", verdict="diverging", scenario="demo")]
-    told = summary.holding(pd.DataFrame(rows)).iloc[0]
+    told = summary.list_holding(pd.DataFrame(rows)).iloc[0]
     assert told[""] == "all" and told["tactical"] == "straight, hand-held"
     assert told["industrial"] == "none" and told["dmu10"] == "not demo"
 
@@ -245,7 +247,7 @@ def test_the_figure_tells_without_colours():
     )
     texts = [
         element.text
-        for element in ElementTree.fromstring(figure.drawn(rows)).iter()
+        for element in ElementTree.fromstring(figure.draw_cells(rows)).iter()
         if element.tag.endswith("text")
     ]
     for name in (*verdicts.VERDICTS[1:], "refused"):

@@ -19,7 +19,7 @@ from strapdown.core.loop.contract import FilterState, InitialState, Noise, compi
 from strapdown.core.mathematics.rotation import matrix_to_quaternion, rotate_left
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180
@@ -162,8 +162,8 @@ def test_c_a_field_between_position_fixes_is_used(name):
     lost; it is emulated by leaving those samples out."""
     t = np.arange(1, 201) / 20.0
     still = Recording.from_arrays(t, np.zeros((200, 3)), np.tile([0.0, 0.0, -9.8188], (200, 1)))
-    fixes = Aiding("position", t[19::20], np.tile([1.1, 0.2, 0.0], (10, 1)), np.ones((10, 3)))
-    field = Aiding(
+    fixes = Source("position", t[19::20], np.tile([1.1, 0.2, 0.0], (10, 1)), np.ones((10, 3)))
+    field = Source(
         "magnetic-field", t[1::2], np.tile(FIELD, (100, 1)), np.full((100, 3), 2e-6), tuple(FIELD)
     )
     start = InitialState(
@@ -179,7 +179,7 @@ def test_c_a_field_between_position_fixes_is_used(name):
     at_fixes = np.isin(field.t, fixes.t)
     printed = field._where(at_fixes)
     ours, theirs = (
-        sd.fuse(replace(still, aidings=(fixes, source)), name, imu="consumer", start=start)
+        sd.fuse(replace(still, sources=(fixes, source)), name, imu="consumer", start=start)
         for source in (field, printed)
     )
     assert ours.counts()["magnetic-field"] == (100, 0) and theirs.counts()["magnetic-field"] == (
@@ -188,7 +188,7 @@ def test_c_a_field_between_position_fixes_is_used(name):
     )
     between = ours.innovations.t[ours.innovations.source == 1]
     assert (~np.isin(between, fixes.t)).sum() == 90
-    heading = lambda solution, at: solution.trajectory.sd[np.argmin(np.abs(solution.t - at)), 8]
+    heading = lambda solution, at: solution.trajectory.std[np.argmin(np.abs(solution.t - at)), 8]
     assert heading(ours, 0.9) < 0.1 < 0.45 < heading(theirs, 0.9)  # before the first position fix
     assert heading(ours, 10.0) < 0.6 * heading(theirs, 10.0)
 

@@ -2,6 +2,7 @@
 concern, and the reduced table, in which nothing may get worse."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +36,11 @@ from strapdown_reproductions.faults.judging import (
     SILENT,
     FaultOutcome,
     Nominal,
-    judged,
+    judge_error,
+    judge_run,
     nominal,
-    refused,
 )
-from strapdown_reproductions.faults.not_showable import NOT_SHOWABLE, hidden
+from strapdown_reproductions.faults.not_showable import NOT_SHOWABLE, why_hidden
 from strapdown_reproductions.faults.raw import BEGINS, raw
 from strapdown_reproductions.faults.runs import (
     SMOOTHED,
@@ -50,20 +51,20 @@ from strapdown_reproductions.faults.runs import (
     kinds_with,
     subjects,
 )
-from strapdown_reproductions.faults.worlds import GENTLE, MOTIONS, WORLDS, simulated
+from strapdown_reproductions.faults.worlds import GENTLE, MOTIONS, WORLDS, simulate_world
 
 T = np.arange(0.0, 100.0, 0.2)
-SD = 0.5
+STD = 0.5
 
 
-def trajectory(north=0.0, sd=SD):
-    """At rest on the equator's height 0, or `north` (n,) m off; its sd is that of every component."""
+def trajectory(north=0.0, std=STD):
+    """At rest on the equator's height 0, or `north` (n,) m off; its std is that of every component."""
     n = len(T)
     away = np.zeros((n, 3))
     away[:, 0] = north
     lla = displace_lla(np.tile([0.8, 0.2, 100.0], (n, 1)), away)
     q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    return Trajectory(T, lla, np.zeros((n, 3)), q, None if sd is None else np.full((n, 15), sd))
+    return Trajectory(T, lla, np.zeros((n, 3)), q, None if std is None else np.full((n, 15), std))
 
 
 TRUTH = trajectory()
@@ -74,33 +75,33 @@ def off(by, start, lasting):
     return np.where((T >= start - 1e-9) & (T < start + lasting - 1e-9), by, 0.0)
 
 
-def outcome(north=0.0, status=VALID, notes=(), events=(), sd=SD):
+def outcome(north=0.0, status=VALID, notes=(), events=(), std=STD):
     told = tuple((71.5, text) for text in events)
-    return FaultOutcome(trajectory(north, sd), np.full(len(T), status), notes, told)
+    return FaultOutcome(trajectory(north, std), np.full(len(T), status), notes, told)
 
 
 RIGHT = Nominal(np.full(9, 0.1), frozenset({"nothing of note at # s"}))
 
 
 def verdict(*of, **more):
-    return judged(outcome(*of, **more), TRUTH, RIGHT).verdict
+    return judge_run(outcome(*of, **more), TRUTH, RIGHT).verdict
 
 
 @pytest.mark.short
-def test_a_second_beyond_five_sd_is_wrong_and_less_is_not():
-    assert verdict(off(5.1 * SD, 70, 1.0)) == SILENT
-    assert verdict(off(4.9 * SD, 70, 20.0)) == OK
-    assert verdict(off(5.1 * SD, 70, 0.8)) == OK
-    assert verdict(off(5.1 * SD, 70, 0.4) + off(5.1 * SD, 80, 0.6)) == SILENT
+def test_a_second_beyond_five_std_is_wrong_and_less_is_not():
+    assert verdict(off(5.1 * STD, 70, 1.0)) == SILENT
+    assert verdict(off(4.9 * STD, 70, 20.0)) == OK
+    assert verdict(off(5.1 * STD, 70, 0.8)) == OK
+    assert verdict(off(5.1 * STD, 70, 0.4) + off(5.1 * STD, 80, 0.6)) == SILENT
     assert verdict(off(100.0, 30, 30.0)) == OK  # before it has settled
-    one = judged(outcome(off(5.1 * SD, 70, 2.0)), TRUTH, RIGHT)
+    one = judge_run(outcome(off(5.1 * STD, 70, 2.0)), TRUTH, RIGHT)
     assert one.wrong_s == pytest.approx(2.0) and one.largest == pytest.approx(5.1, rel=1e-3)
-    assert one.position_m == pytest.approx(5.1 * SD, rel=1e-3)
+    assert one.position_m == pytest.approx(5.1 * STD, rel=1e-3)
 
 
 @pytest.mark.short
 def test_an_event_a_note_or_a_status_says_it():
-    wrong = off(6 * SD, 70, 10.0)
+    wrong = off(6 * STD, 70, 10.0)
     assert verdict(wrong, events=("something is off",)) == SAID
     assert verdict(wrong, notes=("rows dropped",)) == SAID
     assert verdict(wrong, events=("nothing of note at 71.5 s",)) == SILENT
@@ -108,20 +109,22 @@ def test_an_event_a_note_or_a_status_says_it():
     assert verdict(wrong, status=BRIDGED) == SILENT
     late = outcome(wrong)
     late.status[T >= 70.8] = DOUBTFUL
-    assert judged(late, TRUTH, RIGHT).verdict == SAID  # believed for less than a second
+    assert judge_run(late, TRUTH, RIGHT).verdict == SAID  # believed for less than a second
     late.status[(T >= 72) & (T < 73)] = VALID
-    assert judged(late, TRUTH, RIGHT).verdict == SILENT
+    assert judge_run(late, TRUTH, RIGHT).verdict == SILENT
 
 
 @pytest.mark.short
-def test_without_sd_twice_the_nominal_error_is_allowed():
-    assert verdict(off(0.19, 70, 20.0), sd=None) == OK
-    assert verdict(off(0.21, 70, 20.0), sd=None) == SILENT
+def test_without_std_twice_the_nominal_error_is_allowed():
+    assert verdict(off(0.19, 70, 20.0), std=None) == OK
+    assert verdict(off(0.21, 70, 20.0), std=None) == SILENT
     missing = outcome()
-    missing.trajectory.lla[T > 90] = np.nan
-    assert judged(missing, TRUTH, RIGHT).verdict == SILENT
+    path = missing.trajectory
+    lla = np.where((T > 90)[:, None], np.nan, path.lla)
+    missing = missing._replace(trajectory=replace(path, lla=lla))
+    assert judge_run(missing, TRUTH, RIGHT).verdict == SILENT
     unknown = RIGHT._replace(largest=np.r_[np.full(3, np.nan), np.full(6, 0.1)])
-    assert judged(missing, TRUTH, unknown).verdict == OK
+    assert judge_run(missing, TRUTH, unknown).verdict == OK
 
 
 @pytest.mark.short
@@ -135,9 +138,10 @@ def test_what_a_right_run_says_is_no_news_and_what_a_wrong_one_says_is():
 
 @pytest.mark.short
 def test_how_a_run_ends():
-    assert refused(DataError("no")).verdict == REFUSED
+    assert judge_error(DataError("no")).verdict == REFUSED
     assert (
-        refused(ValueError("what")).verdict == CRASH and "ValueError" in refused(ValueError()).says
+        judge_error(ValueError("what")).verdict == CRASH
+        and "ValueError" in judge_error(ValueError()).says
     )
     assert ORDER == (OK, REFUSED, SAID, SILENT, CRASH)
 
@@ -147,7 +151,7 @@ GIVEN = ("position", "velocity", "attitude", "magnetic-field", "altitude")
 
 @pytest.fixture(scope="module")
 def recording():
-    return simulated(MOTIONS[GENTLE]._replace(duration=190.0, rate=5.0), 1001)
+    return simulate_world(MOTIONS[GENTLE]._replace(duration=190.0, rate=5.0), 1001)
 
 
 def faulted(recording, name):
@@ -163,7 +167,7 @@ def same(one, other):
         + [
             column
             for s in r.sources.values()
-            for column in (s.t, s.y, s.sd, s.arrival, np.array(s.parameters))
+            for column in (s.t, s.y, s.std, s.arrival, np.array(s.parameters))
         ]
     )
     a, b = columns(one), columns(other)
@@ -237,9 +241,9 @@ def test_what_cannot_be_shown_names_what_there_is():
         assert set(each.faults) <= set(FAULTS) and set(each.motions) <= set(MOTIONS)
         assert each.reason
     own = ("position", "velocity")
-    assert hidden("mounted 5 deg off in heading", "navigation", GENTLE, own)
-    assert not hidden("mounted 5 deg off in heading", "navigation", GENTLE, (*own, "attitude"))
-    assert not hidden("position drifts by 0.1 m/s", "navigation", GENTLE, own)
+    assert why_hidden("mounted 5 deg off in heading", "navigation", GENTLE, own)
+    assert not why_hidden("mounted 5 deg off in heading", "navigation", GENTLE, (*own, "attitude"))
+    assert not why_hidden("position drifts by 0.1 m/s", "navigation", GENTLE, own)
 
 
 REDUCED = Path(__file__).with_name("faults_reduced.csv")

@@ -88,12 +88,12 @@ def test_constants_are_the_published_ones():
         and signals.SAMPLE_NOISE == 0.005
     )
     assert (
-        signals.BIAS_SD == pytest.approx((1.962e-4, 3.8785e-5), rel=1e-4)
+        signals.BIAS_STD == pytest.approx((1.962e-4, 3.8785e-5), rel=1e-4)
         and signals.BIAS_TIME == 300
     )
     assert (
-        signals.POSITION_SD,
-        signals.VELOCITY_SD,
+        signals.POSITION_STD,
+        signals.VELOCITY_STD,
         1 / signals.POSITION_INTERVAL,
         signals.FIELD_RATE,
     ) == (0.05, 0.01, 5.0, 100.0)
@@ -121,7 +121,7 @@ def test_the_truth_solves_the_strapdown_equations(name):
         lla, v, C = (
             x + dt / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip(state, k1, k2, k3, k4)
         )
-    truth = signals.integrated(name, t).truth
+    truth = signals.integrate_signal(name, t).truth
     assert np.abs((truth.lla[-1] - lla) * [6.4e6, 2.9e6, 1.0]).max() < 1e-5
     np.testing.assert_allclose(truth.v_n[-1], v, atol=1e-7)
     np.testing.assert_allclose(truth.rotation[-1].as_matrix(), C, atol=1e-8)
@@ -176,10 +176,10 @@ def test_varying_biases_begin_at_the_constant_ones_and_follow_their_law():
     b_a, b_g = signals.biases(True, 60_000, 30.0, np.random.default_rng(1))
     # after 300 s
     np.testing.assert_allclose(
-        b_a[9], np.exp(-1.0) * np.array(signals.ACCEL_BIAS), atol=5 * signals.BIAS_SD[0]
+        b_a[9], np.exp(-1.0) * np.array(signals.ACCEL_BIAS), atol=5 * signals.BIAS_STD[0]
     )
     # 4 sigma: 9000 independent values
-    assert [part[100:].std() for part in (b_a, b_g)] == pytest.approx(signals.BIAS_SD, rel=0.05)
+    assert [part[100:].std() for part in (b_a, b_g)] == pytest.approx(signals.BIAS_STD, rel=0.05)
     begun = signals.biases(True, 10, 1e-3, np.random.default_rng(1))
     np.testing.assert_allclose(
         [part[0] for part in begun], [signals.ACCEL_BIAS, signals.GYRO_BIAS], atol=1e-5
@@ -190,10 +190,10 @@ def test_varying_biases_begin_at_the_constant_ones_and_follow_their_law():
 def test_a_recording_repeats_and_its_fixes_have_their_noise():
     first, again = (signals.recording("signal 2", 5, duration=60.0) for _ in range(2))
     assert all(
-        np.array_equal(a.y, b.y) for a, b in zip(first.aidings, again.aidings)
+        np.array_equal(a.y, b.y) for a, b in zip(first.sources, again.sources)
     ) and np.array_equal(first.imu.dv, again.imu.dv)
     assert not np.array_equal(first.imu.dv, signals.recording("signal 2", 6, duration=60.0).imu.dv)
-    of = {a.kind: a for a in first.aidings}
+    of = {a.kind: a for a in first.sources}
     assert {kind: len(a.t) for kind, a in of.items()} == {
         "position": 300,
         "velocity": 300,
@@ -264,14 +264,14 @@ def grown(weights, step, rate):
     code = np.array(weights.Q)[[0, 2, 1, 3]] * step**2 * round(1 / step)
     truth, imu = signals.ideal("at rest", rate, 2.0)
     case = FilterCase("", "closed-loop", (), weights)
-    begin = fossen_cases.start(Recording(imu, (), truth), CHAPTER, 0)._replace(sd=(0.0,) * 15)
+    begin = fossen_cases.start(Recording(imu, (), truth), CHAPTER, 0)._replace(std=(0.0,) * 15)
     solution = fuse(
         Recording(imu, (), truth),
         "closed-loop",
         start=begin,
         noise=fossen_cases.noise(case, CHAPTER, "at rest"),
     )
-    return code, solution.trajectory.sd[round(rate) - 1] ** 2
+    return code, solution.trajectory.std[round(rate) - 1] ** 2
 
 
 @pytest.mark.parametrize("rate", [100.0, 500.0])
@@ -294,12 +294,12 @@ def test_every_fix_is_used_when_it_comes_and_that_tells_more():
         BY_NAME["mekf, position + field"],
         signals.recording("signal 1", 1, duration=SHORT),
     )
-    used = fossen_cases.sensed(recording, case, RIGHT)
+    used = fossen_cases.select_sources(recording, case, RIGHT)
     dropped = Recording(
         used.imu,
         tuple(
-            a if a.kind == "position" else a._where(np.isin(a.t, used.aidings[0].t))
-            for a in used.aidings
+            a if a.kind == "position" else a._where(np.isin(a.t, used.sources[0].t))
+            for a in used.sources
         ),
         used.reference,
     )
@@ -311,14 +311,53 @@ def test_every_fix_is_used_when_it_comes_and_that_tells_more():
     assert made[0].counts() == {"GNSS position": (100, 0), "magnetometer": (2000, 0)} and made[
         1
     ].counts()["magnetometer"] == (100, 0)
-    across = [solution.trajectory.sd[-1, 7] for solution in made]  # about east, across the field
+    across = [solution.trajectory.std[-1, 7] for solution in made]  # about east, across the field
     assert across[1] > 1.5 * across[0]
+
+
+@pytest.mark.short
+def test_growth_is_that_of_the_last_part_against_the_one_before():
+    """An error that grows with the square of the time has 2.6 in 300 s, a constant one 1."""
+    t = np.arange(1, 3001) / 10
+    error = np.zeros((3000, 15))
+    error[:, 0] = 0.03
+    run = CaseRun(t, error, np.ones((3000, 15)), np.zeros((3000, 6)), "", np.nan, 0.15 * t**2)
+    found = fossen_cases.numbers(run, 300.0)
+    assert found["growth"] == pytest.approx(1.0)
+    assert found["ins_growth"] == pytest.approx(np.sqrt((3**5 - 2**5) / (2**5 - 1)), rel=0.01)
+    short = fossen_cases.numbers(run._replace(t=t / 20), 15.0)
+    assert np.isnan(short["growth"])
+
+
+@pytest.mark.short
+def test_constant_biases_of_signal_2_are_on_the_same_motion():
+    assert signals.ideal(signals.CONSTANT, 100.0, 5.0) is signals.ideal("signal 2", 100.0, 5.0)
+    meta = signals.recording(signals.CONSTANT, 1, duration=5.0).meta
+    np.testing.assert_array_equal(meta["b_a"], np.tile(signals.ACCEL_BIAS, (500, 1)))
+    assert np.ptp(signals.recording("signal 2", 1, duration=5.0).meta["b_a"], axis=0).min() > 0
+    case = BY_NAME["mekf, position + field"]
+    assert fossen_cases.noise(case, RIGHT, signals.CONSTANT).accel_decay == 0
+
+
+@pytest.mark.short
+def test_as_printed_only_fixes_with_a_position_are_used():
+    recording = signals.recording("signal 1", 1, duration=5.0)
+    used = fossen_cases.select_sources(
+        recording, BY_NAME["mekf as printed, position + gravity + field"], CHAPTER
+    )
+    assert {a.kind: len(a.t) for a in used.sources} == {
+        "position": 25,
+        "magnetic-field": 25,
+        "gravity": 25,
+    }
+    every = fossen_cases.select_sources(recording, BY_NAME["mekf, position + field"], CHAPTER)
+    assert [len(a.t) for a in every.sources] == [25, 500]
 
 
 @pytest.mark.short
 def test_times_of_convergence():
     t = np.arange(1.0, 7.0)
-    settled = fossen_cases.settled
+    settled = fossen_cases.settling_time
     assert settled(t, np.array([5, 5, 0.1, 0.1, 0.1, 0.1]), 1.0) == 3.0
     assert (
         settled(t, np.array([5, 0.1, 5, 0.1, 0.1, 0.1]), 1.0) == 4.0
@@ -339,8 +378,8 @@ def test_a_run_in_numbers():
     error[:, 0] = 0.03
     error[:, BA], error[t < 80, 9] = 0.001, 1.0
     error[:, BG], error[t < 4, 12] = 0.001, 1.0
-    sd = np.linspace(1.0, 0.1, 3000)[:, None] * np.ones(15)
-    run = CaseRun(t, error, sd, np.zeros((3000, 6)), "", np.nan, np.full(3000, 7.0))
+    std = np.linspace(1.0, 0.1, 3000)[:, None] * np.ones(15)
+    run = CaseRun(t, error, std, np.zeros((3000, 6)), "", np.nan, np.full(3000, 7.0))
     found = fossen_cases.numbers(run, 300.0)
     assert (
         found["accel_s"],
@@ -357,7 +396,7 @@ def test_a_run_in_numbers():
     broken = fossen_cases.numbers(run._replace(stopped="at 5 s"), 300.0)
     assert broken["stopped"] and broken["accel_s"] == np.inf and np.isnan(broken["position_m"])
     assert fossen_cases.numbers(
-        CaseRun(t[:0], error[:0], sd[:0], error[:0, :6], "no start", np.nan, t[:0]), 300.0
+        CaseRun(t[:0], error[:0], std[:0], error[:0, :6], "no start", np.nan, t[:0]), 300.0
     )["stopped"]
 
 
@@ -379,6 +418,9 @@ def test_the_whole_study():
         "direct-euler",
         "euler-direct",
         "euler-indirect",
+        "ahrs-direct",
+        "ahrs-indirect",
+        "mekf-printed",
         "force-observer",
         "direct-ahrs",
         "indirect-ahrs-closed",
@@ -412,7 +454,7 @@ def made(tmp_path_factory):
             lambda *a, f=main.fossen_intro.simulate: f(*a, duration=SHORT),
         )
         asked = Asked(runs=2, seed=9, threads=2, progress=shares.append)
-        claims = main.made(out, asked, STUDIED, SHORT)
+        claims = main.make_outputs(out, asked, STUDIED, SHORT)
     assert shares == sorted(shares) and shares[-1] == 1.0
     return out, claims
 
@@ -426,11 +468,11 @@ def test_the_study_writes_page_tables_and_claims(made):
     for number in ("1a", "1b", "2a", "3b", "4", "5a", "5d", "6a", "6b", "7", "8"):
         assert f"<h3>Figure {number}:" in html, number
     assert (
-        html.count("<tr id=claim") == len(claims) == 14 and "What the chapter leaves open" in html
+        html.count("<tr id=claim") == len(claims) == 21 and "What the chapter leaves open" in html
     )
     runs = pd.read_csv(out / "runs.csv")
     assert (
-        len(runs) == 2 * (5 * (3 + 3 + 2 + 2 + 3 + 1) + 3 + 2 + 2)
+        len(runs) == 2 * (6 * (3 + 3 + 2 + 2 + 3 + 1) + 3 + 2 + 2)
         and set(runs["seed"]) == {9000, 9001}
         and not runs["stopped"].any()
     )
@@ -442,7 +484,7 @@ def test_the_study_writes_page_tables_and_claims(made):
         and runs[runs["case"] != "indirect-ahrs-open"]["ins_m"].isna().all()
     )
     dropouts = pd.read_csv(out / "dropouts-runs.csv")
-    assert set(dropouts["case"]) == {"indirect-ahrs-open"} and len(dropouts) == 2 * 2 * 3
+    assert set(dropouts["case"]) == {"indirect-ahrs-open"} and len(dropouts) == 2 * 3 * 3
     left = lambda tuning: dropouts[dropouts["tuning"] == tuning]["accel_left"].to_numpy()
     assert left(FADING) == pytest.approx(np.exp(-10.0 / 1000), abs=2e-3)
     assert left(CHAPTER) == pytest.approx(1.0, abs=2e-3)
@@ -459,8 +501,11 @@ def test_threads_change_nothing(made):
 def test_markdown_goes_between_its_marks(made, goes_into_its_page):
     text = (made[0] / "findings.md").read_text()
     assert (
-        text.count("| **") == 14
+        text.count("| **") == 21
         and "Signal 1:" in text
+        and "Signal 2, constant biases:" in text
+        and "Concordance of the chapter:" in text
+        and "The claims in every reading:" in text
         and "At rest:" in text
         and "| fixed-gain | true noises |" in text
     )
@@ -502,7 +547,7 @@ def test_a_plain_fuse_of_a_recording_knows_its_biases(name):
         np.abs(e.position[late]).max() < 0.05 and np.degrees(np.abs(e.attitude[late]).max()) < 0.3
     )
     assert (
-        np.abs(true - np.r_[found.b_a[-1], found.b_g[-1]]) < 4 * found.trajectory.sd[-1, 9:]
+        np.abs(true - np.r_[found.b_a[-1], found.b_g[-1]]) < 4 * found.trajectory.std[-1, 9:]
     ).all()  # 1 in 2600 for all six, normal
 
 

@@ -40,7 +40,7 @@ def ins_ahrs(recording):
     Beside what the m-file has: the Earth turns, the force turns with the body during a sample, each
     fix is used when it comes, and between records the gyros carry the attitude on.
     """
-    position, attitude = recording.aidings
+    position, attitude = recording.sources
     truth = recording.reference
     place = displacement(position.y, truth.lla[0])
     known, x, P = truth.rotation[0], np.zeros(15), np.eye(15)
@@ -88,7 +88,9 @@ def fused(recording, name, **options):
 def test_with_the_chapters_weights_they_are_the_published_recursion(excitation):
     """Within a hundredth of a standard deviation at every sample: left are the transport rate, the
     change of the place and second-order terms of the angles."""
-    recording = cases.sensed(signals.recording(excitation, 5, 100.0, SECONDS), CASE, cases.CHAPTER)
+    recording = cases.select_sources(
+        signals.recording(excitation, 5, 100.0, SECONDS), CASE, cases.CHAPTER
+    )
     x, deviation = map(np.array, zip(*ins_ahrs(recording)))
     for name in ("indirect-ahrs-closed", "indirect-ahrs-open", "direct-ahrs"):
         found = fused(recording, name, **cases.AS_PUBLISHED)
@@ -103,7 +105,7 @@ def test_with_the_chapters_weights_they_are_the_published_recursion(excitation):
             ]
         )
         assert np.abs(apart / deviation).max() < 0.01, name
-        ratio = own.sd[:, [0, 1, 2, 3, 4, 5, 9, 10, 11]] / deviation[:, :9]
+        ratio = own.std[:, [0, 1, 2, 3, 4, 5, 9, 10, 11]] / deviation[:, :9]
         assert np.abs(ratio - 1).max() < 1e-3, name
 
 
@@ -119,16 +121,16 @@ def test_an_ahrs_that_states_too_much_invents_no_bias(name):
         noise = np.radians([0.2, 0.2, 0.5]) * np.random.default_rng(seed).standard_normal(
             (len(rows), 3)
         )
-        ahrs = sd.Aiding(
+        ahrs = sd.Source(
             "attitude",
             truth.t[rows],
             truth.rph[rows] + noise,
             np.full((len(rows), 3), np.radians(10.0)),
             name="ahrs",
         )
-        kept = tuple(a for a in recording.aidings if a.kind in ("position", "velocity"))
+        kept = tuple(a for a in recording.sources if a.kind in ("position", "velocity"))
         found = sd.fuse(
             sd.Recording(recording.imu, (*kept, ahrs), truth, recording.meta), name, imu="tactical"
         )
         error = found.b_a[-1] - recording.meta["b_a"][-1]
-        assert (np.abs(error) < 3 * found.trajectory.sd[-1, 9:12]).all()
+        assert (np.abs(error) < 3 * found.trajectory.std[-1, 9:12]).all()

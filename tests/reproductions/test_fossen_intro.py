@@ -10,26 +10,26 @@ from strapdown_reproductions.fossen import intro
 
 pytestmark = pytest.mark.short
 MODEL = intro.IntroModel()
-QUIET = MODEL._replace(accel=1e-12, rate=1e-12, position_sd=1e-9, angle_sd=1e-9)
+QUIET = MODEL._replace(accel=1e-12, rate=1e-12, position_std=1e-9, angle_std=1e-9)
 
 
 def covariance_after(model, dt, every, fixes):
     """Predicted P before the last of `fixes` corrections, `every` samples of dt apart, by the
     filter's own steps."""
-    Phi, Q = intro.discretised(model, dt)
-    P = np.diag(model.start_sd) ** 2
+    Phi, Q = intro.discretise(model, dt)
+    P = np.diag(model.start_std) ** 2
     for _k in range(fixes):
         for _ in range(every):
             P = Phi @ P @ Phi.T + Q
         before = P
-        _, P = intro.corrected(np.zeros((1, 5)), P, np.zeros((1, 2)), model.R)
+        _, P = intro.correct(np.zeros((1, 5)), P, np.zeros((1, 2)), model.R)
     return before
 
 
 @pytest.mark.parametrize("every", [1, 10])
 def test_the_steady_state_is_that_of_the_riccati_equation(every):
     model = MODEL._replace(rate_bias=1e-3)  # settles within the fixes of this test
-    Phi, Q = intro.discretised(model, 0.1)
+    Phi, Q = intro.discretise(model, 0.1)
     whole, noise = np.linalg.matrix_power(Phi, every), np.zeros((5, 5))
     for k in range(every):
         part = np.linalg.matrix_power(Phi, k)
@@ -56,7 +56,7 @@ def test_position_and_angle_tell_all_five_states_and_neither_alone_does():
 
 def test_transition_and_noise_have_their_closed_forms():
     dt, T = 0.7, MODEL.accel_time
-    Phi, Q = intro.discretised(MODEL, dt)
+    Phi, Q = intro.discretise(MODEL, dt)
     fade = np.exp(-dt / T)
     np.testing.assert_allclose(
         Phi[:2, 3], [-T * T * (fade - 1 + dt / T), -T * (1 - fade)], rtol=1e-8
@@ -77,7 +77,7 @@ def test_transition_and_noise_have_their_closed_forms():
         ]
     )
     np.testing.assert_allclose(
-        intro.discretised(free, dt)[1][np.ix_([0, 1, 3], [0, 1, 3])], expected, rtol=1e-7
+        intro.discretise(free, dt)[1][np.ix_([0, 1, 3], [0, 1, 3])], expected, rtol=1e-7
     )
 
 
@@ -88,7 +88,7 @@ def test_without_decay_all_three_forms_are_one_filter():
     )
     np.testing.assert_allclose(feedback.x, direct.x, atol=1e-9)
     np.testing.assert_allclose(feedforward.x, direct.x, atol=1e-8)
-    np.testing.assert_allclose(feedforward.sd, direct.sd, rtol=1e-9)
+    np.testing.assert_allclose(feedforward.std, direct.std, rtol=1e-9)
     assert np.abs(feedforward.ins - feedback.ins).max() > 100
 
 
@@ -117,19 +117,19 @@ def test_in_a_dropout_feedforward_lets_the_bias_decay_and_the_others_hold_it():
 
 def test_the_filter_is_consistent_where_its_model_is_the_simulators():
     """False alarm 1e-4 per time; a filter that takes the fixes for half as noisy fails."""
-    runs, model = 60, MODEL._replace(start_sd=(1e-9, 1e-9, 1e-9, 0.3, 0.05))
+    runs, model = 60, MODEL._replace(start_std=(1e-9, 1e-9, 1e-9, 0.3, 0.05))
     record = intro.simulate(np.random.default_rng(4), runs, "decaying", duration=60.0, model=model)
     inside = []
-    for assumed in (model, model._replace(position_sd=0.025, angle_sd=0.005)):
+    for assumed in (model, model._replace(position_std=0.025, angle_std=0.005)):
         made = intro.estimate(record, model=assumed)
         error = (record.true - made.x)[-1]
-        Phi, Q = intro.discretised(assumed, record.dt)
-        P = np.diag(assumed.start_sd) ** 2
+        Phi, Q = intro.discretise(assumed, record.dt)
+        P = np.diag(assumed.start_std) ** 2
         for fixed in record.fixed:
             P = Phi @ P @ Phi.T + Q
             if fixed:
-                _, P = intro.corrected(np.zeros((1, 5)), P, np.zeros((1, 2)), assumed.R)
-        np.testing.assert_allclose(np.sqrt(np.diag(P)), made.sd[-1])
+                _, P = intro.correct(np.zeros((1, 5)), P, np.zeros((1, 2)), assumed.R)
+        np.testing.assert_allclose(np.sqrt(np.diag(P)), made.std[-1])
         nees = np.einsum("ki,ij,kj->k", error, np.linalg.inv(P), error).sum()
         inside.append(chi2.ppf(5e-5, 5 * runs) < nees < chi2.isf(5e-5, 5 * runs))
     assert inside == [True, False]

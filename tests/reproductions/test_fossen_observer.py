@@ -10,7 +10,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
 from strapdown_reproductions.fossen import cases, signals
 from strapdown_reproductions.fossen.force_observer import FORCE_OBSERVER
@@ -31,8 +31,8 @@ def turning():
     )
     t = np.arange(5001) / 50.0
     truth, at = sample(motion, t), np.arange(10, 5001, 10)
-    velocity = Aiding("velocity", t[at], truth.v_n[at], np.full((len(at), 3), 0.01), gate=np.inf)
-    heading = Aiding("heading", t[at], truth.rph[at, 2:], np.full((len(at), 1), 0.01), gate=np.inf)
+    velocity = Source("velocity", t[at], truth.v_n[at], np.full((len(at), 3), 0.01), gate=np.inf)
+    heading = Source("heading", t[at], truth.rph[at, 2:], np.full((len(at), 1), 0.01), gate=np.inf)
     return sd.Recording(increments(motion, t), (velocity, heading), truth, {})
 
 

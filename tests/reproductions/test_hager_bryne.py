@@ -17,8 +17,7 @@ from test_hager_bryne_claims import world
 from strapdown.engine.batch import fuse
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.scoring import ERROR_GROUPS
-from strapdown.experiments.monte_carlo.study import SCALARS, seeds, simulator
-from strapdown.geometry.geodesy import displacement
+from strapdown.experiments.monte_carlo.study import SCALARS, parse_label, seeds, simulator
 from strapdown.pages.shell import Page
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
@@ -36,11 +35,11 @@ from strapdown_reproductions.hager_bryne import (
 from strapdown_reproductions.hager_bryne.cells import (
     RESOLVED,
     CellRows,
-    censored,
-    compared,
+    censored_mean_square,
+    compare_filters,
     onsets,
-    resolved,
-    stacked,
+    resolution_time,
+    stack_parts,
 )
 from strapdown_reproductions.hager_bryne.figures import (
     errors_of_a_run,
@@ -48,12 +47,13 @@ from strapdown_reproductions.hager_bryne.figures import (
     frame_of_errors,
 )
 
-GNSS = Gnss(interval=0.05, position_sd=(1.0, 1.0, 1.0), velocity_sd=None)
+GNSS = Gnss(interval=0.05, position_std=(1.0, 1.0, 1.0), velocity_std=None)
 FLIGHTS = tuple(
     Scenario(f"paper1-{number}", demo_flight(), seconds, rate=20.0, gnss=GNSS, gate=np.inf)
     for number, seconds in (("01", 140.0), ("07", 150.0))
 )
 IMUS = ("paper1-consumer", "paper1-tactical")
+OWN = main.Flown(FLIGHTS, FLIGHTS, IMUS)
 T = np.arange(5.0, 305.0, 5.0)
 RNG = np.random.default_rng(3)
 
@@ -65,14 +65,16 @@ def out(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def claims(out):
-    wanted = main.studies(Asked(runs=2), main.Flown(FLIGHTS, FLIGHTS, FLIGHTS, IMUS))
+    wanted = main.studies(Asked(quick=True, runs=2), OWN)
     wanted |= {
         f"ablation-{name}": study for name, study in ablations.studies(FLIGHTS[:1], 2, 1).items()
     }
     said, shares = [], []
-    found = main.made(out, wanted, Asked(threads=2, say=said.append, progress=shares.append))
+    found = main.make_outputs(
+        out, wanted, Asked(threads=2, notify=said.append, progress=shares.append)
+    )
     assert (
-        "million filter steps in 9 studies" in said[0]
+        "million filter steps in 7 studies" in said[0]
         and shares == sorted(shares)
         and shares[-1] == pytest.approx(1.0)
     )
@@ -81,18 +83,17 @@ def claims(out):
 
 def test_the_full_study_is_the_papers():
     wanted = main.studies(Asked(ablations=True))
+    cross = {each.name: (75 if each.start == "chosen" else 25, 24) for each in main.worlds()}
     assert {name: (len(study.cells), study.runs) for name, study in wanted.items()} == {
         "flights": (33, 50),
         "offset": (21, 50),
         "initial": (21, 50),
-        "start-tenth": (8, 50),
-        "start-exact": (8, 50),
+        **cross,
         "ablation-filters": (3, 50),
         "ablation-gravity": (3, 50),
-        "ablation-density": (3, 50),
         "ablation-wide": (3, 50),
     }
-    assert wanted["flights"].filters[:2] == wanted["offset"].filters
+    assert wanted["flights"].filters[:3] == wanted["offset"].filters
     assert [label.rpartition("=")[2] for label in wanted["flights"].filters[2:]] == [
         "without-prior",
         "zero-prediction",
@@ -105,16 +106,10 @@ def test_the_full_study_is_the_papers():
         for cell in wanted["offset"].cells
     )
     assert {cell.scenario.gravity for cell in wanted["ablation-gravity"].cells} == {"latitude"}
-    given = wanted["flights"].cells[0].scenario
-    for name, factor in (("start-tenth", 0.1), ("start-exact", 0.0)):
-        cell = wanted[name].cells[0]
-        assert cell.imu.name == "paper1-navigation" and cell.scenario.name == given.name
-        assert cell.scenario.start_sd[6:9] == tuple(factor * sd for sd in given.start_sd[6:9])
-        assert cell.scenario.start_sd[:6] == given.start_sd[:6]
     wide = wanted["ablation-wide"].cells[0].scenario
     assert (
-        wide.start_sd[9:12] == wide.accel_offset == (0.5, 0.5, 0.5)
-        and wide.start_sd[:9] == wanted["offset"].cells[0].scenario.start_sd[:9]
+        wide.start_std[9:12] == wide.accel_offset == (0.5, 0.5, 0.5)
+        and wide.start_std[:9] == wanted["offset"].cells[0].scenario.start_std[:9]
     )
     assert (
         main.studies(Asked(quick=True))["flights"].runs == 5
@@ -125,7 +120,7 @@ def test_the_full_study_is_the_papers():
 def test_the_study_writes_page_tables_and_claims(out, claims):
     assert (
         json.loads((out / "claims.json").read_text()) == claims
-        and len(claims) == 19
+        and len(claims) == 22
         and {c["verdict"] for c in claims} <= set(COLOURS)
     )
     html = (out / "index.html").read_text()
@@ -136,25 +131,22 @@ def test_the_study_writes_page_tables_and_claims(out, claims):
         "offset",
         "initial",
         "bound",
-        "readings",
-        *(f"readings-all-{number}" for number in range(1, 7)),
-        "flights-all",
+        "worlds",
+        "cells-std-alike-drawn-chosen-prior",
+        "cells-density-alike-zero-chosen-printed",
+        "turns",
         "offset-all",
         "initial-all",
         "drift",
         "drift-runs",
-        *(f"ablation-{name}" for name in (*ablations.PAIRS, "gravity", "density", "wide")),
+        *(f"ablation-{name}" for name in (*ablations.PAIRS, "gravity", "wide")),
     ):
         assert len(pd.read_csv(out / f"{name}.csv")), name
-    assert (
-        "consumer sigma" not in html
-        and "What the paper leaves open" in html
-        and html.count("<tr id=claim") == 19
-    )
+    assert "What the paper leaves open" in html and html.count("<tr id=claim") == 22
 
 
 def test_cells_agree_with_the_campaigns_own_summary(out, claims):
-    cells = pd.read_csv(out / "flights-all.csv")
+    cells = pd.read_csv(out / "cells-std-alike-drawn-chosen-prior.csv")
     summary = pd.read_csv(out / "campaign" / "flights" / "summary.csv")
     for loop, name in (
         ("open", "open-loop:kinematics=geodetic"),
@@ -171,11 +163,9 @@ def test_nothing_runs_twice(out, claims, monkeypatch):
     monkeypatch.setattr(
         "strapdown.experiments.monte_carlo.campaign.run_chunk", lambda *_: pytest.fail("ran again")
     )
-    for name, study in main.studies(
-        Asked(runs=2), main.Flown(FLIGHTS, FLIGHTS, FLIGHTS, IMUS)
-    ).items():
-        filters, imus = len(study.filters), len(study.imus)
-        assert len(study.run(out / "campaign" / name, threads=1).runs) == 4 * filters * imus
+    for name, study in main.studies(Asked(quick=True, runs=2), OWN).items():
+        rows = 2 * len(study.scenarios) * len(study.filters) * len(study.imus)
+        assert len(study.run(out / "campaign" / name, threads=1).runs) == rows
 
 
 def figures_of(out):
@@ -217,48 +207,42 @@ def test_the_flights_stand_in_three_dimensions(out, claims):
     assert high - low >= 100.0
 
 
-def test_readings_stand_side_by_side(out, claims):
-    """A row per flight and grade as chosen, and for the best grade by each start."""
-    table = pd.read_csv(out / "readings.csv", dtype=str)
-    assert table.groupby("start's attitude").size().to_dict() == {
-        "a tenth of the start's attitude error": 2,
-        "as chosen": 4,
-        "no attitude error at the start": 2,
-    }
-    cells = pd.read_csv(out / "flights-all.csv", dtype={"flight": str})
-    of_printed = pd.read_csv(out / "readings-all-1.csv", dtype={"flight": str})
-    row = table[(table["grade"] == "tactical") & (table["start's attitude"] == "as chosen")].iloc[0]
-    open_, closed, printed, zero = map(float, row["position RMSE, m"].split(" / "))
-    here = (cells["grade"] == "tactical") & (cells["flight"] == row["flight"])
-    assert closed == pytest.approx(cells[here]["closed_censored_500_m"].item(), rel=5e-3)
-    assert open_ == pytest.approx(cells[here]["open_censored_500_m"].item(), rel=5e-3)
-    assert printed == pytest.approx(of_printed[here]["closed_censored_500_m"].item(), rel=5e-3)
-    assert printed > 1.2 * closed and zero == pytest.approx(printed, rel=0.1)
+NO_VERDICT = re.compile("reproduced|partly|depends on the reading|not decidable", re.IGNORECASE)
+
+
+def test_a_quick_page_has_no_word_of_a_verdict(out, claims):
+    for name in ("index.html", "findings.md"):
+        found = NO_VERDICT.findall((out / name).read_text(encoding="utf-8"))
+        assert not found, (name, found)
+
+
+def test_worlds_stand_side_by_side(out, claims):
+    """A row per grade and world; the printed loop is worse than the corrected one."""
+    table = pd.read_csv(out / "worlds.csv", dtype=str)
+    assert len(table) == 2 * len(IMUS)
+    cells = pd.read_csv(out / "cells-std-alike-drawn-chosen-prior.csv", dtype={"flight": str})
+    row = table[(table["grade"] == "tactical") & table["sigma of Table III"].str.startswith("stat")]
+    open_, closed, printed = map(float, row["position RMSE, m"].item().split(" / "))
+    own = cells[cells["grade"] == "tactical"].median(numeric_only=True)
+    assert open_ == pytest.approx(own["open_censored_500_m"], rel=5e-3)
+    assert closed == pytest.approx(own["closed_censored_500_m"], rel=5e-3)
+    assert printed > 1.2 * closed
 
 
 def test_drift_is_that_of_an_ins_without_any_fix():
-    study = main.studies(
-        Asked(runs=1), main.Flown(FLIGHTS, FLIGHTS, FLIGHTS, ("paper1-tactical",))
-    )["flights"]
-    t, drift = hager_bryne_drift.drift(study, 0, 0)
+    """The open loop's own estimate of it agrees to a metre, the attitude to the start's error."""
+    flown = main.Flown(FLIGHTS, FLIGHTS, ("paper1-tactical",))
+    study = main.studies(Asked(runs=1), flown)["flights"]
+    t, drift, turn = hager_bryne_drift.drift(study, 0, 0)
     cell = study.cells[0]
     recording, start = simulator(cell).run(cell.imu, seeds(study, cell, 0))
-    alone = fuse(
-        recording.hidden([(0.0, 1e6)]), "closed-loop", start=start, noise=cell.imu.noise(), every=20
-    )
-    truth = recording.reference
-    rows = np.searchsorted(truth.t, alone.t - 1e-6)
-    expected = np.linalg.norm(displacement(truth.lla[rows], alone.trajectory.lla), axis=1)
-    assert drift[-1] > 10 and np.abs(drift - np.interp(t, alone.t, expected))[-20:].max() < 1.5
-
-
-@pytest.mark.short
-def test_the_density_reading_of_table_three():
-    spec = ablations.density_reading()
-    assert spec.accel.gauss_markov == pytest.approx(
-        9.81e-3 * np.sqrt(1800)
-    ) and spec.gyro.gauss_markov == pytest.approx(4.8481e-6 * np.sqrt(1800))
-    assert spec.noise().accel_bias == pytest.approx(9.81e-3)
+    label, options, _ = parse_label(study.filters[0])
+    noise = cell.imu.noise()
+    solution = fuse(recording, label, start=start, noise=noise, every=20, options=options)
+    names = [f"ins_error_{axis} [m]" for axis in ("north", "east", "down")]
+    estimated = np.sqrt(sum(np.square(solution.columns[name]) for name in names))
+    assert drift[-1] > 10 and np.abs(estimated - np.interp(solution.t, t, drift))[-20:].max() < 1.5
+    assert 0.01 < turn[0] < 1.0 and len(turn) == len(t)
 
 
 def made_up(scale):
@@ -285,13 +269,14 @@ def made_up(scale):
         np.zeros((10, len(T), 6)),
         distance,
         everywhere,
+        everywhere,
     )
 
 
 @pytest.mark.short
 def test_ratios_of_made_up_errors():
-    found = compared(*made_up(2.0))
-    for name in ("position", "position_500", "tilt", "heading", "accel_bias", "gyro_bias"):
+    found = compare_filters(*made_up(2.0))
+    for name in ("position_both", "position_500", "tilt_500", "heading_until", "gyro_bias_500"):
         assert (
             found[name] == pytest.approx(0.5)
             and found[f"{name}_low"] == pytest.approx(0.5)
@@ -303,7 +288,9 @@ def test_ratios_of_made_up_errors():
         and found["closed_diverged"] < 1.0
     )
     numbers, rows = made_up(3.0)
-    assert compared(*stacked((numbers, rows, 1), (numbers, rows, 0)))["tilt"] == pytest.approx(3.0)
+    assert compare_filters(*stack_parts((numbers, rows, 1), (numbers, rows, 0)))[
+        "tilt_500"
+    ] == pytest.approx(3.0)
 
 
 @pytest.mark.short
@@ -312,7 +299,7 @@ def test_after_the_loss_every_epoch_counts_500_m():
     within = rows.within.copy()
     within[0, :, len(T) // 2 :] = False
     distance = np.full_like(rows.distance, 3.0)
-    found = censored(rows._replace(within=within, distance=distance))
+    found = censored_mean_square(rows._replace(within=within, distance=distance))
     np.testing.assert_allclose(found[0], (9 + 250_000) / 2)
     np.testing.assert_allclose(found[1], 9.0)
 
@@ -325,7 +312,7 @@ def test_onset_and_resolution_times():
     )
     big, small = 2 * RESOLVED, RESOLVED / 2
     np.testing.assert_array_equal(
-        resolved(
+        resolution_time(
             np.array(
                 [
                     [big, small, small],
@@ -383,16 +370,20 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
         page.partition(write_docs.mark("hager-bryne"))[2].partition("<!-- end")[0],
         re.MULTILINE,
     )
-    assert [text for _, text, _ in listed] == [
-        c["claim"] for c in hager_bryne_claims.claims(world(True))
-    ] and {v for _, _, v in listed} <= set(COLOURS)
+    known = [c["claim"] for c in hager_bryne_claims.claims(world(True))[0]]
+    assert [text for _, text, _ in listed] == known[: len(listed)]
+    assert {v for _, _, v in listed} <= set(COLOURS)
+    # one that is newer than the study says so
+    for number, text in enumerate(known[len(listed) :], len(listed) + 1):
+        [row] = [line for line in page.splitlines() if line.startswith(f"| claim {number},")]
+        assert text in row and "not yet run" in row
 
 
 def test_findings_as_markdown_go_between_the_marks(out, claims, goes_into_its_page):
     text = (out / "findings.md").read_text()
     assert (
         text.startswith("This page: 2 runs")
-        and len(re.findall(r"^\| \d+ \| .* \| \*\*", text, re.MULTILINE)) == 19
+        and len(re.findall(r"^\| \d+ \| .* \| \*\*", text, re.MULTILINE)) == 22
         and text.count("| tactical | 07 |") == 3
     )
     goes_into_its_page("hager-bryne", text)

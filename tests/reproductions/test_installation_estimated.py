@@ -40,7 +40,7 @@ def test_a_case_is_right_where_the_truth_is_applied(driven):
     change = np.array([driven.true[p.name] / p.of.factor for p in parameters])
     assert [p.of.name for p in parameters].count("clock") == 2 and np.abs(change).min() > 0
     right = set_up(driven.recording, parameters, change)
-    for a, b in zip(driven.right.aidings, right.aidings):
+    for a, b in zip(driven.right.sources, right.sources):
         first = np.searchsorted(a.t, b.t[0] - 1e-6)
         np.testing.assert_allclose(a.t[first : first + len(b.t)], b.t)
         np.testing.assert_allclose(a.parameters, b.parameters, atol=1e-12)
@@ -54,10 +54,10 @@ def test_a_case_is_right_where_the_truth_is_applied(driven):
 
 @pytest.mark.short
 def test_constraints_err_by_what_they_state(driven):
-    slips = [a for a in driven.right.aidings if a.kind in motions.CONSTRAINTS]
+    slips = [a for a in driven.right.sources if a.kind in motions.CONSTRAINTS]
     assert len(slips) == 2
     for a in slips:
-        assert np.std(a.y) == pytest.approx(motions.CONSTRAINT_SD, rel=0.1)
+        assert np.std(a.y) == pytest.approx(motions.CONSTRAINT_STD, rel=0.1)
 
 
 def test_methods_find_a_clock_and_an_arm(driven):
@@ -70,8 +70,8 @@ def test_methods_find_a_clock_and_an_arm(driven):
     )
     np.testing.assert_array_equal(plain.change, plain.estimate)
     for found in (plain, again):
-        assert np.abs(found.change[:2] - done[:2]).max() < 6 * found.sd[:2].max()
-        assert (found.sd[:2] < 0.5 * np.array([p.sd for p in parameters[:2]])).all()
+        assert np.abs(found.change[:2] - done[:2]).max() < 6 * found.std[:2].max()
+        assert (found.std[:2] < 0.5 * np.array([p.std for p in parameters[:2]])).all()
     assert np.abs(again.change - plain.change).max() > 0
 
 
@@ -87,7 +87,7 @@ def rows(motion, parameter, inside, found=None, start=KNOWN):
             "parameter": parameter,
             "true": 0.0,
             "error": np.tile([1.0, -2.0], n)[:n],
-            "sd": 1.0,
+            "std": 1.0,
             "prior": 4.0,
             "found": [True] * n if found is None else found,
             "inside": inside,
@@ -101,7 +101,7 @@ def evidence(**tables):
     empty = {
         "runs": rows("car", "clock", []),
         "epochs": pd.DataFrame(columns=["motion", "filter", "start", "seed", "t", "nees", "dof"]),
-        "scales": pd.DataFrame(columns=["motion", "filter", "start", "t", "error", "sd"]),
+        "scales": pd.DataFrame(columns=["motion", "filter", "start", "t", "error", "std"]),
     }
     return StudyTables(**{**empty, **tables})
 
@@ -175,7 +175,7 @@ def test_the_drive_is_judged_by_what_is_estimated_from_the_file_as_given():
             "unit": "s",
             "done": done,
             "estimated": estimated,
-            "sd": 0.001,
+            "std": 0.001,
             "applied": estimated,
             "alone_m": alone,
             "constrained_m": 2.0,
@@ -199,7 +199,7 @@ def test_the_drive_is_judged_by_what_is_estimated_from_the_file_as_given():
 def test_what_is_wrong_with_the_drive_names_its_parameters():
     recording = sd.simulate("car", 20.0)
     parameters = parameters_of(recording, {"clock": None, "lever-arm": None, "mounting": None})
-    named = {drive.named(p) for p in parameters}
+    named = {drive.parameter_name(p) for p in parameters}
     assert set(drive.WRONG[drive.EVERYTHING]) <= named
     assert len(drive.WRONG[drive.EVERYTHING]) == 3
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from strapdown_reproductions.common import kinds
-from strapdown_reproductions.common.kinds import clustered
+from strapdown_reproductions.common.kinds import cluster_share
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from strapdown_reproductions.common.verdicts import vote
 
@@ -24,7 +24,7 @@ def cells(*scores):
 
 
 def share(rate, seeds, trials=5):
-    return clustered([(round(rate * trials), trials)] * seeds)
+    return cluster_share([(round(rate * trials), trials)] * seeds)
 
 
 @pytest.mark.parametrize(
@@ -67,21 +67,21 @@ def test_more_than():
 
 
 def test_one_seed_decides_nothing_and_no_trial_is_none():
-    assert clustered([(5, 5)])[:3] == (1.0, 0.0, 1.0) and str(clustered([])) == "no trial"
-    assert clustered([(0, 0), (2, 4), (1, 4)]).seeds == 2
+    assert cluster_share([(5, 5)])[:3] == (1.0, 0.0, 1.0) and str(cluster_share([])) == "no trial"
+    assert cluster_share([(0, 0), (2, 4), (1, 4)]).seeds == 2
 
 
 def test_independent_trials_have_wilsons_interval():
     """Seeds of one trial each: the design effect is 1, and only the t quantile widens it."""
-    found = clustered([(1, 1)] * 40 + [(0, 1)] * 60)
+    found = cluster_share([(1, 1)] * 40 + [(0, 1)] * 60)
     assert found[:1] == (0.4,) and found.low == pytest.approx(0.309, abs=0.005)
     assert found.high == pytest.approx(0.498, abs=0.005)
     assert found.opposite[:3] == pytest.approx((0.6, 1 - found.high, 1 - found.low))
 
 
 def test_trials_that_agree_within_a_seed_count_as_one():
-    together = clustered([(5, 5)] * 10 + [(0, 5)] * 15)
-    alone = clustered([(1, 1)] * 10 + [(0, 1)] * 15)
+    together = cluster_share([(5, 5)] * 10 + [(0, 5)] * 15)
+    alone = cluster_share([(1, 1)] * 10 + [(0, 1)] * 15)
     assert together[1:3] == pytest.approx(alone[1:3], abs=0.02)
 
 
@@ -95,7 +95,7 @@ def test_the_interval_covers_the_rate(rate, alike):
     for _ in range(2000):
         first = rng.random((25, 1)) < rate
         trials = np.where(rng.random((25, 5)) < alike, first, rng.random((25, 5)) < rate)
-        found = clustered([(int(each.sum()), 5) for each in trials])
+        found = cluster_share([(int(each.sum()), 5) for each in trials])
         inside += found.low <= rate <= found.high
     assert inside / 2000 > 0.91
 

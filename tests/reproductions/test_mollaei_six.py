@@ -63,8 +63,8 @@ def dense(made, density=None, q=None, r=None):
         else density**2 * np.block([[dt**3 / 3 * I, dt**2 / 2 * I], [dt**2 / 2 * I, dt * I]])
     )
     x, P, states, covariances = (
-        np.r_[0, 0, 0, start.v],
-        np.diag(np.array(start.sd[:6]) ** 2),
+        np.r_[0, 0, 0, start.v_n],
+        np.diag(np.array(start.std[:6]) ** 2),
         [],
         [],
     )
@@ -72,10 +72,10 @@ def dense(made, density=None, q=None, r=None):
         (
             a.t,
             (flat(a.y, start.lla) if a.kind == "position" else a.y),
-            a.sd,
+            a.std,
             np.eye(6)[:3] if a.kind == "position" else np.eye(6)[3:],
         )
-        for a in recording.aidings
+        for a in recording.sources
     ]
     weight = gravity(np.sin(start.lla[0]), start.lla[2]) * dt
     for t, dv in zip(recording.imu.t, velocity_increments(recording, start)[0] + [0, 0, weight]):
@@ -97,7 +97,7 @@ def opened(made):
     """The flight with gates wide open, as the paper's filters have none."""
     recording, start, truth = made
     return (
-        replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings)),
+        replace(recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources)),
         start,
         truth,
     )
@@ -123,7 +123,7 @@ def test_the_ekf_is_the_dense_kalman_filter():
             < 1e-11
         )
         assert (
-            not solution.covariance[:, 6:].any() and np.isnan(solution.trajectory.sd[:, 6:]).all()
+            not solution.covariance[:, 6:].any() and np.isnan(solution.trajectory.std[:, 6:]).all()
         )
 
 
@@ -133,7 +133,7 @@ def test_without_fixes_and_errors_the_flight_is_found_again():
     filter take from the same place."""
     recording, start, truth = flight(10.0, noisy=False, gps=100.0)
     solution = fused(
-        (recording, start._replace(lla=tuple(ORIGIN), v=tuple(truth[0, 3:])), truth), filters.EKF6
+        (recording, start._replace(lla=tuple(ORIGIN), v_n=tuple(truth[0, 3:])), truth), filters.EKF6
     )
     error = np.c_[flat(solution.trajectory.lla), solution.trajectory.v_n] - truth[1:]
     assert np.abs(error).max() < 2e-4
@@ -146,13 +146,13 @@ def test_without_fixes_and_errors_the_flight_is_found_again():
 def test_the_attitude_is_the_start_turned_by_the_gyros_and_no_fix_corrects_it():
     recording, start, _ = made = flight(6.0)
     tilted = start._replace(
-        rph=tuple(np.array(start.rph) + [0.02, -0.01, 0.05]), bg=(1e-3, 0.0, -2e-3)
+        rph=tuple(np.array(start.rph) + [0.02, -0.01, 0.05]), b_g=(1e-3, 0.0, -2e-3)
     )
     solution = fused((recording, tilted, None), filters.EKF6)
     still = replace(
         recording,
         imu=recording.imu._replace(
-            dtheta=recording.imu.dtheta - np.array(tilted.bg) * recording.imu.dt[:, None]
+            dtheta=recording.imu.dtheta - np.array(tilted.b_g) * recording.imu.dt[:, None]
         ),
     )
     expected = velocity_increments(still, tilted)[1]
@@ -167,7 +167,7 @@ def test_without_a_filter_the_last_fix_is_held_for_a_second_and_then_there_is_no
     recording, start, _ = made = flight(6.0, cut=3.1)
     solution = fused(made, filters.RAW)
     now, t = state(solution, start), solution.t
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     k = np.searchsorted(position.t, t + 1e-6) - 1
     held = (k >= 0) & (t < 4.0 + 1e-6)
     assert (
@@ -179,23 +179,23 @@ def test_without_a_filter_the_last_fix_is_held_for_a_second_and_then_there_is_no
     assert gone.sum() == 200 and np.abs(now[gone]).max() < 1e-7
     assert (
         solution.counts() == {"position": (15, 0), "velocity": (15, 0)}
-        and np.isnan(solution.trajectory.sd).all()
+        and np.isnan(solution.trajectory.std).all()
     )
 
 
 @SHORT
 def test_what_is_not_measured_of_a_fix_changes_nothing_and_a_wild_one_is_rejected():
     recording, start, truth = flight(4.0)
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     flatter = replace(position, y=position.y * [1, 1, np.nan])
-    solution = fused((replace(recording, aidings=(flatter,)), start, truth), filters.EKF6)
-    alone = fused((replace(recording, aidings=(position,)), start, truth), filters.EKF6)
+    solution = fused((replace(recording, sources=(flatter,)), start, truth), filters.EKF6)
+    alone = fused((replace(recording, sources=(position,)), start, truth), filters.EKF6)
     assert np.array_equal(solution.trajectory.lla[:, :2], alone.trajectory.lla[:, :2])
-    assert solution.trajectory.sd[-1, 2] > 2.0 > 1.0 > alone.trajectory.sd[-1, 2]
+    assert solution.trajectory.std[-1, 2] > 2.0 > 1.0 > alone.trajectory.std[-1, 2]
     y = position.y.copy()
     y[5] += [1e-5, 0, 0]  # 64 m
     wild = fused(
-        (replace(recording, aidings=(replace(position, y=y), velocity)), start, truth), filters.EKF6
+        (replace(recording, sources=(replace(position, y=y), velocity)), start, truth), filters.EKF6
     )
     assert wild.counts()["position"] == (19, 1) and not wild.innovations.accepted[10]
     assert wild.innovations.nis[10] > 1000 and abs(wild.innovations.innovation[10, 0] - 64) < 5
@@ -236,11 +236,11 @@ def test_driven_by_the_imu_all_are_one_filter(filter, options):
     """Also where a jump of all positions lifts the gate, so that the loop changes the covariance
     behind the filter's back."""
     recording, start, truth = flight(6.0, rate=50.0)
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     jumped = replace(
         position, y=position.y + np.where(position.t[:, None] > 1.5, [2e-6, 0, 0], 0), gate=12.0
     )
-    made = replace(recording, aidings=(jumped, replace(velocity, gate=np.inf))), start, truth
+    made = replace(recording, sources=(jumped, replace(velocity, gate=np.inf))), start, truth
     for more in ({}, filters.REPRODUCED):
         one, other = fused(made, filters.EKF6, **more), fused(made, filter, **options, **more)
         if not more:
@@ -261,7 +261,7 @@ def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
     components, as the error of a Monte Carlo method does."""
     made = opened(flight(4.0))
     exact = fused(made, filters.EKF6)
-    sigma, scatter = exact.trajectory.sd[-1, :6], {}
+    sigma, scatter = exact.trajectory.std[-1, :6], {}
     for count in (125, 500):
         runs = [
             fused(made, filters.PKF6, components=count, kernel=0.5, seed=seed) for seed in range(24)
@@ -275,7 +275,7 @@ def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
         scatter[count] = off.std(axis=0, ddof=1)
         assert (np.abs(off.mean(axis=0)) < 4.6 * scatter[count] / np.sqrt(24)).all()
         assert (
-            np.abs(np.mean([run.trajectory.sd[-1, :6] for run in runs], axis=0) / sigma - 1).max()
+            np.abs(np.mean([run.trajectory.std[-1, :6] for run in runs], axis=0) / sigma - 1).max()
             < 0.1
         )
     ratio = np.sqrt((scatter[125] ** 2).mean() / (scatter[500] ** 2).mean())
@@ -290,11 +290,11 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
     recording, start, _ = made = flight(3.0)
     batch = fused(made, filter, **options)
     stream = live.Stream(
-        filter, start=start, noise=NOISE, aidings=recording.aidings, lag=0.1, options=options
+        filter, start=start, noise=NOISE, sources=recording.sources, lag=0.1, options=options
     )
-    for aiding, source in zip(recording.aidings, (0, 1)):
-        for t, y, deviations in zip(aiding.t, aiding.y, aiding.sd):
-            stream.step(live.Fix(t, source, tuple(y), tuple(deviations)))
+    for place, source in enumerate(recording.sources):
+        for t, y, std in zip(source.t, source.y, source.std):
+            stream.step(live.Measurement(t, place, tuple(y), tuple(std)))
     for sample in zip(*recording.imu):
         stream.step(live.Sample(*sample))
     belief = stream.finish()
@@ -391,25 +391,25 @@ def test_bad_options_are_one_line(filter, options, text):
 @SHORT
 def test_other_sources_are_left_out_and_a_lever_arm_is_refused():
     recording, start, truth = flight(2.0)
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     with pytest.raises(
         DataError, match="position has a lever arm of .* m; the six-state form knows none"
     ):
         fused(
             (
-                replace(recording, aidings=(replace(position, parameters=(0.0, 0.0, -0.4)),)),
+                replace(recording, sources=(replace(position, parameters=(0.0, 0.0, -0.4)),)),
                 start,
                 truth,
             ),
             filters.EKF6,
         )
     with pytest.raises(DataError, match="six-ekf needs position aiding"):
-        fused((replace(recording, aidings=(velocity,)), start, truth), filters.EKF6)
-    compass = sd.Aiding(
+        fused((replace(recording, sources=(velocity,)), start, truth), filters.EKF6)
+    compass = sd.Source(
         "heading", position.t, np.zeros((len(position.t), 1)), np.full((len(position.t), 1), 0.01)
     )
     with_it = fused(
-        (replace(recording, aidings=(*recording.aidings, compass)), start, truth), filters.EKF6
+        (replace(recording, sources=(*recording.sources, compass)), start, truth), filters.EKF6
     )
     assert "six-ekf has no use for heading" in with_it.meta["notes"]
     assert np.array_equal(
@@ -421,13 +421,13 @@ def test_other_sources_are_left_out_and_a_lever_arm_is_refused():
 def test_a_fix_of_which_no_component_knows_anything_is_counted():
     """Its likelihood is not finite: weights and components are kept."""
     recording, start, truth = opened(flight(2.0))
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     y = velocity.y.copy()
     y[4, 0] = 1e200
     recording = replace(recording, meta=recording.meta | {"vehicle": UNBOUNDED})
     with np.errstate(over="ignore", invalid="ignore"):
         solution = fused(
-            (replace(recording, aidings=(position, replace(velocity, y=y))), start, truth),
+            (replace(recording, sources=(position, replace(velocity, y=y))), start, truth),
             filters.PKF6,
             components=8,
         )
@@ -440,12 +440,12 @@ def test_a_fix_that_one_component_alone_explains_underflows_nothing():
     """100 km off, past a gate that lets it through: all likelihoods are zero in double
     precision, and their ratios are not."""
     recording, start, truth = opened(flight(2.0))
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     y = position.y.copy()
     y[4, 2] += 1e5
     recording = replace(recording, meta=recording.meta | {"vehicle": UNBOUNDED})
     solution = fused(
-        (replace(recording, aidings=(replace(position, y=y), velocity)), start, truth),
+        (replace(recording, sources=(replace(position, y=y), velocity)), start, truth),
         filters.PKF6,
         components=50,
     )

@@ -13,10 +13,8 @@ from strapdown.core.loop.contract import Noise
 from strapdown.engine import batch
 from strapdown.engine.options import run_options
 from strapdown.evaluation.metrics import errors
-from strapdown.flight.aircraft.parameters import aircraft
-from strapdown.flight.aircraft.trim import trim
-from strapdown.flight.asked import Loop, Sensors, World
-from strapdown.flight.fly import fly
+from strapdown.flight import Loop, Sensors, World, fly, trim
+from strapdown.flight.aircraft_model.parameters import aircraft
 from strapdown.flight.plan import straight
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec
@@ -40,7 +38,7 @@ def through(made, filter, start=None, model=slice(None), **options):
         run.belief.workspace[filters.INPUTS : filters.INPUTS + 9] = inputs
         run.belief.workspace[filters.INPUTS] = flags[row]
         run.advance(row + 1)
-        states.append(np.r_[flat(run.belief.lla, made.start.lla), run.belief.v])
+        states.append(np.r_[flat(run.belief.lla, made.start.lla), run.belief.v_n])
         covariances.append(run.belief.P[:6, :6].copy())
     return np.array(states), np.array(covariances), run.belief
 
@@ -94,12 +92,12 @@ def test_the_model_flies_what_the_aircraft_flew():
 
 def test_the_covariance_follows_the_derivative_of_the_model():
     made, dt = flown(0.05), 0.01
-    tilted = made.start._replace(sd=(2.0, 1.0, 3.0, 0.5, 0.3, 0.7) + (0.0,) * 9)
+    tilted = made.start._replace(std=(2.0, 1.0, 3.0, 0.5, 0.3, 0.7) + (0.0,) * 9)
     _, covariances, _ = through(made, filters.EKF6, start=tilted)
-    P = np.diag(np.array(tilted.sd[:6]) ** 2)
+    P = np.diag(np.array(tilted.std[:6]) ** 2)
     noise, G = driven_noise(dt)
     states = through(made, filters.EKF6)[0]
-    for row, x in enumerate([np.r_[0, 0, 0, made.start.v], *states[:-1]]):
+    for row, x in enumerate([np.r_[0, 0, 0, made.start.v_n], *states[:-1]]):
         advance = model(made, row, dt)
         Phi = np.column_stack([(advance(x + d) - advance(x - d)) / 2e-4 for d in 1e-4 * np.eye(6)])
         P = Phi @ P @ Phi.T + G @ noise @ G.T
@@ -117,19 +115,19 @@ def test_the_unscented_filter_is_that_of_filterpy(options):
     sets = (1.0, 0.0, 0.0) if options else (0.1, 2.0, 0.0)
     wide, narrow = (MerweScaledSigmaPoints(n, *sets) for n in (12, 6))
     noise, G = driven_noise(dt)
-    x, P = np.r_[0, 0, 0, made.start.v], np.diag(np.array(made.start.sd[:6]) ** 2)
+    x, P = np.r_[0, 0, 0, made.start.v_n], np.diag(np.array(made.start.std[:6]) ** 2)
     for row in range(len(made.inputs)):
         points = wide.sigma_points(np.r_[x, np.zeros(6)], block_diag(P, noise))
         advance = model(made, row, dt)
         x, P = unscented_transform(
             np.array([advance(p[:6]) + G @ p[6:] for p in points]), wide.Wm, wide.Wc
         )
-        for aiding, rows in zip(made.recording.aidings, (slice(0, 3), slice(3, 6))):
-            for k in np.flatnonzero(np.abs(aiding.t - made.recording.imu.t[row]) < 1e-6):
-                y = flat(aiding.y[k], made.start.lla) if aiding.kind == "position" else aiding.y[k]
+        for source, rows in zip(made.recording.sources, (slice(0, 3), slice(3, 6))):
+            for k in np.flatnonzero(np.abs(source.t - made.recording.imu.t[row]) < 1e-6):
+                y = flat(source.y[k], made.start.lla) if source.kind == "position" else source.y[k]
                 points = narrow.sigma_points(x, P)
                 z, S = unscented_transform(
-                    points[:, rows], narrow.Wm, narrow.Wc, np.diag(aiding.sd[k] ** 2)
+                    points[:, rows], narrow.Wm, narrow.Wc, np.diag(source.std[k] ** 2)
                 )
                 cross = sum(w * np.outer(p - x, p[rows] - z) for w, p in zip(narrow.Wc, points))
                 K = cross @ np.linalg.inv(S)
@@ -198,7 +196,7 @@ def test_a_process_linearised_at_a_trim_is_the_tangent_of_the_aircraft(reading):
     states, covariances, _ = through(made, filters.EKF6, linearised=reading, airspeed=23.0)
     act, _, _ = tangent(made, reading, 23.0)
     noise, G = driven_noise(dt)
-    x, P = np.r_[0, 0, 0, made.start.v], np.diag(np.array(made.start.sd[:6]) ** 2)
+    x, P = np.r_[0, 0, 0, made.start.v_n], np.diag(np.array(made.start.std[:6]) ** 2)
     for row, inputs in enumerate(made.inputs):
         C, omega = mid_sample(made, row, dt)
 
@@ -209,10 +207,10 @@ def test_a_process_linearised_at_a_trim_is_the_tangent_of_the_aircraft(reading):
 
         Phi = np.column_stack([(advance(x + d) - advance(x - d)) / 2 for d in np.eye(6)])
         x, P = advance(x), Phi @ P @ Phi.T + G @ noise @ G.T
-        for aiding, H in zip(made.recording.aidings, (np.eye(6)[:3], np.eye(6)[3:])):
-            for k in np.flatnonzero(np.abs(aiding.t - made.recording.imu.t[row]) < 1e-6):
-                y = flat(aiding.y[k], made.start.lla) if aiding.kind == "position" else aiding.y[k]
-                K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(aiding.sd[k] ** 2))
+        for source, H in zip(made.recording.sources, (np.eye(6)[:3], np.eye(6)[3:])):
+            for k in np.flatnonzero(np.abs(source.t - made.recording.imu.t[row]) < 1e-6):
+                y = flat(source.y[k], made.start.lla) if source.kind == "position" else source.y[k]
+                K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(source.std[k] ** 2))
                 x, P = x + K @ (y - H @ x), (np.eye(6) - K @ H) @ P
         assert np.abs(states[row] - x).max() < 1e-5 and np.abs(covariances[row] - P).max() < 1e-6
     # the readings are three, and none is the filter that linearises at its estimate
@@ -231,7 +229,7 @@ def test_driven_by_the_imu_the_readings_differ_by_the_attitude_alone():
     assert np.array_equal(at_trim, plain)
     for reading in ("once", "held"):
         _, C0, f0 = tangent(made, reading, 23.0)
-        x, before = np.r_[0, 0, 0, made.start.v], np.zeros((2, 3))
+        x, before = np.r_[0, 0, 0, made.start.v_n], np.zeros((2, 3))
         for row, (theta, dv) in enumerate(zip(made.recording.imu.dtheta, made.recording.imu.dv)):
             f = dv + (np.cross(before[0], dv) + np.cross(before[1], theta)) / 12
             M, before = C0.T @ mid_sample(made, row, dt)[0], np.array([theta, dv])
@@ -246,7 +244,7 @@ def test_one_component_by_sigma_points_is_the_unscented_filter_of_the_symmetric_
     """(37) to (39) beside (23) to (25): where the model predicts, with fixes, and where the IMU
     does; and it is not the component that is linearised at its mean."""
     made = flown(1.0, fixes=(0.4,))
-    wide = made.start._replace(sd=(2.0,) * 3 + (3.0,) * 3 + (1e-6,) * 9)
+    wide = made.start._replace(std=(2.0,) * 3 + (3.0,) * 3 + (1e-6,) * 9)
     for rows in (slice(None), slice(0, 0)):
         common = dict(start=wide, model=rows)
         (one, P, _), (other, Q, belief), (linear, _, _) = (
@@ -263,11 +261,11 @@ def test_components_by_sigma_points_are_a_bank_of_unscented_filters():
     """Without fixes each of three components goes its own way, as an unscented filter does that
     starts with its mean and covariance."""
     made, count = flown(0.3), 3
-    wide = made.start._replace(sd=(2.0,) * 3 + (3.0,) * 3 + (1e-6,) * 9)
+    wide = made.start._replace(std=(2.0,) * 3 + (3.0,) * 3 + (1e-6,) * 9)
     options = dict(components=count, kernel=0.6, transition="sigma-points")
 
     def bank(belief):
-        return particle_filter.SLOTS.named(belief.workspace)["COMPONENTS"][: 42 * count].reshape(
+        return particle_filter.SLOTS.views(belief.workspace)["COMPONENTS"][: 42 * count].reshape(
             count, 42
         )
 
@@ -298,13 +296,13 @@ def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_d
     """Velocities of 4 m/s about the truth, 0.6 s of the model: against Gauss-Hermite quadrature
     of five nodes per axis."""
     made, sigma = flown(0.6), 4.0
-    start = made.start._replace(sd=(1e-3,) * 3 + (sigma,) * 3 + (0.0,) * 9)
+    start = made.start._replace(std=(1e-3,) * 3 + (sigma,) * 3 + (0.0,) * 9)
     nodes, weights = np.polynomial.hermite_e.hermegauss(5)
     grid, weight = (
         np.stack(np.meshgrid(nodes, nodes, nodes), -1).reshape(-1, 3),
         np.einsum("i,j,k->ijk", *[weights / weights.sum()] * 3).ravel(),
     )
-    ends = np.array([np.r_[0, 0, 0, np.array(made.start.v) + sigma * g] for g in grid])
+    ends = np.array([np.r_[0, 0, 0, np.array(made.start.v_n) + sigma * g] for g in grid])
     for row in range(len(made.inputs)):
         advance = model(made, row, 0.01)
         ends = np.array([advance(x) for x in ends])
@@ -339,7 +337,7 @@ def test_a_slower_filter_is_told_the_mean_of_the_controls():
             loop=Loop(
                 prediction="model",
                 inputs=filters.INPUTS,
-                start_sd=(0.0,) * 15,
+                start_std=(0.0,) * 15,
                 feedback="truth",
                 filter_rate=rate,
             ),

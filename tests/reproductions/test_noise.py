@@ -17,7 +17,7 @@ from strapdown_reproductions.noise.worlds import (
     fixes_stated,
     imu_stated,
     nis_over_expected,
-    recorded,
+    record_world,
     score,
 )
 
@@ -27,21 +27,21 @@ def short_car():
     """The car for two and a half minutes."""
     whole = WORLDS[CAR]
     WORLDS[CAR] = whole._replace(duration=150.0)
-    yield recorded(CAR, 1001)
+    yield record_world(CAR, 1001)
     WORLDS[CAR] = whole
 
 
 @pytest.mark.short
 def test_a_tenth_of_the_fixes_is_off_by_twenty_standard_deviations(short_car):
-    whole = recorded(CAR, 1002)
-    off = outliers.spoiled(whole, 1002)
-    for a, b in zip(whole.aidings, off.aidings):
+    whole = record_world(CAR, 1002)
+    off = outliers.spoil_recording(whole, 1002)
+    for a, b in zip(whole.sources, off.sources):
         moved = displacement(b.y, a.y) if a.kind == "position" else b.y - a.y
         changed = np.abs(moved[:, 0]) > 1e-6
         assert not changed[a.t < a.t[0] + outliers.BEGUN].any()
         # 400 fixes: five standard deviations of a share and of a root mean square
         assert changed.mean() == pytest.approx(outliers.SHARE * 0.8, abs=0.075)
-        sizes = np.sqrt(np.mean((moved[changed] / a.sd[changed]) ** 2))
+        sizes = np.sqrt(np.mean((moved[changed] / a.std[changed]) ** 2))
         assert sizes == pytest.approx(outliers.SIZE, rel=0.45)
 
 
@@ -67,10 +67,10 @@ def test_hidden_fixes_are_predicted_as_without_them(short_car):
     """The prediction at a hidden fix against a run that does not have it."""
     way = coverage.CoverageWay("", short_car, None, (30.0, 80.0))
     windows = [(40.0, 50.0), (60.0, 70.0)]
-    rows = pd.DataFrame(coverage.hidden(way, windows))
+    rows = pd.DataFrame(coverage.errors_in_windows(way, windows))
     assert len(rows) == 2 * 2 * 50 and (rows["since"] < 10).all()
     withheld = fuse(short_car.hidden(windows, ("position", "velocity")))
-    place = next(a for a in short_car.aidings if a.kind == "position")
+    place = next(a for a in short_car.sources if a.kind == "position")
     last = rows[(rows["t"] > 49.7) & (rows["t"] < 50)]
     for axis, column in (("north", 0), ("east", 1)):
         own = last[last["axis"] == axis].iloc[-1]
@@ -78,8 +78,8 @@ def test_hidden_fixes_are_predicted_as_without_them(short_car):
         row = np.searchsorted(withheld.t, place.t[k] - 1e-6)
         error = displacement(place.y[k], withheld.trajectory.lla[row])[column]
         assert own["error"] == pytest.approx(error, abs=2e-3)
-        sd = np.hypot(withheld.trajectory.sd[row, column], place.sd[k, column])
-        assert own["sd"] == pytest.approx(sd, rel=2e-3)
+        std = np.hypot(withheld.trajectory.std[row, column], place.std[k, column])
+        assert own["std"] == pytest.approx(std, rel=2e-3)
 
 
 def table_of(way, values, **own):
@@ -124,7 +124,7 @@ def test_figures_are_those_of_the_worst_cell():
             "length": 10.0,
             "way": "tuned",
             "error": [0.5] * 60 + [2.0] * 36 + [4.0] * 4,
-            "sd": 1.0,
+            "std": 1.0,
         }
     )
     evidence = StudyTables(correlated=white, misstated=stated, outliers=gross, coverage=hidden)
@@ -160,5 +160,5 @@ def test_a_receiver_of_white_errors_has_their_whole_size():
         gnss = correlated.receiver(CAR, time)
         lasting = gnss.position_correlated
         assert (lasting is None) == (time == 0)
-        assert gnss.position_sd == (correlated.WHITE if time else correlated.SIZE)
+        assert gnss.position_std == (correlated.WHITE if time else correlated.SIZE)
     assert set(misstated.WRONG.values()) == {(5.0, 1.0), (0.2, 1.0), (1.0, 5.0), (1.0, 0.2)}

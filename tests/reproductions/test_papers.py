@@ -124,3 +124,18 @@ def test_one_study_run_again_renews_its_section():
     for name in both:
         text = with_section(text, name, again[name])
     assert text == papers.markdown_of(again)
+
+
+def test_the_numbers_that_decide_between_architectures_stand_in_the_evidence():
+    """Each bold one, in what a command wrote into the page that its row links to."""
+    page = DOCS.parents[1] / "explanation" / "four-papers.md"
+    rows = re.findall(r"^\| .*\.md\) \|$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(rows) == 12
+    for row in rows:
+        (command,) = re.findall(r"\| `([\w-]+)` \|", row)
+        (linked,) = re.findall(r"\]\(\.\./reference/evidence/([\w-]+\.md)\) \|$", row)
+        assert PAGES[command][1] == linked
+        text = (DOCS / linked).read_text(encoding="utf-8").replace("\xa0", " ")
+        written = "".join(re.findall(r"<!-- begin.*?<!-- end", text, re.DOTALL))
+        numbers = re.findall(r"\*\*(.+?)\*\*", row)
+        assert numbers and all(number in written for number in numbers), row

@@ -29,8 +29,8 @@ def known():
 def printed_closed_loop(reading, recording, begin):
     """Equations (6)-(10), (12)-(16), (19) and (24)-(26), line by line: what (15) gives is the whole
     error state; its nine kinematic numbers go into the INS and are zero again."""
-    ins = State(begin.lla, begin.v, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
-    error, P = np.r_[np.zeros(9), begin.ba, begin.bg], np.diag(np.square(begin.sd))
+    ins = State(begin.lla, begin.v_n, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
+    error, P = np.r_[np.zeros(9), begin.b_a, begin.b_g], np.diag(np.square(begin.std))
     for t, (rotation, force, dt) in zip(recording.imu.t, increments(recording.imu)):
         Phi, Q = transition(ins, error[9:], rotation, force, dt)
         error = Phi @ error if reading == WITHOUT_PRIOR else np.zeros(15)  # (19)
@@ -39,8 +39,8 @@ def printed_closed_loop(reading, recording, begin):
         ins, error = ins.plus(error[:9]), np.r_[np.zeros(9), error[9:]]
         row = fix_at(recording, t)
         if row is not None:
-            W, P = gain(P, recording.aidings[0].sd[row])
-            error = W @ displacement(recording.aidings[0].y[row], ins.lla)  # (15)
+            W, P = gain(P, recording.sources[0].std[row])
+            error = W @ displacement(recording.sources[0].y[row], ins.lla)  # (15)
             ins, P = ins.plus(error[:9]), after(P, error)
             error[:9] = 0.0
         yield ins.lla.copy(), ins.v.copy(), ins.C.copy(), error[9:], P
@@ -49,8 +49,8 @@ def printed_closed_loop(reading, recording, begin):
 def printed_open_loop(recording, begin):
     """Equations (19)-(23) with (15): the error beside the INS is what the last fix gave, and what
     (19) makes of it until the next."""
-    ins = State(begin.lla, begin.v, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
-    error, P, own = np.zeros(15), np.diag(np.square(begin.sd)), np.r_[begin.ba, begin.bg]
+    ins = State(begin.lla, begin.v_n, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
+    error, P, own = np.zeros(15), np.diag(np.square(begin.std)), np.r_[begin.b_a, begin.b_g]
     fade = np.r_[[NOISE.accel_decay] * 3, [NOISE.gyro_decay] * 3]
     for t, (rotation, force, dt) in zip(recording.imu.t, increments(recording.imu)):
         Phi, Q = transition(ins.plus(error), own + error[9:], rotation, force, dt)
@@ -59,8 +59,8 @@ def printed_open_loop(recording, begin):
         own = own * np.exp(-fade * dt)
         row = fix_at(recording, t)
         if row is not None:
-            W, P = gain(P, recording.aidings[0].sd[row])
-            error = W @ displacement(recording.aidings[0].y[row], ins.plus(error).lla)  # (15)
+            W, P = gain(P, recording.sources[0].std[row])
+            error = W @ displacement(recording.sources[0].y[row], ins.plus(error).lla)  # (15)
             P = after(P, error)
         belief = ins.plus(error)
         yield belief.lla, belief.v, belief.C, own + error[9:], P
@@ -79,9 +79,9 @@ def printed_open_loop(recording, begin):
 )
 def test_a_loop_is_the_printed_one(name, options, twin):
     """Each of 50 samples at 20 Hz, a position twice a second, biases that matter."""
-    recording = flight(2.5, 20.0, gnss=Gnss(0.5, velocity_sd=None))
-    recording = replace(recording, aidings=(replace(recording.aidings[0], gate=np.inf),))
-    begin = start(recording)._replace(ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3))
+    recording = flight(2.5, 20.0, gnss=Gnss(0.5, velocity_std=None))
+    recording = replace(recording, sources=(replace(recording.sources[0], gate=np.inf),))
+    begin = start(recording)._replace(b_a=(0.05, -0.03, 0.04), b_g=(1e-3, -2e-3, 1e-3))
     solution = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, options=options)
     lla, v, C, b, P = (np.array(part) for part in zip(*twin(recording, begin)))
     assert np.abs(displacement(solution.trajectory.lla, lla)).max() < 1e-4
@@ -95,12 +95,12 @@ def test_a_loop_is_the_printed_one(name, options, twin):
 @pytest.mark.short
 def test_a_rejected_fix_leaves_the_biases():
     """The gate of 0 rejects every fix: the printed update has nothing to forget them for."""
-    recording = flight(1.0, 20.0, gnss=Gnss(0.1, velocity_sd=None))
-    recording = replace(recording, aidings=(replace(recording.aidings[0], gate=1e-9),))
-    begin = start(recording)._replace(ba=(0.05, -0.03, 0.04))
+    recording = flight(1.0, 20.0, gnss=Gnss(0.1, velocity_std=None))
+    recording = replace(recording, sources=(replace(recording.sources[0], gate=1e-9),))
+    begin = start(recording)._replace(b_a=(0.05, -0.03, 0.04))
     solution = sd.fuse(recording, "closed-loop-as-printed", start=begin, noise=NOISE)
     kept = np.exp(-NOISE.accel_decay * (solution.t - begin.t))
-    np.testing.assert_allclose(solution.b_a, kept[:, None] * np.array(begin.ba), rtol=1e-9)
+    np.testing.assert_allclose(solution.b_a, kept[:, None] * np.array(begin.b_a), rtol=1e-9)
 
 
 @pytest.mark.short
@@ -139,7 +139,7 @@ PUBLISHED = {
 def test_cells_are_those_of_an_independent_filter():
     """24 runs of flight 01. The independent figures, of about ten runs each, have an error of their
     own, which is taken as 1.6 times that of these."""
-    labels = (*main.FILTERS, *main.AS_PRINTED)
+    labels = (*main.FILTERS, main.AS_PRINTED, main.ZERO)
     ran = Study(("paper1-01",), labels, main.IMUS, 24, 907).run(threads=2)
     found = dict(zip(("closed", WITHOUT_PRIOR, ZERO_PREDICTION), tables(ran)))
     for (grade, loop), (low, high) in PUBLISHED.items():
@@ -154,7 +154,7 @@ def test_cells_are_those_of_an_independent_filter():
 
 def test_lanes_say_what_runs_alone_say(monkeypatch):
     """Also where of eight runs some reject a fix: the gate rejects two in five."""
-    labels = (*main.AS_PRINTED, printed_updates.OPEN_LOOP.name)
+    labels = (main.AS_PRINTED, main.ZERO, printed_updates.OPEN_LOOP.name)
     short = scenario("paper1-01").replace(duration=20.0, gate=3.0)
     wanted = Study((short,), labels, ("paper1-tactical",), 8, 907)
     found = []

@@ -15,7 +15,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown_reproductions.common.targets import claim
 from strapdown_reproductions.recordings import (
     cases,
@@ -101,7 +101,7 @@ def test_every_filter_of_the_list_is_in_the_table():
 
 @pytest.mark.short
 def test_what_cannot_run_says_why():
-    table = recordings_table.scores([case(replace(flight(), aidings=()))], ["closed-loop"])
+    table = recordings_table.scores([case(replace(flight(), sources=()))], ["closed-loop"])
     assert table["said"].tolist() == ["no position fix to start from"]
     assert recordings_table.wide(table)["sim"].tolist() == ["no position fix to start from"]
 
@@ -111,7 +111,7 @@ def test_what_stops_is_said_with_its_time_and_has_no_figures():
     """A position beyond the latitude at which results end, 12 s after the start, that no gate
     keeps out."""
     pole = position(12.0, (np.radians(89.5), 0.1, 500.0), 1e-3)
-    polar = replace(flight(), aidings=(*flight().aidings, pole))
+    polar = replace(flight(), sources=(*flight().sources, pole))
     found = recordings_table.scores([case(polar)], ["closed-loop"]).iloc[0]
     assert (
         re.fullmatch(r"stopped at \d+\.\d\d s", found["said"])
@@ -137,7 +137,7 @@ def test_what_stops_is_said_with_its_time_and_has_no_figures():
 def test_lost_is_what_is_100_standard_deviations_of_the_fixes_away():
     recording, deviation = (
         flight(),
-        float(next(a for a in flight().aidings if a.kind == "position").sd[0, 0]),
+        float(next(a for a in flight().sources if a.kind == "position").std[0, 0]),
     )
     for part, said in ((0.9, ""), (1.1, f"lost: beyond {100 * deviation:g} m")):
         moved = replace(
@@ -221,18 +221,18 @@ def test_of_several_runs_the_median_counts_and_a_stop_as_infinite():
     ],
 )
 def test_messages_are_shortened_to_their_first_clause(text, short):
-    assert recordings_table.shortened(text, "f") == short
+    assert recordings_table.shorten(text, "f") == short
 
 
 @pytest.mark.short
 def test_outages_are_those_of_the_same_fixes_withheld_by_hand():
     windows = [(8.0, 11.0), (14.0, 17.0)]
-    heading = Aiding("heading", np.arange(1.0, 20.0), np.zeros((19, 1)), np.full((19, 1), 100.0))
-    recording = replace(flight(), aidings=(*flight().aidings, heading))
+    heading = Source("heading", np.arange(1.0, 20.0), np.zeros((19, 1)), np.full((19, 1), 100.0))
+    recording = replace(flight(), sources=(*flight().sources, heading))
     made = drift.together(recording, "closed-loop", windows)
     thinned = replace(
         recording,
-        aidings=tuple(a if a.kind == "heading" else a.without(windows) for a in recording.aidings),
+        sources=tuple(a if a.kind == "heading" else a.without(windows) for a in recording.sources),
     )
     e = sd.errors(sd.fuse(thinned, "closed-loop"), recording.reference)
     for (start, stop), (_, _, most, end, down, said) in zip(windows, made):
@@ -260,7 +260,7 @@ def test_summary_of_outages():
     made = drift.summary(pd.DataFrame(rows, columns=drift.EACH)).set_index("filter")
     assert made.loc["f"].tolist() == [5.0, 9.0, 2.0, 0.5, ""]
     assert made.loc["g"].isna().sum() == 4 and made.loc["g", "said"] == "a: no attitude"
-    assert drift.shown(made.reset_index()).iloc[0].tolist() == [
+    assert drift.text_table(made.reset_index()).iloc[0].tolist() == [
         "f",
         "5.00",
         "9.00",
@@ -291,19 +291,21 @@ def standing_imu(rph, latitude, seconds=30.0, rate=20.0):
 @pytest.mark.short
 def test_the_parked_vehicle_has_the_attitude_of_gravity_and_the_earths_rate():
     rph, lla = (0.006, -0.016, 1.5), (0.6, 1.9, 380.0)
-    header = Aiding(
+    header = Source(
         "position", np.zeros(1), np.array([lla]), np.full((1, 3), 10.0), name="header position"
     )
-    made = cases.parked(Recording(standing_imu(rph, lla[0]), (header,), meta={"name": "parked"}))
+    made = cases.parked_case(
+        Recording(standing_imu(rph, lla[0]), (header,), meta={"name": "parked"})
+    )
     truth = made.recording.reference
     np.testing.assert_allclose(truth.rph, np.tile(rph, (len(truth), 1)), atol=1e-9)
     assert (
         np.all(truth.lla == lla) and not truth.v_n.any() and truth.t[0] == 0 and truth.t[-1] >= 29.0
     )
-    kinds = {a.kind: a for a in made.recording.aidings[1:]}
+    kinds = {a.kind: a for a in made.recording.sources[1:]}
     assert (
         set(kinds) == {"position", "zero-velocity"}
-        and np.all(kinds["position"].sd == 10.0)
+        and np.all(kinds["position"].std == 10.0)
         and len(kinds["position"].t) == 29
     )
 
@@ -320,10 +322,10 @@ def test_errors_of_motion():
         0.01 * np.c_[swing, 0 * t, 0 * t],
         0.01 * np.tile([0, 0, -9.8], (1000, 1)),
     )
-    field = Aiding(
+    field = Source(
         "magnetic-field", 0.04 * np.arange(1, 200), np.zeros((199, 3)), np.full((199, 3), 1e-6)
     )
-    spec = sd.grade("consumer")
+    spec = sd.imu("consumer")
     made = cases.in_motion(Recording(imu, (field, position(1.0)), meta={"grade": spec}))
     grade = made.meta["grade"]
     assert grade.gyro.noise**2 - spec.gyro.noise**2 == pytest.approx(
@@ -332,8 +334,8 @@ def test_errors_of_motion():
     assert grade.accel.noise**2 - spec.accel.noise**2 == pytest.approx(
         (0.01 * 9.8) ** 2 / 3 * 0.6, rel=1e-6
     )
-    np.testing.assert_allclose(made.aidings[0].sd, 5e-6, rtol=1e-6)
-    assert np.all(made.aidings[1].sd == 1.0) and grade.gyro.turn_on_bias == spec.gyro.turn_on_bias
+    np.testing.assert_allclose(made.sources[0].std, 5e-6, rtol=1e-6)
+    assert np.all(made.sources[1].std == 1.0) and grade.gyro.turn_on_bias == spec.gyro.turn_on_bias
 
 
 @pytest.mark.short
@@ -425,7 +427,7 @@ def test_the_calibration_in_the_description_is_the_one_that_it_names(data_folder
     )
     assert numbers(quoted) == numbers(named) and len(numbers(named)) == 12
     flown = sd.read(folder / "thor75-full.toml")
-    assert [a.kind for a in flown.aidings] == ["position", "velocity", "magnetic-field", "pressure"]
+    assert [a.kind for a in flown.sources] == ["position", "velocity", "magnetic-field", "pressure"]
     again = sd.calibrate(flown, "magnetometer", *cases.FLIGHT)
     assert np.abs(again.bias).max() < 1e-7 and np.abs(again.matrix - np.eye(3)).max() < 1e-3
 

@@ -7,7 +7,7 @@ import pytest
 from strapdown.preprocessing.stationary import stretches
 from strapdown_reproductions.common.write_docs import DOCS, PAGES, mark
 from strapdown_reproductions.vehicle_kit import on_drive, rest, slips
-from strapdown_reproductions.vehicle_kit.drives import drive, slipping, wheel_of
+from strapdown_reproductions.vehicle_kit.drives import add_slips, drive, wheel_of
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def test_a_drive_stands_moves_and_shakes(driven):
 
 
 def test_slips_are_where_they_are_said_and_of_their_size(driven):
-    bad, found = slipping(driven, 7, 0.5)
+    bad, found = add_slips(driven, 7, 0.5)
     ratio = (wheel_of(bad).y / wheel_of(driven).y)[:, 0]
     wrong, t = ratio != 1.0, wheel_of(driven).t
     assert len(found) == len(stretches(wrong)) >= 3
@@ -47,7 +47,7 @@ def test_detection_and_false_alarms(driven):
 def test_rates_of_rest(driven):
     """The detector as it is, and what it would be if the wheels were never asked."""
     alone, with_wheels = (
-        rest._rates([driven], [aidings], 0.02) for aidings in ((), (wheel_of(driven),))
+        rest._rates([driven], [sources], 0.02) for sources in ((), (wheel_of(driven),))
     )
     assert alone[0] == with_wheels[0] > 10 and alone[1] < 5 and with_wheels[1] < 5
     assert with_wheels[3] <= alone[3]

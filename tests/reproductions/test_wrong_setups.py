@@ -10,7 +10,7 @@ import pytest
 from strapdown.aiding import names
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.data.verdict import CAUSES, DOUBTFUL, Reason
 from strapdown.geometry.geodesy import displacement
 from strapdown.io.locate import data_folder
@@ -20,13 +20,13 @@ from strapdown_reproductions.wrong_setups.cases import (
     MOTIONS,
     SetUpCase,
     heading_to,
-    recorded,
-    simulated,
+    recorded_cases,
+    simulate_case,
 )
 from strapdown_reproductions.wrong_setups.cells import Heard
-from strapdown_reproductions.wrong_setups.harm import Harm, HarmScore, compared
+from strapdown_reproductions.wrong_setups.harm import Harm, HarmScore, compare_scores
 from strapdown_reproductions.wrong_setups.mistakes import MISTAKES
-from strapdown_reproductions.wrong_setups.not_showable import NOT_SHOWABLE, hidden
+from strapdown_reproductions.wrong_setups.not_showable import NOT_SHOWABLE, why_hidden
 
 OF = {mistake.name: mistake for mistake in MISTAKES}
 GRADE = "industrial"
@@ -42,9 +42,9 @@ def case(**more):
     fixes = np.arange(5) * 0.8
     one = lambda value: np.tile(value, (5, 1))
     sources = (
-        Aiding("position", fixes, one((0.8, 0.2, 500.0)), one((1.0, 1.0, 2.0)), (0.1, 0.2, -0.3)),
-        Aiding("velocity", fixes, one((3.0, 4.0, 0.5)), one((0.1, 0.1, 0.2)), (0.1, 0.2, -0.3)),
-        Aiding("speed", fixes, one((5.0,)), one((0.1,)), (0.0, 0.0, 0.0)),
+        Source("position", fixes, one((0.8, 0.2, 500.0)), one((1.0, 1.0, 2.0)), (0.1, 0.2, -0.3)),
+        Source("velocity", fixes, one((3.0, 4.0, 0.5)), one((0.1, 0.1, 0.2)), (0.1, 0.2, -0.3)),
+        Source("speed", fixes, one((5.0,)), one((0.1,)), (0.0, 0.0, 0.0)),
     )
     recording = Recording(imu, sources, None, {"name": "made up", "grade": GRADE})
     return SetUpCase("car", recording, ((1.0, 4.0),), False, "navigation")._replace(**more)
@@ -53,10 +53,10 @@ def case(**more):
 def made(name, of=None):
     """The recording of a mistake: its IMU and its sources by kind."""
     recording = OF[name].make(of or case())
-    return recording.imu, {a.kind: a for a in recording.aidings}
+    return recording.imu, {a.kind: a for a in recording.sources}
 
 
-RIGHT, SOURCES = case().recording.imu, {a.kind: a for a in case().recording.aidings}
+RIGHT, SOURCES = case().recording.imu, {a.kind: a for a in case().recording.sources}
 
 
 @pytest.mark.short
@@ -101,7 +101,7 @@ def test_an_imu_mounted_nose_up_reads_its_own_pitch():
 
 @pytest.mark.short
 def test_a_box_that_is_mounted_turned_has_its_magnetometer_turned():
-    field = Aiding(
+    field = Source(
         "magnetic-field", np.array([1.0]), np.array([[2e-5, 0.0, 4e-5]]), np.full((1, 3), 1e-7)
     )
     own = case(recording=Recording(RIGHT, (field,), None, {"grade": GRADE}))
@@ -143,16 +143,16 @@ def test_installation_heights_and_standard_deviations():
     _, sources = made("height above the geoid")
     np.testing.assert_allclose(sources["position"].y[:, 2], 453.0)
     for name, factor in (("small", 0.2), ("large", 5.0)):
-        _, sources = made(f"stated sd 5 times too {name}")
-        np.testing.assert_allclose(sources["velocity"].sd, factor * SOURCES["velocity"].sd)
-        np.testing.assert_array_equal(sources["speed"].sd, SOURCES["speed"].sd)
+        _, sources = made(f"stated std 5 times too {name}")
+        np.testing.assert_allclose(sources["velocity"].std, factor * SOURCES["velocity"].std)
+        np.testing.assert_array_equal(sources["speed"].std, SOURCES["speed"].std)
     _, sources = made("odometer 2 % off")
     np.testing.assert_allclose(sources["speed"].y, 5.1)
 
 
 @pytest.mark.short
 def test_errors_of_the_imu():
-    imu, _ = made("accelerometer bias of 10 sd")
+    imu, _ = made("accelerometer bias of 10 std")
     bias = 10 * 3e-3 * 9.80665  # industrial: 3 mg of turn-on bias, 15 ug in run
     np.testing.assert_allclose((imu.dv - RIGHT.dv)[0] / 0.01, [bias, 0, 0], rtol=1e-4)
     imu, _ = made("gyros 2 % off")
@@ -174,7 +174,7 @@ def test_repeated_and_drifting_fixes():
 
 
 def test_swisslog_as_logged_has_its_course_in_degrees_and_its_own_stamps():
-    own = recorded(DESCRIPTIONS)["swisslog"]()
+    own = recorded_cases(DESCRIPTIONS)["swisslog"]()
     _, sources = made("as logged", own)
     data = pd.read_csv(data_folder(DESCRIPTIONS) / "swisslog" / "gps.csv.xz")
     y = heading_to(data["GndSpd"], np.radians(data["CourseDeg"]), data["VelD"])
@@ -186,35 +186,35 @@ def test_swisslog_as_logged_has_its_course_in_degrees_and_its_own_stamps():
 @pytest.mark.short
 def test_a_mistake_is_harmful_where_an_error_doubles_or_leaves_what_is_claimed():
     right = {"height": HarmScore(1.0, 0.0), "velocity": HarmScore(0.1, 0.2)}
-    judged = lambda **wrong: compared(right, {**right, **wrong})
+    judged = lambda **wrong: compare_scores(right, {**right, **wrong})
     assert judged() == Harm((), 1.0, 0.2)
     assert judged(height=HarmScore(1.99, 0.05)).harmful == ()
     assert judged(height=HarmScore(2.0, 0.0)).harmful == ("height",)
     assert judged(height=HarmScore(1.0, 0.051)).harmful == ("height",)
     assert judged(velocity=HarmScore(0.15, 0.9)).harmful == ()  # the right one is beyond too
-    assert compared({}, {"height": HarmScore(9.0, 0.04)}).harmful == ()
-    assert compared({}, {"height": HarmScore(9.0, 0.06)}).harmful == ("height",)
-    assert compared(right, {}).harmful == ("no solution",)
+    assert compare_scores({}, {"height": HarmScore(9.0, 0.04)}).harmful == ()
+    assert compare_scores({}, {"height": HarmScore(9.0, 0.06)}).harmful == ("height",)
+    assert compare_scores(right, {}).harmful == ("no solution",)
 
 
 @pytest.mark.short
 def test_the_table_names_what_exists():
     groups = {mistake.group for mistake in MISTAKES}
-    known = {*MOTIONS, *recorded(DESCRIPTIONS)}
+    known = {*MOTIONS, *recorded_cases(DESCRIPTIONS)}
     assert len(OF) == len(MISTAKES)
     for mistake in MISTAKES:
         assert set(mistake.causes) <= set(CAUSES)
     for each in NOT_SHOWABLE:
         assert set(each.groups) <= groups and set(each.recordings) <= known
         assert each.cause in CAUSES
-    assert hidden(OF["mounting 2 deg off in pitch"], "car").cause == "mounting"
-    assert hidden(OF["mounting 2 deg off in pitch"], "car with odometer") is None
-    assert hidden(OF["clock of position -0.25 s"], "ship") and hidden(
+    assert why_hidden(OF["mounting 2 deg off in pitch"], "car").cause == "mounting"
+    assert why_hidden(OF["mounting 2 deg off in pitch"], "car with odometer") is None
+    assert why_hidden(OF["clock of position -0.25 s"], "ship") and why_hidden(
         OF["clock of GNSS +0.1 s"], "ship"
     )
-    assert hidden(OF["clock of GNSS +0.25 s"], "ship") is None
-    assert hidden(OF["antenna arm 3 m off, forward"], "ship") is None
-    assert {a.kind for a in simulated("car with odometer", 1).recording.aidings} <= set(names())
+    assert why_hidden(OF["clock of GNSS +0.25 s"], "ship") is None
+    assert why_hidden(OF["antenna arm 3 m off, forward"], "ship") is None
+    assert {a.kind for a in simulate_case("car with odometer", 1).recording.sources} <= set(names())
 
 
 @pytest.mark.short
@@ -227,7 +227,7 @@ def test_who_finds_and_who_names():
             inspect, DOUBTFUL if own else "trusted", own, (), refusal, None, 1.0, 0.1, 0.1
         )
         row = cells.row(mistake.name, mistake.group, case(), 1, found)
-        row |= cells.judged(mistake, case(), found, done)
+        row |= cells.judge_cell(mistake, case(), found, done)
         return row["by_inspect"], row["by_verdict"], row["named"]
 
     assert verdict((), ()) == (False, False, False)

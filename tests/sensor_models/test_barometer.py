@@ -37,7 +37,7 @@ TABLE = [
 
 
 def read(truth=SEA, seed=0, **changes):
-    return Barometer(**{"sd": 1e-9, **changes}).measure(truth, np.random.default_rng(seed))
+    return Barometer(**{"std": 1e-9, **changes}).measure(truth, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("height, pressure", TABLE)
@@ -94,14 +94,14 @@ def test_outside_of_the_layers_is_refused(call, words):
 
 def test_a_barometer_at_rest_reads_the_pressure_above_its_zero():
     truth = sample(static(PLACE), [0.0, 1.0, 2.0])
-    aiding = read(truth, zero=-500.0)
-    assert (aiding.kind, aiding.name, aiding.parameters) == (
+    source = read(truth, zero=-500.0)
+    assert (source.kind, source.name, source.parameters) == (
         "pressure",
         "barometer",
         (0.0, 0.0, 0.0),
     )
-    assert aiding.y == pytest.approx(np.full((2, 1), 89874.6), abs=0.05) and np.array_equal(
-        aiding.t, [1, 2]
+    assert source.y == pytest.approx(np.full((2, 1), 89874.6), abs=0.05) and np.array_equal(
+        source.t, [1, 2]
     )
     height = read(truth, zero=-500.0, quantity="height")
     assert height.kind == "pressure-altitude" and height.y == pytest.approx(
@@ -118,7 +118,7 @@ def test_a_barometer_at_rest_reads_the_pressure_above_its_zero():
 def test_the_standard_deviation_is_in_metres_for_both_kinds():
     truth = sample(static((48 * DEG, 11 * DEG, 0.0)), np.arange(5))
     for quantity in ("pressure", "height"):
-        assert read(truth, sd=12.0, quantity=quantity).sd == pytest.approx(
+        assert read(truth, std=12.0, quantity=quantity).std == pytest.approx(
             np.full((4, 1), 12 / 12.0131), rel=1e-5
         )
 
@@ -126,10 +126,10 @@ def test_the_standard_deviation_is_in_metres_for_both_kinds():
 def test_the_sensor_is_where_its_lever_arm_says():
     truth = sample(hand_held(PLACE), np.arange(501) / 100)
     arm = np.array([0.4, -0.3, 0.7])
-    aiding = read(truth, lever_arm=tuple(arm), quantity="height")
+    source = read(truth, lever_arm=tuple(arm), quantity="height")
     expected = truth.lla[:, 2] - truth.rotation.apply(arm)[:, 2]
-    np.testing.assert_allclose(aiding.y[:, 0], expected[1:], atol=1e-6)
-    assert aiding.parameters == tuple(arm) and np.ptp(expected - truth.lla[:, 2]) > 0.5
+    np.testing.assert_allclose(source.y[:, 0], expected[1:], atol=1e-6)
+    assert source.parameters == tuple(arm) and np.ptp(expected - truth.lla[:, 2]) > 0.5
 
 
 def test_the_noise_is_white_and_as_stated():
@@ -137,8 +137,8 @@ def test_the_noise_is_white_and_as_stated():
     quantities: six checks, together 0.1 % false alarms."""
     side = 0.001 / 6 / 2
     for quantity in ("pressure", "height"):
-        noisy, quiet = read(sd=8.0, seed=5, quantity=quantity), read(quantity=quantity)
-        noise = ((noisy.y - quiet.y) / (8.0 if quantity == "pressure" else noisy.sd))[:, 0]
+        noisy, quiet = read(std=8.0, seed=5, quantity=quantity), read(quantity=quantity)
+        noise = ((noisy.y - quiet.y) / (8.0 if quantity == "pressure" else noisy.std))[:, 0]
         n = len(noise)
         low, high = chi2.ppf([side, 1 - side], n)
         assert low < (noise**2).sum() < high
@@ -151,7 +151,7 @@ def test_the_weather_is_a_gauss_markov_process():
     """Variance at the start and correlation over one time constant in 2000 runs, each within its
     99.9 % band (0.2 % false alarms)."""
     truth = sample(static(PLACE), np.arange(0, 101, 10.0))
-    plan = Barometer(sd=1e-9, drift=300.0, drift_time=90.0).plan(truth)
+    plan = Barometer(std=1e-9, drift=300.0, drift_time=90.0).plan(truth)
     runs = (
         np.array([plan.fixes(np.random.default_rng([7, run])).y[:, 0] for run in range(2000)])
         - plan.pressure
@@ -165,23 +165,23 @@ def test_the_weather_is_a_gauss_markov_process():
 
 def test_the_reported_bias_is_what_the_heights_exceed_the_truth_by():
     plan = Barometer(
-        rate=2.0, sd=1e-9, bias=-150.0, drift=200.0, drift_time=60.0, zero=20.0, quantity="height"
+        rate=2.0, std=1e-9, bias=-150.0, drift=200.0, drift_time=60.0, zero=20.0, quantity="height"
     ).plan(SEA)
-    aiding, bias = plan.measured(np.random.default_rng(9))
-    np.testing.assert_allclose(aiding.y[:, 0] - SEA.lla[10::10, 2], bias, atol=1e-6)
+    source, bias = plan.measure_with_bias(np.random.default_rng(9))
+    np.testing.assert_allclose(source.y[:, 0] - SEA.lla[10::10, 2], bias, atol=1e-6)
     assert np.ptp(bias) > 5 and len(bias) == 600
     np.testing.assert_allclose(plan.exact().y[:, 0], SEA.lla[10::10, 2] - 20, atol=1e-6)
 
 
 def test_weather_and_noise_have_streams_of_their_own():
-    calm, windy = read(sd=8.0, seed=5), read(sd=8.0, seed=5, drift=1e-9)
+    calm, windy = read(std=8.0, seed=5), read(std=8.0, seed=5, drift=1e-9)
     np.testing.assert_allclose(calm.y, windy.y, atol=1e-7)
 
 
 def test_a_rate_that_leaves_no_sample_is_noted():
     plan = Barometer(rate=0.001).plan(SEA)
-    aiding, bias = plan.measured(np.random.default_rng(0))
-    assert len(bias) == 0 and plan.notes(aiding) == [
+    source, bias = plan.measure_with_bias(np.random.default_rng(0))
+    assert len(bias) == 0 and plan.notes(source) == [
         "barometer: not one sample falls into the recording; its rate is too low"
     ]
     assert read(rate=0.004).y.shape == (1, 1)
@@ -191,8 +191,8 @@ def test_a_rate_that_leaves_no_sample_is_noted():
     "change, words",
     [
         ({"rate": -1}, "rate is -1 Hz; it must be a finite number above 0"),
-        ({"sd": 0}, "sd is 0 Pa; it must be a finite number above 0"),
-        ({"sd": "5"}, "sd is '5' Pa; it must be a finite number"),
+        ({"std": 0}, "std is 0 Pa; it must be a finite number above 0"),
+        ({"std": "5"}, "std is '5' Pa; it must be a finite number"),
         ({"drift": -1.0}, "drift is -1.0 Pa; it must be a finite number, 0 or more"),
         ({"bias": 101325.0}, "bias is 101325.0 Pa; .* at most 10000"),
         ({"drift_time": 0.0}, "drift_time is 0.0"),

@@ -33,7 +33,7 @@ def test_fixes_come_at_the_interval_and_carry_their_noise():
     assert (
         fixes.kind == "position"
         and fixes.parameters == (0.0, 0.0, 0.0)
-        and fixes.sd.shape == fixes.y.shape == (120, 3)
+        and fixes.std.shape == fixes.y.shape == (120, 3)
     )
     many = position_fixes(TRUTH, TRUTH.t, (1.0, 2.0, 3.0), np.random.default_rng(4))
     error = north_east_down(many.y, TRUTH.lla)
@@ -79,7 +79,7 @@ def test_a_receiver_gives_what_it_measures_from_separate_streams():
     assert [fix.kind for fix in both] == ["position", "velocity"] and all(
         len(fix.t) == 60 and fix.parameters == ARM for fix in both
     )
-    (alone,) = Gnss(interval=2.0, lever_arm=ARM, position_sd=None).fixes(
+    (alone,) = Gnss(interval=2.0, lever_arm=ARM, position_std=None).fixes(
         TRUTH, np.random.default_rng(9)
     )
     np.testing.assert_array_equal(alone.y, both[1].y)
@@ -89,8 +89,8 @@ def test_a_receiver_gives_what_it_measures_from_separate_streams():
     "change, words",
     [
         ({"interval": 0.0}, "interval between fixes"),
-        ({"position_sd": (1, 1, 0)}, "each above 0"),
-        ({"velocity_sd": (1, np.nan, 1)}, "3 finite numbers"),
+        ({"position_std": (1, 1, 0)}, "each above 0"),
+        ({"velocity_std": (1, np.nan, 1)}, "3 finite numbers"),
         ({"lever_arm": (1.0, 2.0)}, "lever arm"),
         ({"interval": np.array([10.0])}, "outside the trajectory"),
     ],
@@ -113,7 +113,7 @@ def test_outages_leave_the_other_fixes_as_they_were():
     holed = Gnss(outages=((70.0, 75.0), (170.0, 200.0))).fixes(TRUTH, np.random.default_rng(9))
     for all_of, left in zip(whole, holed, strict=True):
         keep = ((all_of.t < 69.9999) | (all_of.t >= 74.9999)) & (all_of.t < 169.9999)
-        assert len(left.t) == len(left.sd) == 120 - 5 - 11
+        assert len(left.t) == len(left.std) == 120 - 5 - 11
         np.testing.assert_array_equal(left.t, all_of.t[keep])
         np.testing.assert_array_equal(left.y, all_of.y[keep])
 
@@ -147,7 +147,7 @@ def test_a_plan_serves_any_number_of_runs():
             np.testing.assert_array_equal(mine.y, other.y)
             assert mine.gate == np.inf and other.gate is None
     for mine, noisy in zip(plan.exact(), plan.fixes(np.random.default_rng(1)), strict=True):
-        assert (mine.y - noisy.y).std(axis=0).min() > 0 and np.array_equal(mine.sd, noisy.sd)
+        assert (mine.y - noisy.y).std(axis=0).min() > 0 and np.array_equal(mine.std, noisy.std)
     np.testing.assert_array_equal(plan.exact()[1].y, plan.exact()[1].y)
 
 
@@ -158,7 +158,7 @@ def test_a_plan_serves_any_number_of_runs():
         ({"latency": np.nan}, "latency"),
         ({"outages": ((5.0, 5.0),)}, "start before the stop"),
         ({"outages": ((5.0,),)}, "it must be 2 times .start, stop."),
-        ({"position_sd": (1.0, 2.0)}, "it must be 3 finite numbers: north, east, down"),
+        ({"position_std": (1.0, 2.0)}, "it must be 3 finite numbers: north, east, down"),
         ({"outages": (("a", "b"),)}, "it must be 2 times .start, stop."),
         ({"latency": "x"}, "latency"),
         ({"interval": np.array([1.0, np.nan])}, "n finite numbers"),

@@ -10,7 +10,7 @@ import pytest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import WarmUp
-from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturation_notes
+from strapdown.sensor_models.imu import ImuSpec, Triad, imu as imu_spec, imus, saturation_notes
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import simulate
@@ -108,7 +108,7 @@ def test_a_written_file_reads_back_equal(tmp_path):
         11.0,
         ((-20, 1, 2, 3), (30.5, -4, 5, 6.25)),
     )
-    specs = [grade(name) for name in grades()] + [
+    specs = [imu_spec(name) for name in imus()] + [
         ImuSpec(
             "full",
             replace(everything, g_sensitivity=1e-5),
@@ -122,7 +122,7 @@ def test_a_written_file_reads_back_equal(tmp_path):
         made.to_toml(tmp_path / "copy.toml")
         assert ImuSpec.from_toml(tmp_path / "copy.toml") == made
         # as it is stored with a recording
-        assert grade(json.loads(json.dumps(asdict(made)))) == made
+        assert imu_spec(json.loads(json.dumps(asdict(made)))) == made
     assert [entry.name for entry in tmp_path.iterdir()] == ["copy.toml"]
 
 
@@ -197,7 +197,7 @@ def test_unreadable_and_unwritable_paths_are_refused(tmp_path):
         ImuSpec.from_toml(tmp_path / "binary.toml")
     for path in (tmp_path / "no" / "imu.toml", tmp_path):
         with pytest.raises(DataError, match="cannot be written"):
-            grade("tactical").to_toml(path)
+            imu_spec("tactical").to_toml(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["binary.toml"]
 
 
@@ -210,24 +210,24 @@ def test_grades_by_name_by_path_and_by_value(tmp_path):
         "paper1-consumer",
         "paper1-tactical",
         "paper1-navigation",
-    } <= set(grades())
-    assert all(grade(name).name == name and grade(name).source for name in grades())
-    tactical = grade("tactical")
-    assert grade(tactical) is tactical
+    } <= set(imus())
+    assert all(imu_spec(name).name == name and imu_spec(name).source for name in imus())
+    tactical = imu_spec("tactical")
+    assert imu_spec(tactical) is tactical
     tactical.to_toml(tmp_path / "own.toml")
-    assert grade(tmp_path / "own.toml") == tactical
+    assert imu_spec(tmp_path / "own.toml") == tactical
     with pytest.raises(
         DataError,
         match=r"unknown IMU grade 'tactcal' \(did you mean 'tactical'\?\); grades: consumer, dmu10, industrial",
     ):
-        grade("tactcal")
+        imu_spec("tactcal")
     with pytest.raises(DataError, match="absent.toml: cannot be read"):
-        grade("absent.toml")
+        imu_spec("absent.toml")
 
 
 def test_better_grades_have_better_gyros_and_turn_on_biases():
     ladder = [
-        grade(name).datasheet() for name in ("consumer", "industrial", "tactical", "navigation")
+        imu_spec(name).datasheet() for name in ("consumer", "industrial", "tactical", "navigation")
     ]
     for term in (
         "gyro noise, deg/sqrt(h)",
@@ -245,14 +245,14 @@ def test_the_grades_of_table_iii():
         "tactical": (3.3e-4, 9.81e-3, 3600, 3.6361e-5, 4.8481e-6, 3600),
         "navigation": (1e-12, 1e-5, 3600, 1e-7, 1e-8, 3600),
     }
-    for name, (vrw, sd_a, tau_a, arw, sd_g, tau_g) in rows.items():
-        paper = grade("paper1-" + name)
-        assert paper.bias_sd() == (sd_a, sd_g)
+    for name, (vrw, std_a, tau_a, arw, std_g, tau_g) in rows.items():
+        paper = imu_spec("paper1-" + name)
+        assert paper.bias_std() == (std_a, std_g)
         expected = (
             arw,
             vrw,
-            sd_g * np.sqrt(2 / tau_g),
-            sd_a * np.sqrt(2 / tau_a),
+            std_g * np.sqrt(2 / tau_g),
+            std_a * np.sqrt(2 / tau_a),
             1 / tau_g,
             1 / tau_a,
         )
@@ -269,7 +269,7 @@ def test_one_bias_state_stands_for_several_terms():
         pytest.approx(0.04),
         0.0,
     )
-    assert spec(gauss_markov=0.3, time_constant=50.0, turn_on_bias=0.4).bias_sd() == (
+    assert spec(gauss_markov=0.3, time_constant=50.0, turn_on_bias=0.4).bias_std() == (
         pytest.approx(0.5),
         0.0,
     )
@@ -277,10 +277,10 @@ def test_one_bias_state_stands_for_several_terms():
 
 def test_representations_are_in_datasheet_units():
     assert (
-        repr(grade("tactical"))
+        repr(imu_spec("tactical"))
         == "ImuSpec(tactical: gyro 0.15 deg/sqrt(h), bias 4.03 deg/h; accel 0.07 m/s/sqrt(h), bias 0.752 mg)"
     )
-    sheet = grade("tactical").datasheet()
+    sheet = imu_spec("tactical").datasheet()
     assert (
         sheet["gyro gauss markov, deg/h"] == pytest.approx(0.5)
         and sheet["accel time constant, s"] == 3600
@@ -403,7 +403,7 @@ def drawn(field, triads, seeds=300):
 @pytest.mark.deep
 def test_scale_factor_misalignment_and_g_sensitivity_are_fresh_matrices_of_their_size():
     within, off = (
-        lambda values, sd: values.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * values.size)),
+        lambda values, std: values.std() == pytest.approx(std, rel=4 / np.sqrt(2 * values.size)),
         ~np.eye(3, dtype=bool),
     )
     scale = drawn("force", (Triad(), Triad(scale_factor=1e-3)))
@@ -440,7 +440,9 @@ def test_saturated_samples_are_clipped_and_counted():
         "accelerometer: 1 of 100 samples saturated at 2.039 g",
     ]
     assert (
-        saturation_notes(full, moving(T[:101])) == [] == saturation_notes(grade("tactical"), made)
+        saturation_notes(full, moving(T[:101]))
+        == []
+        == saturation_notes(imu_spec("tactical"), made)
     )
 
 
@@ -464,7 +466,7 @@ def test_temperature_bias_follows_the_table_along_the_warm_up():
         b_a[:, 2], -np.maximum(temperature - 20, 0) / 5, rtol=1e-9, atol=1e-9
     )
     np.testing.assert_allclose(made.dv, b_a * made.dt[:, None], rtol=1e-12)
-    assert warm.bias_sd()[0] == pytest.approx(np.sqrt((1 + 1 + 0) / 3))
+    assert warm.bias_std()[0] == pytest.approx(np.sqrt((1 + 1 + 0) / 3))
     assert warm.noise()[3] == pytest.approx(np.sqrt((1 + 0 + 16) / 3 / 50))
     drift = np.sqrt(np.mean((b_a - b_a[0]) ** 2, axis=1))
     q, decay = warm.accel.bias_model(warm.warm_up)
@@ -509,7 +511,7 @@ def test_a_filter_takes_flicker_for_a_walk_that_meets_the_floor_where_the_white_
             for seed in range(300)
         ]
     )
-    assert starts.std() == pytest.approx(spec(flicker=0.3).bias_sd()[0], rel=4 / np.sqrt(1800))
+    assert starts.std() == pytest.approx(spec(flicker=0.3).bias_std()[0], rel=4 / np.sqrt(1800))
 
 
 def test_new_terms_leave_the_draws_of_the_old_ones_alone():
@@ -518,7 +520,7 @@ def test_new_terms_leave_the_draws_of_the_old_ones_alone():
     run = lambda triad: ImuSpec("test", Triad(), triad).corrupt(still(T[:100]), 5)
     (plain, bias, _), (flickering, both, _) = run(old), run(new)
     # the streams of two terms, by hand
-    of = RandomStream.of(5).named("accel").named
+    of = RandomStream.of(5).child("accel").child
     expected = of("turn_on_bias").standard_normal(3) + of("gauss_markov").standard_normal(3)
     np.testing.assert_allclose(bias[0], expected, rtol=1e-14)
     np.testing.assert_allclose(

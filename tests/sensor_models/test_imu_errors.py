@@ -46,7 +46,11 @@ def moving(t, seed=1):
 
 def simulated(spec, imu, seed=3, ends=(), kernel=simulate_errors):
     """(measured, biases), (n, 6) each, in blocks that end there."""
-    shared, own, rates = spec.shared(imu), spec.drawn(RandomStream.of(seed)), np.zeros(RATES)
+    shared, own, rates = (
+        spec.shared_errors(imu),
+        spec.draw_constants(RandomStream.of(seed)),
+        np.zeros(RATES),
+    )
     u, bias = np.full((2, len(imu.t), 6), np.nan)
     for rows in zip((0, *ends), (*ends, len(imu.t))):
         block = slice(*rows)
@@ -82,7 +86,7 @@ def test_threads_simulate_the_same():
 
 def by_scipy(triad, name, t, seed):
     """Biases (n, 3) and white noise of one triad on the same random numbers."""
-    of, dt = RandomStream.of(seed).named(name).named, DT
+    of, dt = RandomStream.of(seed).child(name).child, DT
 
     def markov(white, time):
         keep = np.exp(-dt / time)
@@ -123,7 +127,7 @@ def test_terms_come_in_their_order():
     terms = {"turn_on_bias": 0.2, "scale_factor": 0.01, "misalignment": 0.02}
     gyro = Triad(**terms, g_sensitivity=0.03, quantisation=2e-4, saturation=2.5)
     spec, imu = ImuSpec("by hand", gyro, Triad()), moving(EVEN)
-    of = RandomStream.of(4).named("gyro").named
+    of = RandomStream.of(4).child("gyro").child
     angles = 0.02 * of("misalignment").standard_normal((3, 3)) * (1 - np.eye(3))
     matrix = np.eye(3) + np.diag(0.01 * of("scale_factor").standard_normal(3)) + angles
     felt = 0.03 * of("g_sensitivity").standard_normal((3, 3))

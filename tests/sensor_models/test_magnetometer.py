@@ -27,7 +27,7 @@ def to_body(roll, pitch, heading):
 
 
 def read(truth=HAND, seed=0, **changes):
-    return Magnetometer(**{"sd": QUIET, "field": FIELD, **changes}).measure(
+    return Magnetometer(**{"std": QUIET, "field": FIELD, **changes}).measure(
         truth, np.random.default_rng(seed)
     )
 
@@ -37,14 +37,14 @@ def read(truth=HAND, seed=0, **changes):
 )
 def test_the_field_at_rest_is_the_one_turned_into_the_body(rph):
     angles = np.array(rph) * DEG
-    aiding = read(sample(static(PLACE, tuple(angles)), [0.0, 1.0, 2.0]))
+    source = read(sample(static(PLACE, tuple(angles)), [0.0, 1.0, 2.0]))
     assert (
-        aiding.kind == "magnetic-field"
-        and aiding.name == "magnetometer"
-        and aiding.parameters == FIELD
+        source.kind == "magnetic-field"
+        and source.name == "magnetometer"
+        and source.parameters == FIELD
     )
-    assert aiding.y.shape == aiding.sd.shape == (2, 3) and np.array_equal(aiding.t, [1, 2])
-    np.testing.assert_allclose(aiding.y, [to_body(*angles) @ FIELD] * 2, atol=1e-13)
+    assert source.y.shape == source.std.shape == (2, 3) and np.array_equal(source.t, [1, 2])
+    np.testing.assert_allclose(source.y, [to_body(*angles) @ FIELD] * 2, atol=1e-13)
 
 
 @pytest.mark.parametrize("heading", range(0, 360, 45))
@@ -66,8 +66,8 @@ def test_every_distortion_enters_where_the_equation_says():
         Disturbance(6.0, 9.0, (-8e-6, 2e-6, 1e-6), "b"),
         Disturbance(6.5, 6.75, (1e-6, 0, 0), "n"),
     )
-    aiding = read(hard_iron=hard, soft_iron=iron, scale=scale, disturbances=windows)
-    for t, y in zip(aiding.t, aiding.y):
+    source = read(hard_iron=hard, soft_iron=iron, scale=scale, disturbances=windows)
+    for t, y in zip(source.t, source.y):
         around = (
             np.array(FIELD)
             + np.array([3e-6, -4e-6, 5e-6]) * (5 <= t < 7)
@@ -85,8 +85,8 @@ def test_every_distortion_enters_where_the_equation_says():
 def test_the_noise_is_white_and_as_stated():
     """Chi-square of the variance, normal of mean and of neighbours' correlation: nine checks,
     together 0.1 % false alarms."""
-    sd, side = np.array([0.2e-6, 0.4e-6, 0.9e-6]), 0.001 / 9 / 2
-    noise = (read(sd=tuple(sd), seed=11).y - read().y) / sd
+    std, side = np.array([0.2e-6, 0.4e-6, 0.9e-6]), 0.001 / 9 / 2
+    noise = (read(std=tuple(std), seed=11).y - read().y) / std
     n = len(noise)
     low, high = chi2.ppf([side, 1 - side], n)
     assert np.all((low < (noise**2).sum(axis=0)) & ((noise**2).sum(axis=0) < high))
@@ -95,23 +95,23 @@ def test_the_noise_is_white_and_as_stated():
         np.abs(noise.mean(axis=0)).max() < bound
         and np.abs((noise[1:] * noise[:-1]).mean(axis=0)).max() < bound
     )
-    assert np.array_equal(read(sd=tuple(sd)).sd, np.tile(sd, (n, 1)))
+    assert np.array_equal(read(std=tuple(std)).std, np.tile(std, (n, 1)))
 
 
 def test_a_seed_repeats_and_another_does_not():
-    one, same, other = (read(sd=1e-6, seed=seed).y for seed in (1, 1, 2))
+    one, same, other = (read(std=1e-6, seed=seed).y for seed in (1, 1, 2))
     assert np.array_equal(one, same) and not np.any(one == other)
 
 
 @pytest.mark.parametrize("rate", [10.0, 40.0, 100.0])
 def test_samples_come_at_their_rate_and_belong_to_their_times(rate):
-    aiding = read(rate=rate)
-    np.testing.assert_allclose(aiding.t, np.arange(1, 20 * rate + 1) / rate, rtol=1e-12)
-    exact = sample(hand_held(PLACE), aiding.t)
+    source = read(rate=rate)
+    np.testing.assert_allclose(source.t, np.arange(1, 20 * rate + 1) / rate, rtol=1e-12)
+    exact = sample(hand_held(PLACE), source.t)
     expected = [to_body(*angles) @ FIELD for angles in exact.rph]
     # T: a constant rate over 10 ms misses angular accelerations, here below 20 rad/s^2
     between = 20 * 0.01**2 / 8 * 50e-6
-    np.testing.assert_allclose(aiding.y, expected, rtol=0, atol=between if rate == 40 else 1e-13)
+    np.testing.assert_allclose(source.y, expected, rtol=0, atol=between if rate == 40 else 1e-13)
 
 
 def test_without_a_rate_there_is_one_with_every_imu_sample():
@@ -119,31 +119,31 @@ def test_without_a_rate_there_is_one_with_every_imu_sample():
 
 
 def test_full_scale_clips_and_is_counted():
-    sensor = Magnetometer(sd=1e-6, field=FIELD, saturation=40e-6)
+    sensor = Magnetometer(std=1e-6, field=FIELD, saturation=40e-6)
     plan = sensor.plan(HAND)
-    aiding = plan.fixes(np.random.default_rng(3))
-    free = Magnetometer(sd=1e-6, field=FIELD).measure(HAND, np.random.default_rng(3)).y
-    np.testing.assert_array_equal(aiding.y, np.clip(free, -40e-6, 40e-6))
+    source = plan.fixes(np.random.default_rng(3))
+    free = Magnetometer(std=1e-6, field=FIELD).measure(HAND, np.random.default_rng(3)).y
+    np.testing.assert_array_equal(source.y, np.clip(free, -40e-6, 40e-6))
     beyond = int((np.abs(free) >= 40e-6).any(axis=1).sum())
-    assert 0 < beyond < 2000 and plan.notes(aiding) == [
+    assert 0 < beyond < 2000 and plan.notes(source) == [
         f"magnetometer: {beyond} of 2000 samples saturated at 40 uT"
     ]
-    assert Magnetometer(field=FIELD, saturation=1e-3).plan(HAND).notes(aiding) == []
+    assert Magnetometer(field=FIELD, saturation=1e-3).plan(HAND).notes(source) == []
 
 
 def test_a_field_given_at_the_measurement_stands_before_the_sensors_own():
-    aiding = Magnetometer(sd=QUIET).measure(HAND, np.random.default_rng(0), (18e-6, 0, 50e-6))
-    assert aiding.parameters == (18e-6, 0.0, 50e-6)
-    assert np.linalg.norm(aiding.y, axis=1) == pytest.approx(np.hypot(18e-6, 50e-6), abs=1e-12)
-    own = Magnetometer(sd=QUIET, field=FIELD).measure(
+    source = Magnetometer(std=QUIET).measure(HAND, np.random.default_rng(0), (18e-6, 0, 50e-6))
+    assert source.parameters == (18e-6, 0.0, 50e-6)
+    assert np.linalg.norm(source.y, axis=1) == pytest.approx(np.hypot(18e-6, 50e-6), abs=1e-12)
+    own = Magnetometer(std=QUIET, field=FIELD).measure(
         HAND, np.random.default_rng(0), (18e-6, 0, 50e-6)
     )
-    np.testing.assert_array_equal(own.y, aiding.y)
+    np.testing.assert_array_equal(own.y, source.y)
 
 
 def test_the_exact_reading_has_no_error_but_states_the_noise():
     plan = Magnetometer(
-        sd=2e-6,
+        std=2e-6,
         hard_iron=(1e-5,) * 3,
         scale=0.1,
         field=FIELD,
@@ -151,7 +151,7 @@ def test_the_exact_reading_has_no_error_but_states_the_noise():
     ).plan(HAND, gate=np.inf)
     np.testing.assert_array_equal(plan.exact().y, plan.ideal)
     np.testing.assert_allclose(plan.exact().y, read().y, atol=1e-13)
-    assert plan.exact().gate == np.inf and set(plan.exact().sd.ravel()) == {2e-6}
+    assert plan.exact().gate == np.inf and set(plan.exact().std.ravel()) == {2e-6}
 
 
 def test_a_rate_that_leaves_no_sample_is_noted():
@@ -166,9 +166,9 @@ def test_a_rate_that_leaves_no_sample_is_noted():
     [
         ({"rate": 0}, "rate is 0 Hz; it must be a finite number above 0"),
         ({"rate": True}, "rate is True"),
-        ({"sd": (1e-6, 0, 1e-6)}, "in tesla, each above 0"),
-        ({"sd": 0.5}, "in tesla, .* at most 0.1"),
-        ({"sd": (1e-6, 1e-6)}, "sd is .*; it must be 3 finite numbers"),
+        ({"std": (1e-6, 0, 1e-6)}, "in tesla, each above 0"),
+        ({"std": 0.5}, "in tesla, .* at most 0.1"),
+        ({"std": (1e-6, 1e-6)}, "std is .*; it must be 3 finite numbers"),
         ({"hard_iron": 1e-6}, "hard_iron is 1e-06; it must be 3"),
         ({"hard_iron": (12, 0, 0)}, "in tesla, .* at most 0.1"),
         ({"hard_iron": (np.nan, 0, 0)}, "3 finite numbers"),

@@ -10,8 +10,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data.solution import Correlated
-from strapdown.flight.asked import Loop, Sensors
-from strapdown.flight.fly import fly
+from strapdown.flight import Loop, Sensors, fly
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.receiver import receiver, receiver_grade, receivers
 from strapdown.sim.scenario import scenario
@@ -20,8 +19,8 @@ DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "simulate.md"
 FILE = """
 name = "mine"
 interval_s = 0.5
-position_sd_m = [0.3, 0.3, 0.6]
-position_correlated = { sd_m = 1, time_s = 120 }
+position_std_m = [0.3, 0.3, 0.6]
+position_correlated = { std_m = 1, time_s = 120 }
 latency_s = 0.1
 """
 MINE = Gnss(
@@ -34,14 +33,16 @@ def test_each_shipped_receiver_is_whole_and_says_its_sources():
     for name in receivers():
         found = receiver_grade(name)
         assert found.name == name and found.gnss == receiver(name) and found.gnss.stated
-        for sd_, lasting in (
-            (found.gnss.position_sd, found.gnss.position_correlated),
-            (found.gnss.velocity_sd, found.gnss.velocity_correlated),
+        for std_, lasting in (
+            (found.gnss.position_std, found.gnss.position_correlated),
+            (found.gnss.velocity_std, found.gnss.velocity_correlated),
         ):
-            assert sd_[0] == sd_[1] < sd_[2] and lasting.sd[0] == lasting.sd[1] < lasting.sd[2]
+            assert (
+                std_[0] == std_[1] < std_[2] and lasting.std[0] == lasting.std[1] < lasting.std[2]
+            )
         assert "judgement" in found.source + receiver_grade("rtk-float").source
     total = {
-        name: np.hypot(receiver(name).position_sd, receiver(name).position_correlated.sd)
+        name: np.hypot(receiver(name).position_std, receiver(name).position_correlated.std)
         for name in receivers()
     }
     # of their sources: 2.5 m CEP and twice that upwards; the upper ends of 95 % at reference
@@ -74,7 +75,7 @@ def test_a_name_or_a_file_serves_where_a_gnss_does(tmp_path):
     mounted = receiver("sbas")._replace(lever_arm=car.gnss.lever_arm, outages=car.gnss.outages)
     assert car.gnss.outages and receiver("sbas", car.gnss) == mounted
     by_name, by_value = (
-        sd.simulate("car", duration=20.0, seed=2, gnss=gnss).aidings for gnss in ("sbas", mounted)
+        sd.simulate("car", duration=20.0, seed=2, gnss=gnss).sources for gnss in ("sbas", mounted)
     )
     for one, other in zip(by_name, by_value, strict=True):
         np.testing.assert_array_equal(one.y, other.y)
@@ -88,7 +89,7 @@ def test_a_name_or_a_file_serves_where_a_gnss_does(tmp_path):
     )
     told = receiver("rtk-float").position_correlated
     assert (
-        flight.recording.aidings[0].correlated == told and len(flight.recording.aidings[0].t) == 5
+        flight.recording.sources[0].correlated == told and len(flight.recording.sources[0].t) == 5
     )
 
 
@@ -121,7 +122,7 @@ def test_a_scenario_file_names_a_receiver_and_changes_it(tmp_path):
         (("latency_s = 0.1", "latency = 0.1"), "unknown key 'latency'"),
         (("latency_s = 0.1", "latency_s = -1"), "latency"),
         (("interval_s = 0.5", "interval_s = 0"), "interval between fixes"),
-        (("position_sd_m = [0.3, 0.3, 0.6]", ""), "and no white noise"),
+        (("position_std_m = [0.3, 0.3, 0.6]", ""), "and no white noise"),
         (("time_s = 120", ""), "time_s is missing|Invalid|invalid"),
         (("latency_s = 0.1", "outages_s = [[1, 2]]"), "unknown key 'outages_s'"),
     ],
@@ -136,7 +137,7 @@ def test_a_file_that_describes_none_is_refused_in_one_line(tmp_path, change, wor
 
 def test_what_is_no_receiver_is_refused():
     for bad in (5, None, Gnss):
-        with pytest.raises(DataError, match="give a Gnss, a receiver's name"):
+        with pytest.raises(DataError, match="it must be a Gnss, the name of a receiver"):
             receiver(bad)
     with pytest.raises(DataError, match="cannot be read"):
         sd.simulate("car", duration=5.0, gnss="nowhere/mine.toml")

@@ -1,4 +1,4 @@
-"""Sensors of any kind of aiding, simulated through the kind's own observation."""
+"""Sensors of any kind of measurement, simulated through the kind's own observation."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ RECORDED = [name for name in aiding.names() if aiding.find(name).recorded]
 def exact(*sensors, **changes):
     """({name: exact fixes}, truth at them), of sensors with one fix per second."""
     simulator = Simulator(FLIGHT.replace(sensors=sensors, **changes))
-    own = simulator.ideal_recording().aidings[-len(sensors) :]
+    own = simulator.ideal_recording().sources[-len(sensors) :]
     rows = np.searchsorted(simulator.truth.t, own[0].t)
     return {a.name: a.y for a in own}, simulator.truth, rows
 
@@ -52,9 +52,9 @@ def test_a_course_is_that_of_the_antenna_and_none_at_a_standstill():
     still = FLIGHT.motion._replace(attitude=lambda t: (0 * t, 0 * t, 0 * t))
     starts = still._replace(velocity=lambda t: (-8 * ramp(t, 20.0, 1.0), 0 * t, 0 * t))
     made = simulate(FLIGHT.replace(motion=starts), sensors=[course])
-    aiding = made.aidings[-1]
-    assert 19 < aiding.t[0] < 23 and len(aiding.t) < 22
-    assert np.abs(np.sin((aiding.y[5:, 0] - np.pi) / 2)).max() < 0.3
+    source = made.sources[-1]
+    assert 19 < source.t[0] < 23 and len(source.t) < 22
+    assert np.abs(np.sin((source.y[5:, 0] - np.pi) / 2)).max() < 0.3
     assert any("course: reads nothing" in note for note in made.meta["notes"])
     stands = still._replace(velocity=lambda t: (0 * t, 0 * t, 0 * t))
     with pytest.raises(DataError, match="course: no reading of kind course was found"):
@@ -74,7 +74,7 @@ def test_the_kinds_with_equations_of_their_own_agree_with_these():
             ),
         )
     )
-    position, velocity, pressure, *own = simulator.ideal_recording().aidings
+    position, velocity, pressure, *own = simulator.ideal_recording().sources
     for theirs, mine, close in zip(
         (position, velocity, pressure), own, ([1e-11, 1e-11, 1e-4], 5e-3, 1e-3)
     ):
@@ -86,19 +86,19 @@ def test_every_recorded_kind_can_be_simulated(kind):
     parameters = FIELD if aiding.find(kind).parameters == "field" else ()
     sensor = Simulated(kind, 1e-3, rate=2.0, parameters=parameters)
     [mine] = simulate(
-        FLIGHT, duration=5.0, gnss=Gnss(position_sd=None, velocity_sd=None), sensors=[sensor]
-    ).aidings
+        FLIGHT, duration=5.0, gnss=Gnss(position_std=None, velocity_std=None), sensors=[sensor]
+    ).sources
     assert mine.kind == mine.name == kind and mine.y.shape == (
         10,
         len(aiding.find(kind).quantities),
     )
-    assert np.isfinite(mine.y).all() and np.all(mine.sd == 1e-3)
+    assert np.isfinite(mine.y).all() and np.all(mine.std == 1e-3)
 
 
-def test_the_noise_is_that_of_its_sd_and_a_filter_takes_the_fixes():
+def test_the_noise_is_that_of_its_std_and_a_filter_takes_the_fixes():
     sensor = Simulated("altitude", 3.0, rate=None)
     recording = simulate(FLIGHT, sensors=[sensor])
-    error = recording.aidings[-1].y[:, 0] - recording.reference.lla[1:, 2]
+    error = recording.sources[-1].y[:, 0] - recording.reference.lla[1:, 2]
     assert len(error) == 2000 and 2.8 < error.std() < 3.2 and abs(error.mean()) < 0.3
     solution = sd.fuse(recording)
     assert "altitude" in solution.innovations.names
@@ -113,13 +113,13 @@ def test_each_has_the_stream_of_its_name_and_changes_no_other_draw():
     for run in runs[1:]:
         for mine, before in zip(run.imu, runs[0].imu):
             np.testing.assert_array_equal(mine, before)
-        for mine, before in zip(run.aidings[:3], runs[0].aidings, strict=True):
+        for mine, before in zip(run.sources[:3], runs[0].sources, strict=True):
             np.testing.assert_array_equal(mine.y, before.y)
-    second, again = runs[2].aidings[3:]
-    np.testing.assert_array_equal(again.y, runs[1].aidings[3].y)
+    second, again = runs[2].sources[3:]
+    np.testing.assert_array_equal(again.y, runs[1].sources[3].y)
     assert not np.any(again.y == second.y)
     other = simulate(FLIGHT, barometer=Barometer(rate=1.0), seed=4, sensors=(one,))
-    assert not np.any(other.aidings[3].y == again.y)
+    assert not np.any(other.sources[3].y == again.y)
 
 
 def test_the_fingerprint_is_of_the_sensors_too():
@@ -135,10 +135,10 @@ def test_the_fingerprint_is_of_the_sensors_too():
     [
         (("altitud", 1.0), "did you mean 'altitude'"),
         (("zero-velocity", 1.0), "zero-velocity is a constraint"),
-        (("altitude", 0.0), r"altitude: sd is .0.0.; it must be .*, each above 0"),
-        (("altitude", -1), "altitude: sd is .-1.; it must be"),
-        (("velocity", (1.0, 2.0)), r"velocity: sd is \(1.0, 2.0\); it must be 3 finite numbers"),
-        (("altitude", "much"), "altitude: sd is"),
+        (("altitude", 0.0), r"altitude: std is .0.0.; it must be .*, each above 0"),
+        (("altitude", -1), "altitude: std is .-1.; it must be"),
+        (("velocity", (1.0, 2.0)), r"velocity: std is \(1.0, 2.0\); it must be 3 finite numbers"),
+        (("altitude", "much"), "altitude: std is"),
         (("altitude", 1.0, 0.0), "altitude: rate is 0.0 Hz; it must be a finite number above 0"),
         (("altitude", 1.0, 1.0, (1.0,)), "1 parameters; kind altitude takes three: antenna"),
         (("magnetic-field", 1.0), "0 parameters; kind magnetic-field takes three: field"),
@@ -170,13 +170,13 @@ duration_s = 10
 kind = "demo"
 [[sensors]]
 kind = "altitude"
-sd = 2
+std = 2
 rate_hz = 5
 parameters = [0, 0, -1]
 [[sensors]]
 name = "log"
 kind = "speed"
-sd = 0.1
+std = 0.1
 """
 
 
@@ -186,13 +186,13 @@ def test_a_scenario_file_has_them(tmp_path):
     altitude, log = read(path).sensors
     assert altitude == Simulated("altitude", 2.0, 5.0, (0.0, 0.0, -1.0))
     assert log == Simulated("speed", 0.1, name="log")
-    assert [a.name for a in simulate(path).aidings[2:]] == ["altitude", "log"]
+    assert [a.name for a in simulate(path).sources[2:]] == ["altitude", "log"]
 
 
 @pytest.mark.parametrize(
     "old, new, text",
     [
-        ("sd = 2", "", "sensors 1, sd is missing"),
+        ("std = 2", "", "sensors 1, std is missing"),
         ("rate_hz", "rate", r"sensors 1: unknown key 'rate' \(did you mean 'rate_hz'\?\)"),
         ('"speed"', '"sped"', "did you mean 'speed'"),
         ('"speed"', "4", r"sensors 2, kind is 4; it must be text"),

@@ -23,7 +23,7 @@ from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, simulate
 from strapdown.sim.trajectory import DEG, demo_flight
 
-SD = (0.02, 0.03, 0.05)  # rad
+STD = (0.02, 0.03, 0.05)  # rad
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 FLIGHT = Scenario("flight", demo_flight(), 20.0, 50.0)
 OTHERS = {
@@ -49,13 +49,13 @@ def errors(fixes, path):
     return Rotation.from_euler("Z", np.arctan2(y, x)[:, None]).inv().apply(in_n)
 
 
-def test_errors_are_white_independent_and_of_the_sd_stated():
+def test_errors_are_white_independent_and_of_the_std_stated():
     """Mean, variance, correlation between axes and between fixes: each within its 99.99 % band
     (all: 0.2 % false alarms)."""
     path = truth()
-    fixes = Ahrs(rate=None, sd=SD).measure(path, np.random.default_rng(2))
-    whitened, n = errors(fixes, path) / SD, len(fixes.t)
-    assert fixes.kind == "attitude" and n == len(path.t) - 1 and (fixes.sd == SD).all()
+    fixes = Ahrs(rate=None, std=STD).measure(path, np.random.default_rng(2))
+    whitened, n = errors(fixes, path) / STD, len(fixes.t)
+    assert fixes.kind == "attitude" and n == len(path.t) - 1 and (fixes.std == STD).all()
     low, high = chi2.ppf([5e-5, 1 - 5e-5], n) / n
     assert ((whitened**2).mean(axis=0) > low).all() and ((whitened**2).mean(axis=0) < high).all()
     bound = norm.ppf(1 - 5e-5) / np.sqrt(n)
@@ -68,10 +68,10 @@ def test_errors_are_white_independent_and_of_the_sd_stated():
 
 
 def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
-    """Through the observer of the aiding: NIS is chi-square of three degrees of freedom per fix,
+    """Through the observer of the source: NIS is chi-square of three degrees of freedom per fix,
     in a 99.9 % band. Forward is by the measured heading."""
-    path, sd = truth(600, 3), (0.02, 0.02, 0.05)
-    fixes = Ahrs(rate=None, sd=sd).measure(path, np.random.default_rng(4))
+    path, std = truth(600, 3), (0.02, 0.02, 0.05)
+    fixes = Ahrs(rate=None, std=std).measure(path, np.random.default_rng(4))
     observe, belief = (
         aiding.find("attitude").observe.py_func,
         InitialState(
@@ -80,7 +80,7 @@ def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
     )
     innovations = np.zeros((len(fixes.t), 3))
     for row, y in enumerate(fixes.y):
-        belief.C[:] = path.rotation[row + 1].as_matrix()
+        belief.C_nb[:] = path.rotation[row + 1].as_matrix()
         assert observe(belief, y, new_source(), innovations[row], np.zeros((3, 15))) == 3
     drawn, level = errors(fixes, path), np.abs(path.rph[1:, 1]) < 1.0
     np.testing.assert_allclose(np.hypot(*innovations.T[:2]), np.hypot(*drawn.T[:2]), atol=1e-9)
@@ -88,14 +88,14 @@ def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
     # the error of the heading times that of the tilt
     np.testing.assert_allclose(innovations[level], drawn[level], atol=0.02)
     low, high = chi2.ppf([0.0005, 0.9995], innovations.size)
-    assert low < np.sum((innovations / sd) ** 2) < high
+    assert low < np.sum((innovations / std) ** 2) < high
 
 
 def test_without_errors_it_is_the_truth_also_between_its_rows():
     path = simulate(hand_held(PLACE), 10.0, "navigation").reference
-    exact = Ahrs(rate=10.0, sd=SD).plan(path).exact()
+    exact = Ahrs(rate=10.0, std=STD).plan(path).exact()
     np.testing.assert_allclose(exact.y, path.rph[10::10], atol=1e-12)
-    between = Ahrs(rate=30.0, sd=SD).plan(path).exact()
+    between = Ahrs(rate=30.0, std=STD).plan(path).exact()
     turn = Rotation.from_euler("ZYX", between.y[:, ::-1])
     wanted = Rotation.from_quat(path.q_nb[:, [1, 2, 3, 0]])
     nearest = np.rint(between.t * 100).astype(int)
@@ -110,7 +110,7 @@ def test_an_ahrs_changes_no_draw_of_the_others():
         for change in (OTHERS, OTHERS | {"attitude": Ahrs(5.0)}, {"attitude": Ahrs(5.0)})
     ]
     (bare, start), (whole, same), (alone, _) = runs
-    assert start == same and [a.kind for a in whole.aidings] == [
+    assert start == same and [a.kind for a in whole.sources] == [
         "position",
         "velocity",
         "magnetic-field",
@@ -119,29 +119,29 @@ def test_an_ahrs_changes_no_draw_of_the_others():
     ]
     for one, other in [
         *zip(bare.imu, whole.imu),
-        *((a.y, b.y) for a, b in zip(bare.aidings, whole.aidings)),
+        *((a.y, b.y) for a, b in zip(bare.sources, whole.sources)),
     ]:
         np.testing.assert_array_equal(one, other)
-    np.testing.assert_array_equal(alone.aidings[2].y, whole.aidings[4].y)
+    np.testing.assert_array_equal(alone.sources[2].y, whole.sources[4].y)
 
 
 def test_a_recording_with_it_is_written_and_read(tmp_path):
-    made = simulate("demo", duration=10.0, seed=2, attitude=Ahrs(4.0, SD))
+    made = simulate("demo", duration=10.0, seed=2, attitude=Ahrs(4.0, STD))
     write_recording(made, tmp_path / "a.nc")
-    fixes, again = made.aidings[-1], read(tmp_path / "a.nc").aidings[-1]
+    fixes, again = made.sources[-1], read(tmp_path / "a.nc").sources[-1]
     assert (again.kind, again.name, len(again.t)) == ("attitude", "AHRS", 40)
     np.testing.assert_array_equal(
-        np.c_[fixes.t, fixes.y, fixes.sd], np.c_[again.t, again.y, again.sd]
+        np.c_[fixes.t, fixes.y, fixes.std], np.c_[again.t, again.y, again.std]
     )
     assert (
-        Simulator(FLIGHT.replace(attitude=Ahrs(), gate=np.inf)).ideal_recording().aidings[-1].gate
+        Simulator(FLIGHT.replace(attitude=Ahrs(), gate=np.inf)).ideal_recording().sources[-1].gate
         == np.inf
     )
 
 
 def test_a_rate_that_leaves_no_fix_is_noted():
     made = simulate("demo", duration=5.0, seed=2, attitude=Ahrs(0.1))
-    assert made.aidings[-1].y.shape == (0, 3) and made.meta["notes"] == [
+    assert made.sources[-1].y.shape == (0, 3) and made.meta["notes"] == [
         "AHRS: not one fix falls into the recording; its rate is too low"
     ]
 
@@ -153,7 +153,7 @@ start = { latitude_deg = 48, longitude_deg = 11, height_m = 500 }
 
 [attitude]
 rate_hz = 5
-sd_deg = [0.2, 0.2, 1.5]
+std_deg = [0.2, 0.2, 1.5]
 """
 
 
@@ -175,16 +175,16 @@ def test_a_scenario_file_with_it(tmp_path):
         "attitude" not in FLIGHT.describe()
         and described["fingerprint"] != made.replace(attitude=None).describe()["fingerprint"]
     )
-    assert len(Simulator(made).recording(made.imu, np.random.default_rng(1)).aidings[-1].t) == 50
+    assert len(Simulator(made).recording(made.imu, np.random.default_rng(1)).sources[-1].t) == 50
     assert scenario(
         written(tmp_path, FILE.replace("[0.2, 0.2, 1.5]", "0.5"))
-    ).attitude.sd == pytest.approx((0.5 * DEG,) * 3)
+    ).attitude.std == pytest.approx((0.5 * DEG,) * 3)
 
 
 @pytest.mark.parametrize(
     "old, new, words",
     [
-        ("sd_deg", "sd_rad", r"\[attitude\]: unknown key 'sd_rad' .did you mean 'sd_deg'"),
+        ("std_deg", "std_rad", r"\[attitude\]: unknown key 'std_rad' .did you mean 'std_deg'"),
         (
             "rate_hz = 5",
             "rate_hz = 0",
@@ -195,7 +195,7 @@ def test_a_scenario_file_with_it(tmp_path):
             "rate_hz = 101",
             "attitude: 101 a second come faster than the IMU's samples, 100",
         ),
-        ("[0.2, 0.2, 1.5]", "[0.2, 1.5]", r"\[attitude\] sd_deg has 2 numbers"),
+        ("[0.2, 0.2, 1.5]", "[0.2, 1.5]", r"\[attitude\] std_deg has 2 numbers"),
         ("[0.2, 0.2, 1.5]", '"low"', "must be a finite number"),
         ("[0.2, 0.2, 1.5]", "[0.2, 0.0, 1.5]", "3 finite numbers.* above 0"),
         ("[0.2, 0.2, 1.5]", "[0.2, 45, 1.5]", "at most 0.523599"),
@@ -214,10 +214,10 @@ def test_mistakes_in_a_file_are_refused_in_one_line(tmp_path, old, new, words):
     [
         ({"rate": -1}, "rate is -1"),
         ({"rate": "10"}, "rate is '10'"),
-        ({"sd": (0.1, 0.1)}, "3 finite numbers.* above 0"),
-        ({"sd": None}, "3 finite numbers"),
-        ({"sd": (0.1, np.nan, 0.1)}, "3 finite numbers"),
-        ({"sd": 2.0}, "heading, rad, each above 0 and at most 0.523599"),
+        ({"std": (0.1, 0.1)}, "3 finite numbers.* above 0"),
+        ({"std": None}, "3 finite numbers"),
+        ({"std": (0.1, np.nan, 0.1)}, "3 finite numbers"),
+        ({"std": 2.0}, "heading, rad, each above 0 and at most 0.523599"),
     ],
 )
 def test_what_no_ahrs_is_is_refused(change, words):

@@ -14,7 +14,7 @@ COUNT = 200_000
 
 
 def test_a_number_depends_on_its_place_alone():
-    stream = RandomStream.of(3).named("gyro")
+    stream = RandomStream.of(3).child("gyro")
     long = stream.standard_normal((101, 3))
     for count in (1, 2, 50):
         assert np.array_equal(stream.standard_normal((count, 3)), long[:count])
@@ -54,11 +54,11 @@ def test_names_and_numbers_make_streams_of_their_own():
         stream,
         RandomStream.of(1),
         *stream.spawn(100),
-        *map(stream.named, ("a", "b", "1", "", "é")),
+        *map(stream.child, ("a", "b", "1", "", "é")),
     ]
-    some += [stream.named("a").named("b"), stream.named("b").named("a"), stream.named("a b")]
+    some += [stream.child("a").child("b"), stream.child("b").child("a"), stream.child("a b")]
     assert len({each.key for each in some}) == len(some)
-    assert stream.spawn(2)[1] == stream.numbered(1) and stream.named("a") == stream.named("a")
+    assert stream.spawn(2)[1] == stream.numbered_child(1) and stream.child("a") == stream.child("a")
     assert all(0 <= word < 2**32 for each in some for word in each.key)
 
 
@@ -80,8 +80,8 @@ def test_streams_and_places_are_independent():
         stream,
         RandomStream.of(3),
         *stream.spawn(2),
-        stream.named("a"),
-        stream.named("a").named("b"),
+        stream.child("a"),
+        stream.child("a").child("b"),
     ]
     drawn = np.array([each.standard_normal(COUNT) for each in some])
     pairs = [(drawn[i], drawn[j]) for i, j in combinations(range(len(some)), 2)]

@@ -7,7 +7,7 @@ from pyins import earth, sim
 
 from strapdown.checks import DataError
 from strapdown.geometry.geodesy import displacement
-from strapdown.sim.motions import G, car, flight, ship, static, straight
+from strapdown.sim.motions import G, car, flight, multicopter, ship, static, straight
 from strapdown.sim.sortie import sortie
 from strapdown.sim.trajectory import DEG, gravity, gravity_north, increments, sample
 from strapdown.sim.waypoints import waypoints
@@ -45,6 +45,7 @@ MOTIONS = {
     "flight": flight((69 * DEG, 19 * DEG, 900.0), 0.4, 28.0, TURNS),
     "waypoints": waypoints(PLACES, 30.0),
     "car": car((48 * DEG, 11 * DEG, 500.0), 0.3, STREET),
+    "multicopter": multicopter((47 * DEG, 8 * DEG, 500.0), 0.7, 8.0, 9.0),
     "sortie": sortie(
         (50 * DEG, 14 * DEG, 450.0),
         2.0,
@@ -285,3 +286,20 @@ def test_impossible_legs_are_refused(legs, words):
 def test_motions_end_where_their_plan_does():
     with pytest.raises(DataError, match="'ship' ends at 120 s"):
         sample(MOTIONS["ship"], [0.0, 121.0])
+
+
+def test_the_thrust_alone_accelerates_a_multicopter():
+    """Its accelerometers feel the thrust along z, and across it what Coriolis and centrifugal
+    accelerations add, below 0.02 m/s^2."""
+    t = np.arange(0.0, 60.0, 0.01)
+    moved, force = (
+        sample(MOTIONS["multicopter"], t),
+        increments(MOTIONS["multicopter"], t).dv / 0.01,
+    )
+    assert np.abs(force[:, :2]).max() < 0.1 and force[:, 2].max() < -0.5 * G
+    assert np.degrees(np.abs(moved.rph[:, :2]).max()) > 25
+
+
+def test_a_multicopter_that_would_fall_is_refused():
+    with pytest.raises(DataError, match="would fall; choose a smaller speed"):
+        multicopter((0.8, 0.1, 500.0), speed=30.0, period=2.0)

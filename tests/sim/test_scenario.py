@@ -10,7 +10,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.motions import G
 from strapdown.sim.scenario import Scenario, scenario, scenarios
 from strapdown.sim.synthesis import Simulator
@@ -39,15 +39,15 @@ legs = [
 
 [gnss]
 interval_s = 0.5
-position_sd_m = [1, 1, 2]
+position_std_m = [1, 1, 2]
 lever_arm_m = [0.5, 0, -1]
 outages_s = [[10, 20]]
 latency_s = 0.1
 
 [start]
-attitude_sd_deg = [0.1, 0.1, 1]
-accel_bias_sd_m_s2 = 0.05
-gyro_bias_sd_deg_h = 3600
+attitude_std_deg = [0.1, 0.1, 1]
+accel_bias_std_m_s2 = 0.05
+gyro_bias_std_deg_h = 3600
 """
 
 
@@ -62,7 +62,7 @@ def test_built_in_scenarios_simulate(name):
     whole = scenario(name)
     assert whole.name == name and whole.about and whole.motion.name == name
     made = Simulator(whole.replace(duration=2.0)).recording(whole.imu, np.random.default_rng(1))
-    assert len(made.imu.t) == 2 * whole.rate and made.aidings
+    assert len(made.imu.t) == 2 * whole.rate and made.sources
     assert np.isfinite(np.c_[made.imu.dv, made.imu.dtheta]).all()
 
 
@@ -76,6 +76,9 @@ def test_the_names_are_those_promised():
         "ship",
         "hand-held",
         "ship-heave",
+        "multicopter",
+        "robot",
+        "hover",
         *PAPER,
     }
     assert (
@@ -94,13 +97,13 @@ def test_the_flights_of_paper_1_are_what_they_should_be(name):
         and flown.imu == "paper1-tactical"
     )
     for imu in ("consumer", "tactical", "navigation"):
-        spec = grade(f"paper1-{imu}")
+        spec = imu_spec(f"paper1-{imu}")
         assert flown.start_deviations(spec) == pytest.approx(
             [1] * 3
             + [0.1] * 3
             + [0.1 * DEG, 0.1 * DEG, 0.2 * DEG]
             + [0.1] * 3
-            + [spec.bias_sd()[1]] * 3
+            + [spec.bias_std()[1]] * 3
         )
     truth = flown.glance(int(flown.duration) + 1)
     speed, height = 3.6 * np.hypot(*truth.v_n[:, :2].T), truth.lla[:, 2]
@@ -179,7 +182,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
         (47 * DEG, 9 * DEG, 900.0)
     )
     assert mine.gnss == Gnss(0.5, (1.0, 1.0, 2.0), None, (0.5, 0.0, -1.0), ((10.0, 20.0),), 0.1)
-    assert mine.start_sd == pytest.approx(
+    assert mine.start_std == pytest.approx(
         (1, 1, 1.5, 0.1, 0.1, 0.1, 0.1 * DEG, 0.1 * DEG, DEG, 0.05, 0.05, 0.05, DEG, DEG, DEG)
     )
     truth = mine.glance(500)
@@ -196,9 +199,9 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
 
 
 def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
-    grade("tactical").to_toml(tmp_path / "imu.toml")
+    imu_spec("tactical").to_toml(tmp_path / "imu.toml")
     mine = scenario(written(tmp_path, FILE.replace('"industrial"', '"imu.toml"')))
-    assert grade(mine.imu).gyro == grade("tactical").gyro
+    assert imu_spec(mine.imu).gyro == imu_spec("tactical").gyro
 
 
 @pytest.mark.parametrize(
@@ -219,9 +222,9 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
         ("outages_s = [[10, 20]]", "outages_s = [10, 20]", "square brackets"),
         ("outages_s = [[10, 20]]", "outages_s = [[20, 10]]", "start before the stop"),
         ("latency_s", "delay_s", r"\[gnss\]: unknown key 'delay_s'"),
-        ("position_sd_m = [1, 1, 2]", "position_sd_m = [1, 2]", "one or three"),
+        ("position_std_m = [1, 1, 2]", "position_std_m = [1, 2]", "one or three"),
         ("[start]", "[begin]", "unknown key 'begin'"),
-        ("accel_bias_sd_m_s2 = 0.05", "accel_bias_sd_m_s2 = -1", "0 or more"),
+        ("accel_bias_std_m_s2 = 0.05", "accel_bias_std_m_s2 = -1", "0 or more"),
         ("bank_deg = 25", "bank_deg = 95", "bank between"),
         ('imu = "industrial"', 'imu = "industrail"', "did you mean 'industrial'"),
         ("rate_hz = 50", 'rate_hz = "fast"', "it must be a finite number"),
@@ -286,15 +289,15 @@ MOVING = lambda velocity: Motion("m", (0.8, 0.1, 100.0), velocity, lambda t: (0 
         ({"gate": np.nan}, "gate is nan"),
         ({"gravity": "none"}, "gravity is 'none'"),
         ({"accel_offset": (0.0, np.nan, 0.0)}, "accel_offset"),
-        ({"start_sd": (1.0,) * 9}, "15 finite numbers"),
-        ({"start_sd": (None,) * 15}, "15 finite numbers"),
+        ({"start_std": (1.0,) * 9}, "15 finite numbers"),
+        ({"start_std": (None,) * 15}, "15 finite numbers"),
         ({"imu": "none"}, "unknown IMU"),
         ({"duration": 1e12}, "at most 50 million in 10 days"),
         ({"rate": 1e6}, "1e.08 IMU samples; at most 50 million"),
         ({"duration": 1e6, "rate": 1.0}, "10 days"),
         ({"accel_offset": (0.0, 1001.0, 0.0)}, "in m/s.2, each -1000 or more and at most 1000"),
         (
-            {"start_sd": (1.0,) * 6 + (4.0,) * 3 + (None,) * 6},
+            {"start_std": (1.0,) * 6 + (4.0,) * 3 + (None,) * 6},
             "229.183 deg; it must be at most 180",
         ),
         ({"gnss": Gnss(0.005)}, "come faster than the IMU's samples"),
@@ -303,7 +306,7 @@ MOVING = lambda velocity: Motion("m", (0.8, 0.1, 100.0), velocity, lambda t: (0 
         ({"gnss": Gnss("x")}, "interval"),
         ({"gnss": Gnss(latency=-1.0)}, "latency"),
         (
-            {"gnss": Gnss(position_sd="x")},
+            {"gnss": Gnss(position_std="x")},
             "standard deviations is 'x'; it must be 3 finite numbers",
         ),
         ({"motion": static((0.5, 0.0, 0.0), (0.0, 89.5 * DEG, 0.0))}, "pitch of 89 deg"),
@@ -336,7 +339,7 @@ def test_the_fingerprint_changes_when_anything_does():
         {"gnss": Gnss(0.5)},
         {"gnss": Gnss(latency=0.1)},
         {"imu": "consumer"},
-        {"start_sd": (2.0, *BASE.start_sd[1:])},
+        {"start_std": (2.0, *BASE.start_std[1:])},
         {"accel_offset": (0.0, 0.1, 0.0)},
         {"biases_known": True},
         {"gate": 9.0},

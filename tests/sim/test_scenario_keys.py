@@ -18,16 +18,16 @@ FIELD = "field_uT = [21, 1, 43]"
 SECTIONS = {
     "gnss": (
         GNSS_KEYS | {"receiver": None},
-        ["position_sd_m = 1", "velocity_sd_m_s = 0.1"],
+        ["position_std_m = 1", "velocity_std_m_s = 0.1"],
         {
             "interval_s": "2",
-            "position_sd_m": "3",
-            "velocity_sd_m_s": "0.3",
+            "position_std_m": "3",
+            "velocity_std_m_s": "0.3",
             "lever_arm_m": "[1, 0, 0]",
             "outages_s": "[[5, 10]]",
             "latency_s": "0.2",
-            "position_correlated": "{ sd_m = 1, time_s = 60 }",
-            "velocity_correlated": "{ sd_m_s = 0.1, time_s = 60 }",
+            "position_correlated": "{ std_m = 1, time_s = 60 }",
+            "velocity_correlated": "{ std_m_s = 0.1, time_s = 60 }",
             "stated": "false",
             "receiver": '"sbas"',
         },
@@ -37,7 +37,7 @@ SECTIONS = {
         [FIELD],
         {
             "rate_hz": "5",
-            "sd_uT": "2",
+            "std_uT": "2",
             "hard_iron_uT": "[3, 0, 0]",
             "soft_iron": "[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]",
             "scale": "[0.1, 0, 0]",
@@ -51,7 +51,7 @@ SECTIONS = {
         [],
         {
             "rate_hz": "5",
-            "sd_Pa": "9",
+            "std_Pa": "9",
             "bias_Pa": "100",
             "drift_Pa": "30",
             "drift_time_s": "5",
@@ -60,11 +60,11 @@ SECTIONS = {
             "quantity": '"height"',
         },
     ),
-    "attitude": (ATTITUDE_KEYS, [], {"rate_hz": "5", "sd_deg": "3"}),
+    "attitude": (ATTITUDE_KEYS, [], {"rate_hz": "5", "std_deg": "3"}),
 }
 SENSOR = {
     "kind": '"speed"',
-    "sd": "2",
+    "std": "2",
     "rate_hz": "4",
     "parameters": "[1, 0, 0]",
     "name": '"wheel"',
@@ -90,13 +90,13 @@ def made(path, lines=(), rest=()):
     text = [*keys.values(), '[motion]\nkind = "demo"', *rest]
     path.write_text("\n".join(text) + "\n")
     found = sd.simulate(path, seed=1)
-    aidings = [
+    sources = [
         (a.kind, a.name, a.gate, a.parameters, a.correlated, a.t.tobytes(), a.y.tobytes())
-        + (a.sd.tobytes(),)
-        for a in found.aidings
+        + (a.std.tobytes(),)
+        for a in found.sources
     ]
     meta = {key: value for key, value in found.meta.items() if key != "name"}
-    return repr(([np.asarray(c).tobytes() for c in found.imu], aidings, meta))
+    return repr(([np.asarray(c).tobytes() for c in found.imu], sources, meta))
 
 
 def works(path, base, changed):
@@ -123,7 +123,7 @@ def test_a_key_of_a_section_does_something(section, key, alone, tmp_path):
 
 @pytest.mark.parametrize("key", SENSOR_KEYS)
 def test_a_key_of_a_sensor_does_something(key, tmp_path):
-    base = {"kind": '"altitude"', "sd": "1"}
+    base = {"kind": '"altitude"', "std": "1"}
     first, second = (
         ((), ["[[sensors]]", *(f"{name} = {value}" for name, value in each.items())])
         for each in (base, base | {key: SENSOR[key]})
@@ -140,7 +140,7 @@ def test_a_receiver_that_measures_nothing_is_refused(tmp_path):
     (tmp_path / "a.toml").write_text(
         'duration_s = 20\n[motion]\nkind = "demo"\n[gnss]\ninterval_s = 0.5\n'
     )
-    with pytest.raises(sd.DataError, match=r"\[gnss\] measures nothing: give position_sd_m, vel"):
+    with pytest.raises(sd.DataError, match=r"\[gnss\] measures nothing: give position_std_m, vel"):
         sd.scenario(tmp_path / "a.toml")
     (tmp_path / "a.toml").write_text('duration_s = 20\n[motion]\nkind = "demo"\n[gnss]\n')
-    assert sd.scenario(tmp_path / "a.toml").gnss.position_sd is None
+    assert sd.scenario(tmp_path / "a.toml").gnss.position_std is None

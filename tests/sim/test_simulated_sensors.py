@@ -16,7 +16,7 @@ from strapdown.io.readers.netcdf import write_recording
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.geomagnetism import geomagnetic_field
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.motions import hand_held, moored_vessel
@@ -26,7 +26,7 @@ from strapdown.sim.trajectory import DEG, demo_flight, gravity, normal_gravity, 
 
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)
-NOTHING = Gnss(position_sd=None, velocity_sd=None)
+NOTHING = Gnss(position_std=None, velocity_std=None)
 MAGNETOMETER, BAROMETER = (
     Magnetometer(rate=20.0, field=FIELD, hard_iron=(1e-6, 0, 0)),
     Barometer(rate=5.0, drift=100.0, drift_time=500.0),
@@ -48,7 +48,7 @@ roll_deg = 4
 
 [magnetometer]
 rate_hz = 25
-sd_uT = [0.3, 0.3, 0.5]
+std_uT = [0.3, 0.3, 0.5]
 hard_iron_uT = [10, -5, 2]
 soft_iron = [[1.1, 0, 0], [0, 0.9, 0.02], [0, 0.02, 1]]
 scale = [0.01, 0, -0.01]
@@ -58,7 +58,7 @@ disturbances = [{ start_s = 5, stop_s = 8, field_uT = [20, 0, 5] }, { start_s = 
 
 [barometer]
 rate_hz = 10
-sd_Pa = 3
+std_Pa = 3
 bias_Pa = -40
 drift_Pa = 200
 drift_time_s = 7200
@@ -84,7 +84,7 @@ def same(one, other):
 
 
 def receiver(recording):
-    return [a for a in recording.aidings if a.kind in ("position", "velocity")]
+    return [a for a in recording.sources if a.kind in ("position", "velocity")]
 
 
 def test_further_sensors_change_no_draw_of_the_others():
@@ -98,19 +98,19 @@ def test_further_sensors_change_no_draw_of_the_others():
         for made in (bare, magnetic, both, FLIGHT.replace(barometer=BAROMETER))
     ]
     assert all(same(runs[0][0], recording) and start == runs[0][1] for recording, start in runs[1:])
-    kinds = [[a.kind for a in recording.aidings[2:]] for recording, _ in runs]
+    kinds = [[a.kind for a in recording.sources[2:]] for recording, _ in runs]
     assert kinds == [[], ["magnetic-field"], ["magnetic-field", "pressure"], ["pressure"]]
-    np.testing.assert_array_equal(runs[1][0].aidings[2].y, runs[2][0].aidings[2].y)
-    np.testing.assert_array_equal(runs[2][0].aidings[3].y, runs[3][0].aidings[2].y)
+    np.testing.assert_array_equal(runs[1][0].sources[2].y, runs[2][0].sources[2].y)
+    np.testing.assert_array_equal(runs[2][0].sources[3].y, runs[3][0].sources[2].y)
 
 
 def test_imu_and_receiver_have_the_streams_of_their_names():
     """Whatever other sensors there are."""
     made = simulate("demo", duration=10.0, seed=5, magnetometer=MAGNETOMETER, barometer=BAROMETER)
     simulator = Simulator(scenario("demo").replace(duration=10.0))
-    of_imu, of_gnss = map(RandomStream.of(5).named, ("imu", "gnss"))
+    of_imu, of_gnss = map(RandomStream.of(5).child, ("imu", "gnss"))
     np.testing.assert_array_equal(
-        grade("tactical").corrupt(simulator.ideal, of_imu)[0].dv, made.imu.dv
+        imu_spec("tactical").corrupt(simulator.ideal, of_imu)[0].dv, made.imu.dv
     )
     for fixes, expected in zip(
         receiver(made), scenario("demo").gnss.fixes(simulator.truth, of_gnss), strict=True
@@ -154,7 +154,7 @@ def test_a_recording_says_place_date_and_notes():
         made.meta["place"] == list(made.reference.lla[0]) == pytest.approx(PLACE)
         and made.meta["date"] == "2025-06-01"
     )
-    assert [a.kind for a in made.aidings] == ["magnetic-field", "pressure"]
+    assert [a.kind for a in made.sources] == ["magnetic-field", "pressure"]
     magnetic, barometric = made.meta["notes"][-2:]
     assert magnetic.startswith("magnetometer: ") and "of 50 samples saturated at 45 uT" in magnetic
     assert barometric == "barometer: not one sample falls into the recording; its rate is too low"
@@ -165,10 +165,10 @@ def test_the_field_is_that_of_the_model_where_the_motion_begins():
     made = simulate(
         hand_held(PLACE), 2.0, "consumer", magnetometer=Magnetometer(), date="2023-03-01"
     )
-    assert made.aidings[-1].parameters == pytest.approx(
+    assert made.sources[-1].parameters == pytest.approx(
         geomagnetic_field("2023-03-01", *PLACE).field, rel=1e-12
     )
-    assert 45e-6 < np.linalg.norm(made.aidings[-1].parameters) < 52e-6
+    assert 45e-6 < np.linalg.norm(made.sources[-1].parameters) < 52e-6
     with pytest.raises(DataError, match="1066"):
         simulate(hand_held(PLACE), 2.0, "consumer", magnetometer=Magnetometer(), date="1066-10-14")
 
@@ -185,19 +185,19 @@ def test_the_field_is_that_of_the_model_where_the_motion_begins():
     ],
 )
 def test_at_the_truth_the_filters_innovation_is_the_noise_stated(kind, change):
-    """The observer of the aiding at the true state: innovations are N(0, sd^2), chi-square in a
+    """The observer of the source at the true state: innovations are N(0, std^2), chi-square in a
     99.9 % band."""
     made = simulate(hand_held(PLACE), 20.0, "navigation", seed=2, gnss=NOTHING, **change)
-    fixes, sensor, truth = made.aidings[0], aiding.find(kind), made.reference
+    fixes, sensor, truth = made.sources[0], aiding.find(kind), made.reference
     assert fixes.kind == kind
     belief = scenario_belief(made)
     nis = []
-    for y, sd, lla, C in zip(fixes.y, fixes.sd, truth.lla[1:], truth.rotation.as_matrix()[1:]):
-        belief.lla[:], belief.C[:], belief.extra_states[:] = lla, C, -20.0
+    for y, std, lla, C in zip(fixes.y, fixes.std, truth.lla[1:], truth.rotation.as_matrix()[1:]):
+        belief.lla[:], belief.C_nb[:], belief.augmented[:] = lla, C, -20.0
         innovation, source = np.zeros(3), new_source(first_state=15)
         source.parameters[:3] = fixes.parameters
         rows = sensor.observe.py_func(belief, y, source, innovation, np.zeros((3, 16)))
-        nis.append(np.sum((innovation[:rows] / sd[:rows]) ** 2))
+        nis.append(np.sum((innovation[:rows] / std[:rows]) ** 2))
     low, high = chi2.ppf([0.0005, 0.9995], rows * len(nis))
     assert rows == (3 if kind == "magnetic-field" else 1) and low < sum(nis) < high
 
@@ -205,19 +205,19 @@ def test_at_the_truth_the_filters_innovation_is_the_noise_stated(kind, change):
 def scenario_belief(made):
     """A FilterState with one further state, to be filled with the truth."""
     start = draw_start(made.reference, np.ones(15), np.random.default_rng(0))
-    return start._replace(sd=(*start.sd, 1.0)).belief(np.zeros(1))
+    return start._replace(std=(*start.std, 1.0)).belief(np.zeros(1))
 
 
 def test_the_run_without_errors_has_the_sensors_without_errors():
     simulator = Simulator(
         FLIGHT.replace(magnetometer=MAGNETOMETER, barometer=BAROMETER, gate=np.inf)
     )
-    _, _, magnetic, barometric = simulator.ideal_recording().aidings
+    _, _, magnetic, barometric = simulator.ideal_recording().sources
     assert (
         np.linalg.norm(magnetic.y, axis=1) == pytest.approx(np.linalg.norm(FIELD), rel=1e-9)
         and magnetic.gate == barometric.gate == np.inf
     )
-    assert simulator.recording("tactical", np.random.default_rng(1)).aidings[2].y.mean(
+    assert simulator.recording("tactical", np.random.default_rng(1)).sources[2].y.mean(
         axis=0
     ) != pytest.approx(magnetic.y.mean(axis=0), abs=5e-7)
 
@@ -226,12 +226,12 @@ def test_a_recording_is_written_and_read(tmp_path):
     made = simulate(scenario(written(tmp_path, FILE)), duration=5.0, seed=1, barometer=BAROMETER)
     write_recording(made, tmp_path / "deck.nc")
     again = read(tmp_path / "deck.nc")
-    assert [a.kind for a in again.aidings] == ["magnetic-field", "pressure"] and again.meta[
+    assert [a.kind for a in again.sources] == ["magnetic-field", "pressure"] and again.meta[
         "place"
     ] == made.meta["place"]
-    for one, other in zip(made.aidings, again.aidings):
+    for one, other in zip(made.sources, again.sources):
         np.testing.assert_array_equal(one.y, other.y)
-        np.testing.assert_array_equal(one.sd, other.sd)
+        np.testing.assert_array_equal(one.std, other.std)
         assert one.parameters == other.parameters
     np.testing.assert_array_equal(again.meta["b_baro"], made.meta["b_baro"])
 
@@ -244,7 +244,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
     magnetometer = deck.magnetometer
     assert (
         magnetometer.rate == 25
-        and magnetometer.sd == uT(0.3, 0.3, 0.5)
+        and magnetometer.std == uT(0.3, 0.3, 0.5)
         and magnetometer.hard_iron == uT(10, -5, 2)
         and magnetometer.field == uT(15, 1, 48)
     )
@@ -270,8 +270,8 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
 @pytest.mark.parametrize(
     "old, new, words",
     [
-        ("sd_uT", "sd_ut", r"\[magnetometer\]: unknown key 'sd_ut' .did you mean 'sd_uT'"),
-        ("sd_Pa", "sd_m", r"\[barometer\]: unknown key 'sd_m'"),
+        ("std_uT", "std_ut", r"\[magnetometer\]: unknown key 'std_ut' .did you mean 'std_uT'"),
+        ("std_Pa", "std_m", r"\[barometer\]: unknown key 'std_m'"),
         ("rate_hz = 25", "rate_hz = 0", "rate is 0.0 Hz; it must be a finite number above 0"),
         (
             "rate_hz = 25",
@@ -279,7 +279,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
             "magnetometer: 101 a second come faster than the IMU's samples, 100",
         ),
         ("rate_hz = 10", "rate_hz = 200", "barometer: 200 a second come faster"),
-        ("sd_uT = [0.3, 0.3, 0.5]", 'sd_uT = "low"', "it must be a finite number"),
+        ("std_uT = [0.3, 0.3, 0.5]", 'std_uT = "low"', "it must be a finite number"),
         ("hard_iron_uT = [10, -5, 2]", "hard_iron_uT = 10", "square brackets"),
         ("field_uT = [15, 1, 48]", "field_uT = [15000, 1, 48]", "in tesla, .* at most 0.0001"),
         ("field_uT = [15, 1, 48]", "field_uT = [15, 1]", "has 2 numbers"),
@@ -291,7 +291,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
         ('frame = "b"', "axis = 1", "disturbances 2: unknown key 'axis'"),
         ("disturbances = [", "disturbances = [3,", "disturbances 1 is 3"),
         ("saturation_uT = 4900", "saturation_uT = -1", "saturation is"),
-        ("sd_Pa = 3", "sd_Pa = 0", "sd is 0.0 Pa; it must be a finite number above 0"),
+        ("std_Pa = 3", "std_Pa = 0", "std is 0.0 Pa; it must be a finite number above 0"),
         ('"height"', '"altitude"', "one of pressure, height"),
         ("zero_m = 45", "zero_m = 30000", "m above its zero"),
         ("date = 2025-06-01", 'date = "June"', "date is 'June'; write it as 2025-06-01"),
@@ -368,8 +368,8 @@ def test_the_hand_turns_and_shakes_as_it_should():
 def test_the_hand_held_recording_has_what_an_ahrs_has():
     made = simulate("hand-held", seed=3)
     assert (
-        [a.kind for a in made.aidings] == ["magnetic-field"]
-        and len(made.aidings[0].t) == len(made.imu.t) == 6000
+        [a.kind for a in made.sources] == ["magnetic-field"]
+        and len(made.sources[0].t) == len(made.imu.t) == 6000
         and made.meta["notes"] == []
     )
     start = draw_start(made.reference, np.full(15, 0.01), np.random.default_rng(1))
@@ -390,13 +390,13 @@ def test_the_vessel_heaves_about_its_mean_level():
     )
     spectrum = np.abs(np.fft.rfft(height[:-1] * np.hanning(30000)))
     assert np.fft.rfftfreq(30000, 1 / 50)[spectrum.argmax()] == pytest.approx(1 / 8, abs=0.002)
-    assert [a.kind for a in made.aidings] == ["magnetic-field", "pressure"] and [
-        len(a.t) for a in made.aidings
+    assert [a.kind for a in made.sources] == ["magnetic-field", "pressure"] and [
+        len(a.t) for a in made.sources
     ] == [6000, 6000]
     assert (
         5 * DEG < np.abs(made.reference.rph[:, 0]).max() < 12 * DEG
         and np.abs(made.reference.v_n.mean(axis=0)).max() < 0.01
     )
-    assert made.aidings[0].parameters == pytest.approx(
+    assert made.sources[0].parameters == pytest.approx(
         geomagnetic_field(vessel.date, *vessel.motion.lla).field, rel=1e-12
     )

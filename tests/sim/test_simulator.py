@@ -9,7 +9,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, simulate
 from strapdown.sim.trajectory import DEG, demo_flight, gravity, increments, records, sample, static
@@ -23,7 +23,7 @@ SHARED = Simulator(SHORT)
 def assert_same(one, other):
     for a, b in zip(one.imu, other.imu):
         np.testing.assert_array_equal(a, b)
-    for a, b in zip(one.aidings, other.aidings, strict=True):
+    for a, b in zip(one.sources, other.sources, strict=True):
         np.testing.assert_array_equal(a.y, b.y)
         np.testing.assert_array_equal(a.t, b.t)
     for key in ("b_a", "b_g"):
@@ -57,7 +57,7 @@ def test_a_simulator_and_simulate_make_the_same_recording():
     assert_same(one, simulate(SHORT, seed=5))
     run, start = SHARED.run("tactical", np.random.SeedSequence(5))
     assert_same(one, run)
-    assert start.t == 0 and start.ba == start.bg == (0.0, 0.0, 0.0)
+    assert start.t == 0 and start.b_a == start.b_g == (0.0, 0.0, 0.0)
 
 
 def test_a_seed_sequence_repeats_however_often_it_was_used():
@@ -92,36 +92,38 @@ def test_a_hidden_offset_is_felt_and_reported():
 
 
 def test_starts_scatter_by_their_standard_deviations():
-    spec = grade("paper1-tactical")
-    sd = SHORT.start_deviations(spec)
-    assert sd[9:] == pytest.approx(np.repeat(spec.bias_sd(), 3)) and sd[:3].tolist() == [
+    spec = imu_spec("paper1-tactical")
+    std = SHORT.start_deviations(spec)
+    assert std[9:] == pytest.approx(np.repeat(spec.bias_std(), 3)) and std[:3].tolist() == [
         1.0,
         1.0,
         1.5,
     ]
     starts = [SHARED.start(rng, spec, None) for rng in np.random.default_rng(2).spawn(400)]
     errors = np.array(
-        [np.r_[SHARED.truth.v_n[0] - start.v, start.ba, start.bg] for start in starts]
+        [np.r_[SHARED.truth.v_n[0] - start.v_n, start.b_a, start.b_g] for start in starts]
     )
     # 4 sigma of 400 draws
-    assert errors[:, :3].std(axis=0) == pytest.approx(sd[3:6], rel=0.15) and not errors[:, 3:].any()
-    assert all(start.sd == tuple(sd) for start in starts)
+    assert (
+        errors[:, :3].std(axis=0) == pytest.approx(std[3:6], rel=0.15) and not errors[:, 3:].any()
+    )
+    assert all(start.std == tuple(std) for start in starts)
     exact = SHARED.exact_start(spec)
     assert (
-        exact.sd == tuple(sd)
+        exact.std == tuple(std)
         and exact.lla == pytest.approx(SHARED.truth.lla[0], abs=1e-15)
-        and exact.v == tuple(SHARED.truth.v_n[0])
+        and exact.v_n == tuple(SHARED.truth.v_n[0])
     )
     assert exact.rph == pytest.approx(SHARED.truth.rph[0], abs=1e-12)
 
 
 def test_known_biases_are_started_from():
     known = Simulator(
-        SHORT.replace(biases_known=True, start_sd=(*SHORT.start_sd[:9], *[1e-3] * 3, *[1e-6] * 3))
+        SHORT.replace(biases_known=True, start_std=(*SHORT.start_std[:9], *[1e-3] * 3, *[1e-6] * 3))
     )
     recording, start = known.run("consumer", np.random.SeedSequence(3))
     errors = np.r_[
-        recording.meta["b_a"][0] - start.ba, recording.meta["b_g"][0] - start.bg
+        recording.meta["b_a"][0] - start.b_a, recording.meta["b_g"][0] - start.b_g
     ] / np.repeat([1e-3, 1e-6], 3)
     assert 0 < np.abs(errors).max() < 4 and np.abs(recording.meta["b_a"][0]).max() > 0.01
 
@@ -133,10 +135,10 @@ def test_the_ideal_recording_has_no_errors():
         SHARED.truth, np.random.default_rng(1)
     )
     for mine, other, deviations in zip(
-        made.aidings, exact, ((1, 1, 1.5), (0.1, 0.1, 0.1)), strict=True
+        made.sources, exact, ((1, 1, 1.5), (0.1, 0.1, 0.1)), strict=True
     ):
         np.testing.assert_allclose(mine.y, other.y, rtol=0, atol=1e-10)
-        assert mine.sd.tolist() == [list(deviations)] * 40
+        assert mine.std.tolist() == [list(deviations)] * 40
 
 
 def test_gravity_without_height_is_that_of_the_ellipsoid():
@@ -168,8 +170,8 @@ def test_a_filter_makes_sense_of_a_run(name):
     errors = sd.errors(solution, recording.reference)
     row = -1
     assert np.linalg.norm(errors.position[row]) < 3 and np.linalg.norm(errors.velocity[row]) < 0.5
-    assert np.all(np.abs(errors.position[row]) < 5 * solution.trajectory.sd[row, :3])
-    assert np.all(np.abs(errors.velocity[row]) < 5 * solution.trajectory.sd[row, 3:6])
+    assert np.all(np.abs(errors.position[row]) < 5 * solution.trajectory.std[row, :3])
+    assert np.all(np.abs(errors.velocity[row]) < 5 * solution.trajectory.std[row, 3:6])
 
 
 def test_a_written_simulation_is_read_back_and_fused(tmp_path):

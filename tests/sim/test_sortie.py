@@ -6,7 +6,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.motions import G
 from strapdown.sim.scenario import scenario
 from strapdown.sim.sortie import LIFT_OFF, airborne, sortie
@@ -47,7 +47,7 @@ def test_the_flight_of_alam_has_the_stated_envelope():
     assert (speed > 35).sum() * 0.02 == pytest.approx(26 * 60, abs=60)  # in the air
     dive = np.convolve(-truth.v_n[:, 2], np.ones(500) / 500, "valid")
     assert dive.min() < -20 and dive.max() > 3.5  # m/s over 10 s
-    spec = grade("dmu10")
+    spec = imu_spec("dmu10")
     assert spec.gyro.saturation > np.abs(omega).max() and spec.accel.saturation > np.abs(f).max()
 
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 import strapdown as sd
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.trajectory import DEG, Motion
 
@@ -36,15 +36,15 @@ def recording(seconds=20.0, rate=20.0):
 
 def only(*kinds):
     """The recording with its sources of these kinds alone."""
-    return replace(recording(), aidings=tuple(a for a in recording().aidings if a.kind in kinds))
+    return replace(recording(), sources=tuple(a for a in recording().sources if a.kind in kinds))
 
 
 def recorded(every=4, off=(0.0, 0.0, 0.0), deviation=(0.01, 0.02, 0.03), name="box"):
-    """The true attitude, less `off`, as an Aiding: every `every`-th row of the truth."""
+    """The true attitude, less `off`, as a Source: every `every`-th row of the truth."""
     truth = recording().reference
     y = truth.rph[::every] - off
-    return Aiding("attitude", truth.t[::every], y, np.tile(deviation, (len(y), 1)), name=name)
+    return Source("attitude", truth.t[::every], y, np.tile(deviation, (len(y), 1)), name=name)
 
 
-def beside(*aidings, kinds=("position", "velocity")):
-    return replace(only(*kinds), aidings=(*only(*kinds).aidings, *aidings))
+def beside(*sources, kinds=("position", "velocity")):
+    return replace(only(*kinds), sources=(*only(*kinds).sources, *sources))

@@ -6,10 +6,10 @@ import numpy as np
 
 
 def with_sources(recording, change, kinds=("position", "velocity")):
-    """The recording with `change` (Aiding -> Aiding) made to its sources of these kinds."""
+    """The recording with `change` (Source -> Source) made to its sources of these kinds."""
     return replace(
         recording,
-        aidings=tuple(change(a) if a.kind in kinds else a for a in recording.aidings),
+        sources=tuple(change(a) if a.kind in kinds else a for a in recording.sources),
     )
 
 

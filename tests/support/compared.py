@@ -14,11 +14,11 @@ SWEEP = tuple((200.0 + 5 * k, 230.0 + 5 * k) for k in range(40))
 START = {
     "t": 30.0,
     "lla": (0.8, 0.2, 300.0),
-    "v": (1.0, 0.0, 0.0),
+    "v_n": (1.0, 0.0, 0.0),
     "rph": (0.0, 0.0, -1.0),
-    "ba": (0.0,) * 3,
-    "bg": (0.0,) * 3,
-    "sd": (0.1,) * 15,
+    "b_a": (0.0,) * 3,
+    "b_g": (0.0,) * 3,
+    "std": (0.1,) * 15,
     "note": "made up",
 }
 NOISE = {
@@ -95,7 +95,7 @@ def made(sizes, windows=LIST, failed=(), sweep=False, silent=(), seed=1, spread=
 def _outage(size, length, silent):
     since = np.linspace(0.0, length, 61)
     error = size * ((since + 3.0) / 33.0)[:, None] ** 2 * [1.0, -0.5, 0.25]
-    sd = None if silent else np.tile(np.abs(error).mean(axis=0), (len(since), 1))
+    std = None if silent else np.tile(np.abs(error).mean(axis=0), (len(since), 1))
     rms, end, horizontal = (
         np.sqrt((error**2).mean(axis=0)),
         error[-1],
@@ -115,9 +115,9 @@ def _outage(size, length, silent):
     }
     row |= {f"{name}_rmse_deg": np.nan for name in ("roll", "pitch", "heading")}
     share = lambda k, columns: (
-        np.nan if silent else float((np.abs(error) <= k * sd)[:, columns].mean())
+        np.nan if silent else float((np.abs(error) <= k * std)[:, columns].mean())
     )
     row |= {f"coverage_{k}": share(k, [0, 1]) for k in (1, 2, 3)} | {
         f"down_coverage_{k}": share(k, [2]) for k in (1, 2, 3)
     }
-    return ErrorTrack(since, error, sd), row
+    return ErrorTrack(since, error, std), row

@@ -54,9 +54,9 @@ def transition(belief, b, rotation, force, dt):
     return Phi, Phi @ van_loan[:15, 15:]
 
 
-def gain(P, sd):
+def gain(P, std):
     """K and the covariance after it, in Joseph's form, of a position without lever arm."""
-    H, R = np.eye(3, 15), np.diag(sd**2)
+    H, R = np.eye(3, 15), np.diag(std**2)
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
     keep = np.eye(15) - K @ H
     return K, keep @ P @ keep.T + K @ R @ K.T
@@ -70,5 +70,5 @@ def after(P, dx):
 
 
 def fix_at(recording, t):
-    source = recording.aidings[0]
+    source = recording.sources[0]
     return next(iter(np.flatnonzero(np.abs(source.t - t) < 1e-6)), None)

@@ -13,46 +13,46 @@ mounting = { roll = 0.0, pitch = 0.0, heading = 0.0, unit = "deg" }
 lever_arm = [0.0, 0.0, -0.5]
 grade = "consumer"
 
-[[aiding]]
+[[source]]
 kind = "position"
 file = "position.csv"
 time = { column = "t", unit = "s", offset = 0.0 }
 columns = ["a", "b", "c"]
 unit = ["rad", "rad", "m"]
-sd = [1.0, 1.0, 1.5]
+std = [1.0, 1.0, 1.5]
 lever_arm = [0.5, 0.2, -1.5]      # by tape
 
-[[aiding]]
+[[source]]
 kind = "velocity"
 file = "velocity.csv"
 time = { column = "t", unit = "s" }
 columns = ["a", "b", "c"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 lever_arm = [0.5, 0.2, -1.5]
 """
 SPEED = """
-[[aiding]]
+[[source]]
 kind = "speed"
 file = "speed.csv"
 time = { column = "t", unit = "s" }
 columns = ["a"]
 unit = "m/s"
-sd = 0.1
+std = 0.1
 lever_arm = [0.0, 0.0, -0.5]
 """
 CONSTRAINTS = """
 # of the vehicle
-[[aiding]]
+[[source]]
 kind = "zero-lateral-velocity"
 rate = 10.0
-sd = 0.1
+std = 0.1
 lever_arm = [0.0, 0.0, -0.5]
 
-[[aiding]]
+[[source]]
 kind = "zero-vertical-velocity"
 rate = 10.0
-sd = 0.1
+std = 0.1
 lever_arm = [0.0, 0.0, -0.5]
 """
 
@@ -63,7 +63,7 @@ def described(recording, folder, text=TOML):
     rates = np.c_[imu.t, imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]]
     columns = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
     pd.DataFrame(rates, columns=columns).to_csv(folder / "imu.csv", index=False)
-    for a in recording.aidings:
+    for a in recording.sources:
         if f"{a.kind}.csv" in text:
             columns = ["t", *"abc"[: a.y.shape[1]]]
             table = pd.DataFrame(np.c_[a.t, a.y], columns=columns)

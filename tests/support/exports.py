@@ -22,7 +22,7 @@ def rough_flight(seconds=120.0, seed=3):
     recording = sd.simulate(demo_flight(), seconds, "tactical", seed)
     t = recording.imu.t
     keep = np.ones(len(t), bool)
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     y, v = position.y.copy(), velocity.y.copy()
     for begin in np.arange(0.0, seconds - 60, 120.0):
         for first, last in ((20.0, 20.4), (31.0, 34.25)):
@@ -35,16 +35,16 @@ def rough_flight(seconds=120.0, seed=3):
     return replace(
         recording,
         imu=Imu(*(column[keep] for column in recording.imu)),
-        aidings=(
+        sources=(
             replace(position, y=y, parameters=(0.4, -0.2, -1.1)),
             replace(velocity, y=v),
-            sd.Aiding(
+            sd.Source(
                 "altitude",
                 t[777::1000] + 0.0033,
                 recording.reference.lla[777::1000, 2:] + 0.0,
                 np.full((len(t[777::1000]), 1), 2.0),
             ),
-            sd.Aiding(
+            sd.Source(
                 "zero-velocity", still, np.zeros((len(still), 3)), np.full((len(still), 3), 0.05)
             ),
         ),

@@ -9,7 +9,7 @@ from strapdown import InitialState, Trajectory
 from strapdown.core.loop.contract import Imu, Noise
 from strapdown.core.mathematics.earth import gravity
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 
 ORIGIN = np.array([np.radians(47.0), np.radians(8.0), 500.0])
 NOISE = Noise(gyro=1e-5, accel=2e-3, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
@@ -78,7 +78,7 @@ def increments(t, dt, turning):
 
 
 def flight(
-    seconds=20.0, rate=100.0, turning=True, seed=1, gps=0.2, cut=np.inf, noisy=True, sd=(1.0, 0.1)
+    seconds=20.0, rate=100.0, turning=True, seed=1, gps=0.2, cut=np.inf, noisy=True, std=(1.0, 0.1)
 ):
     """(Recording, Start at the truth displaced by its own standard deviations, flat truth (n +
     1, 6)) with fixes of both kinds until `cut` s."""
@@ -93,11 +93,11 @@ def flight(
     truth = np.r_[p, v].T
     fixed = np.arange(round(gps * rate), len(t), round(gps * rate))
     fixed = fixed[t[fixed] < cut]
-    noise = rng.standard_normal((len(fixed), 6)) * np.repeat(sd, 3)
+    noise = rng.standard_normal((len(fixed), 6)) * np.repeat(std, 3)
     fixes = truth[fixed] + noise
-    aidings = (
-        Aiding("position", t[fixed], geodetic(fixes[:, :3]), np.full((len(fixed), 3), sd[0])),
-        Aiding("velocity", t[fixed], fixes[:, 3:], np.full((len(fixed), 3), sd[1])),
+    sources = (
+        Source("position", t[fixed], geodetic(fixes[:, :3]), np.full((len(fixed), 3), std[0])),
+        Source("velocity", t[fixed], fixes[:, 3:], np.full((len(fixed), 3), std[1])),
     )
     off = np.r_[np.full(3, 2.0), np.full(3, 0.3)] * rng.standard_normal(6)
     start = InitialState(
@@ -113,7 +113,7 @@ def flight(
     reference = Trajectory(t, geodetic(truth[:, :3]), truth[:, 3:], q)
     return (
         Recording(
-            Imu(t[1:], np.full(len(t) - 1, dt), dtheta, dv), aidings, reference, {"name": "flat"}
+            Imu(t[1:], np.full(len(t) - 1, dt), dtheta, dv), sources, reference, {"name": "flat"}
         ),
         start,
         truth,

@@ -10,10 +10,10 @@ from strapdown import InitialState
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
-from strapdown.flight.aircraft.dynamics import Loads, evaluate, step
-from strapdown.flight.aircraft.parameters import aircraft
-from strapdown.flight.aircraft.trim import trim
+from strapdown.data.solution import Source
+from strapdown.flight import trim
+from strapdown.flight.aircraft_model.dynamics import Loads, evaluate, step
+from strapdown.flight.aircraft_model.parameters import aircraft
 
 PARAMETERS = aircraft("aerosonde").parameters(earth="flat", origin=ORIGIN)
 
@@ -58,11 +58,11 @@ def flown(seconds, dt=0.01, wind=(3.0, -2.0, 0.5), fixes=()):
     seen = np.c_[flat(states[:, :3]), states[:, 3:6]][rows] + rng.standard_normal(
         (len(rows), 6)
     ) * np.repeat([1.0, 0.1], 3)
-    aidings = (
-        Aiding(
+    sources = (
+        Source(
             "position", dt * rows, geodetic(seen[:, :3]), np.full((len(rows), 3), 1.0), gate=np.inf
         ),
-        Aiding("velocity", dt * rows, seen[:, 3:], np.full((len(rows), 3), 0.1), gate=np.inf),
+        Source("velocity", dt * rows, seen[:, 3:], np.full((len(rows), 3), 0.1), gate=np.inf),
     )
     start = InitialState(
         0.0,
@@ -80,7 +80,7 @@ def flown(seconds, dt=0.01, wind=(3.0, -2.0, 0.5), fixes=()):
         np.ascontiguousarray(increments[:, 3:]),
     )
     return Flown(
-        Recording(imu, aidings, None, {"name": "flown"}),
+        Recording(imu, sources, None, {"name": "flown"}),
         start.towards(states[0, 6:10]),
         states,
         np.array(inputs),

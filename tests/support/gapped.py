@@ -35,7 +35,7 @@ def gapped(seed, grade="consumer"):
     imu, part = made.imu, slice(None, None, int(rng.choice([1, 1, 5, 50])))
     rates = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
     return sd.Recording.from_arrays(
-        imu.t[part], *(column[part] for column in rates), made.aidings, made.reference
+        imu.t[part], *(column[part] for column in rates), made.sources, made.reference
     )
 
 
@@ -43,8 +43,8 @@ def with_sources(recording, seed):
     """The recording with other sources: positions alone, a magnetometer, or an altimeter besides."""
     which = seed % 4
     if which == 1:
-        kept = tuple(a for a in recording.aidings if a.kind == "position")
-        return replace(recording, aidings=kept)
+        kept = tuple(a for a in recording.sources if a.kind == "position")
+        return replace(recording, sources=kept)
     more = {2: ("magnetic-field", (2e-5, 0.0, 4e-5), 5e-7), 3: ("altitude", (500.0,), 50.0)}
     if which not in more:
         return recording
@@ -52,5 +52,5 @@ def with_sources(recording, seed):
     t = recording.imu.t[::5]
     row = np.tile(y, (len(t), 1))
     parameters = y if kind == "magnetic-field" else ()
-    made = sd.Aiding(kind, t, row, np.full(row.shape, deviation), parameters=parameters)
-    return replace(recording, aidings=(*recording.aidings, made))
+    made = sd.Source(kind, t, row, np.full(row.shape, deviation), parameters=parameters)
+    return replace(recording, sources=(*recording.sources, made))

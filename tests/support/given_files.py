@@ -35,13 +35,13 @@ kind = "demo"
 HERE = """date = "2024-05-17"
 place = { latitude = 0.84, longitude = 0.20, height = 560.0, unit = "rad" }
 """
-FIELD = """[[aiding]]
+FIELD = """[[source]]
 kind = "magnetic-field"
 file = "magnetic-field.csv"
 time = { column = "t", unit = "s" }
 columns = ["a", "b", "c"]
 unit = "T"
-sd = 3e-7
+std = 3e-7
 """
 
 
@@ -61,7 +61,7 @@ def imu_table(imu, path, zero=0.0):
 
 def gnss_table(recording, path):
     """A table of positions and velocities, in Unix time."""
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     fixes = np.c_[UNIX + position.t, np.degrees(position.y[:, :2]), position.y[:, 2], velocity.y]
     columns = ["time [s]", "lat [deg]", "lon [deg]", "height [m]"]
     columns += ["vn [m/s]", "ve [m/s]", "vd [m/s]"]
@@ -70,7 +70,7 @@ def gnss_table(recording, path):
 
 def ubx(recording, path):
     """NAV-PVT of the same fixes."""
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     fixes = {
         "lon": np.round(np.degrees(position.y[:, 1]) * 1e7),
         "lat": np.round(np.degrees(position.y[:, 0]) * 1e7),
@@ -95,13 +95,13 @@ def two_imus(path):
 def magnetic(path):
     """A recording.toml with a magnetometer that is turned by hand for ten minutes."""
     iron = Magnetometer(
-        rate=10.0, sd=0.3e-6, hard_iron=(3e-6, -2e-6, 4e-6), field=(21e-6, 1.6e-6, 43.9e-6)
+        rate=10.0, std=0.3e-6, hard_iron=(3e-6, -2e-6, 4e-6), field=(21e-6, 1.6e-6, 43.9e-6)
     )
-    none = Gnss(position_sd=None, velocity_sd=None)
+    none = Gnss(position_std=None, velocity_std=None)
     made = sd.simulate(
         hand_held(PLACE), 600.0, "consumer", 1, rate=25.0, gnss=none, magnetometer=iron
     )
-    described(made, path.parent, HERE + TOML.partition("[[aiding]]")[0] + FIELD)
+    described(made, path.parent, HERE + TOML.partition("[[source]]")[0] + FIELD)
 
 
 def attitudes(path):

@@ -13,5 +13,5 @@ speed_m_s = 40
 
 [gnss]
 interval_s = 1
-position_sd_m = [1, 1, 1.5]
+position_std_m = [1, 1, 1.5]
 """

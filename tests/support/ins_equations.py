@@ -72,7 +72,7 @@ def error_rate(error, noise, lla, v, C, omega, f, decay, fixed_radii):
     `noise` (12) drives velocity, attitude and the biases. decay = 1/time constants of accelerometer
     and gyro bias, 1/s.
     """
-    p, dv, theta, ba, bg = error.reshape(5, 3)
+    p, dv, theta, b_a, b_g = error.reshape(5, 3)
     M, N = (R + lla[2] for R in radii(lla[0]))
     scale = np.array([M, N * np.cos(lla[0]), -1.0])
     held = lla[0] if fixed_radii else None
@@ -81,8 +81,8 @@ def error_rate(error, noise, lla, v, C, omega, f, decay, fixed_radii):
         lla + p / scale,
         v + dv,
         (np.eye(3) + cross_matrix(theta)) @ C,
-        omega - bg + noise[3:6],
-        f - ba + noise[0:3],
+        omega - b_g + noise[3:6],
+        f - b_a + noise[0:3],
         held,
     )
     ahead = lla + 1j * STEP * lla_rate  # how the metres per radian change on the way
@@ -96,8 +96,8 @@ def error_rate(error, noise, lla, v, C, omega, f, decay, fixed_radii):
             true_v_rate - v_rate,
             np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
             / 2,
-            -decay[0] * ba + noise[6:9],
-            -decay[1] * bg + noise[9:12],
+            -decay[0] * b_a + noise[6:9],
+            -decay[1] * b_g + noise[9:12],
         ]
     )
 

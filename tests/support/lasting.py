@@ -18,13 +18,13 @@ POSITION, VELOCITY, TIME = (1.5, 0.0, 2.5), (0.3, 0.2, 0.1), 4.0
 def erring(recording, deviation, time, seed, kind="position"):
     """The recording with Gauss-Markov errors of these standard deviations (3), m or m/s NED, and
     that time, s, in its sources of that kind. It does not say so."""
-    rng, aidings = np.random.default_rng([seed, 77]), []
-    for a in recording.aidings:
+    rng, sources = np.random.default_rng([seed, 77]), []
+    for a in recording.sources:
         if a.kind == kind:
             c = gauss_markov(np.diff(a.t) / time, rng) * deviation
             a = replace(a, y=displace_lla(a.y, c) if kind == "position" else a.y + c)
-        aidings.append(a)
-    return replace(recording, aidings=tuple(aidings))
+        sources.append(a)
+    return replace(recording, sources=tuple(sources))
 
 
 def told(recording, deviation, time, states=True, kind="position"):
@@ -32,8 +32,8 @@ def told(recording, deviation, time, states=True, kind="position"):
     correlated = Correlated(tuple(map(float, deviation)), time, states)
     return replace(
         recording,
-        aidings=tuple(
-            replace(a, correlated=correlated) if a.kind == kind else a for a in recording.aidings
+        sources=tuple(
+            replace(a, correlated=correlated) if a.kind == kind else a for a in recording.sources
         ),
     )
 
@@ -47,13 +47,13 @@ def straight(seconds=20.0, rate=20.0, states=True, known=False):
     if known:
         path = alone(made, start)
         rows = np.arange(9, len(path.t), 10)
-        right = sd.Aiding("attitude", path.t[rows], path.rph[rows], np.full((len(rows), 3), 1e-5))
-        made = replace(made, aidings=(*made.aidings, right))
-    made = replace(made, aidings=tuple(replace(a, gate=np.inf) for a in made.aidings))
+        right = sd.Source("attitude", path.t[rows], path.rph[rows], np.full((len(rows), 3), 1e-5))
+        made = replace(made, sources=(*made.sources, right))
+    made = replace(made, sources=tuple(replace(a, gate=np.inf) for a in made.sources))
     made = told(made, POSITION, TIME, states)
     return told(made, VELOCITY, TIME, states, "velocity"), start
 
 
 def alone(recording, start):
     """The path of an INS without fixes."""
-    return sd.fuse(replace(recording, aidings=()), start=start, noise=EXACT).trajectory
+    return sd.fuse(replace(recording, sources=()), start=start, noise=EXACT).trajectory

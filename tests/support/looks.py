@@ -57,20 +57,20 @@ def broken_seal(paths):
     return ""
 
 
-def wrong_aiding(aiding):
+def wrong_aiding(source):
     """What is wrong with a source of fixes."""
     from strapdown.aiding import find
 
-    if not find(aiding.kind).recorded:
+    if not find(source.kind).recorded:
         return ""
-    m, name = len(aiding.t), aiding.name or aiding.kind
-    if aiding.t.shape != (m,) or aiding.y.ndim != 2 or aiding.sd.ndim != 2:
-        return f"{name}: shapes {aiding.t.shape}, {aiding.y.shape}, {aiding.sd.shape}"
-    if len(aiding.y) != m or len(aiding.sd) != m or not rising(aiding.t, strictly=False):
+    m, name = len(source.t), source.name or source.kind
+    if source.t.shape != (m,) or source.y.ndim != 2 or source.std.ndim != 2:
+        return f"{name}: shapes {source.t.shape}, {source.y.shape}, {source.std.shape}"
+    if len(source.y) != m or len(source.std) != m or not rising(source.t, strictly=False):
         return f"{name}: lengths differ, or times do not rise"
-    if np.isinf(aiding.y).any() or not (np.isfinite(aiding.sd) & (aiding.sd > 0)).all():
+    if np.isinf(source.y).any() or not (np.isfinite(source.std) & (source.std > 0)).all():
         return f"{name}: an infinite value, or a deviation that is not above 0"
-    if aiding.kind == "position" and (np.abs(aiding.y[:, 0]) > np.pi / 2).any():
+    if source.kind == "position" and (np.abs(source.y[:, 0]) > np.pi / 2).any():
         return f"{name}: a latitude beyond the pole"
     return ""
 
@@ -103,7 +103,7 @@ def wrong_recording(recording):
         return "the IMU of the recording is not finite"
     if not rising(imu.t) or not (imu.dt > 0).all():
         return "the times of the recording do not rise"
-    wrong = [wrong_aiding(each) for each in recording.aidings]
+    wrong = [wrong_aiding(each) for each in recording.sources]
     if recording.reference is not None:
         wrong.append(wrong_trajectory(recording.reference))
     if recording.meta.get("epoch") is not None and recording.utc.shape != (n,):
@@ -139,7 +139,7 @@ def solution(paths, also_slow):
     shapes = {
         "lla": (found.trajectory.lla, (n, 3)),
         "v_n": (found.trajectory.v_n, (n, 3)),
-        "sd": (found.trajectory.sd, (n, 15)),
+        "std": (found.trajectory.std, (n, 15)),
         "b_a": (found.b_a, (n, 3)),
         "b_g": (found.b_g, (n, 3)),
         "status": (found.status, (n,)),
@@ -200,17 +200,17 @@ def scenario(paths, also_slow):
 def grade(paths, also_slow):
     import strapdown as sd
 
-    found = sd.grade(str(paths[0]))
-    numbers = np.r_[tuple(found.noise()), np.ravel(found.bias_sd())]
+    found = sd.imu(str(paths[0]))
+    numbers = np.r_[tuple(found.noise()), np.ravel(found.bias_std())]
     return "" if (numbers >= 0).all() else f"numbers {numbers}"
 
 
 def aircraft(paths, also_slow):
     import strapdown as sd
 
-    found = sd.aircraft(str(paths[0]))
+    found = sd.flight.aircraft(str(paths[0]))
     if also_slow:
-        sd.trim(found, 25.0)
+        sd.flight.trim(found, 25.0)
     return ""
 
 
@@ -237,9 +237,9 @@ def noise(paths, also_slow):
 
     from strapdown.io.noise_file import with_noise
 
-    for a in with_noise(RECORDING, paths[0]).aidings:
-        if not (np.isfinite(a.sd).all() and (a.sd > 0).all()):
+    for a in with_noise(RECORDING, paths[0]).sources:
+        if not (np.isfinite(a.std).all() and (a.std > 0).all()):
             return f"{a.name}: deviations that are not above 0"
-        if a.correlated and not (np.isfinite(a.correlated.sd).all() and a.correlated.time > 0):
+        if a.correlated and not (np.isfinite(a.correlated.std).all() and a.correlated.time > 0):
             return f"{a.name}: correlated errors {a.correlated}"
     return ""

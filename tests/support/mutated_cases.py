@@ -184,13 +184,13 @@ axes = "RFU"
 gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
 accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 
-[[aiding]]
+[[source]]
 kind = "position"
 file = "gnss.csv"
 time = { column = "t", unit = "s" }
 columns = ["lat", "lon", "alt"]
 unit = ["deg", "deg", "m"]
-sd = ["sd", "sd", { column = "sd", unit = "m", scale = 1.5 }]
+std = ["std", "std", { column = "std", unit = "m", scale = 1.5 }]
 """
 
 
@@ -200,7 +200,7 @@ def table_files() -> dict[str, bytes]:
     imu = "t,gx,gy,gz,ax,ay,az\n" + "".join(
         ",".join(f"{each:.6f}" for each in row) + "\n" for row in np.c_[s.t, s.gyro, s.accel]
     )
-    gnss = "t,lat,lon,alt,sd\n" + "".join(
+    gnss = "t,lat,lon,alt,std\n" + "".join(
         ",".join(f"{each:.9f}" for each in row) + ",2.0\n" for row in np.c_[s.fix_t, s.fixes]
     )
     return {"imu.csv": imu.encode(), "gnss.csv": gnss.encode()}

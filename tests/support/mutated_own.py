@@ -68,14 +68,14 @@ legs = [
 
 [gnss]
 interval_s = 0.2
-position_sd_m = [1.5, 1.5, 3]
-velocity_sd_m_s = 0.1
+position_std_m = [1.5, 1.5, 3]
+velocity_std_m_s = 0.1
 lever_arm_m = [0.4, 0, -1.1]
 outages_s = [[60, 90]]
 
 [[sensors]]
 kind = "altitude"
-sd = 2
+std = 2
 rate_hz = 5
 parameters = [0, 0, -0.4]
 """
@@ -100,7 +100,7 @@ def shipped(*parts: str) -> str:
 
 
 def aircraft_case(_: Path) -> Case:
-    return settings(looks.aircraft, shipped("flight", "aircraft", "sets", "aerosonde.toml"))
+    return settings(looks.aircraft, shipped("flight", "aircraft_model", "sets", "aerosonde.toml"))
 
 
 def grade_case(_: Path) -> Case:
@@ -122,12 +122,12 @@ def noise_case(_: Path) -> Case:
 
 NOISE = """# found by hand
 [GNSS]
-sd_factor = [1.9, 1.9, 2.4]  # 95 %
-correlated = { sd = [1.5, 1.5, 3.0], time = 30.0, states = false }
+std_factor = [1.9, 1.9, 2.4]  # 95 %
+correlated = { std = [1.5, 1.5, 3.0], time = 30.0, states = false }
 
 ["heading"]
-sd_factor = 0.5
-correlated = { sd = 2, time = 9 }
+std_factor = 0.5
+correlated = { std = 2, time = 9 }
 """
 
 
@@ -144,13 +144,13 @@ def described_case(_: Path) -> Case:
 
 
 ATTITUDE = """
-[[aiding]]
+[[source]]
 kind = "attitude"
 file = "attitude.csv"
 time = { column = "t", unit = "s" }
 columns = ["roll", "pitch", "heading"]
 unit = "deg"
-sd = 1.0
+std = 1.0
 
 [reference]
 file = "attitude.csv"

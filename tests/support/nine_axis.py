@@ -19,13 +19,13 @@ time = { column = "t", unit = "s" }
 gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
 accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 
-[[aiding]]
+[[source]]
 kind = "magnetic-field"
 file = "mag.csv"
 time = { column = "t", unit = "s" }
 columns = ["mx", "my", "mz"]
 unit = "uT"
-sd = 0.5
+std = 0.5
 """
 
 

@@ -15,7 +15,7 @@ def uncompiled(module=sigma_points):
     test they would cost seconds."""
     as_it_is = lambda function: function
     with patch.multiple(
-        jit, helper=as_it_is, inlined=as_it_is, matrix=jit._matrix_twin, flatten=np.ravel
+        jit, helper=as_it_is, inline=as_it_is, matrix=jit._matrix_twin, flatten=np.ravel
     ):
         spec = importlib.util.spec_from_file_location(
             f"{module.__package__}.uncompiled_{module.__name__.rpartition('.')[2]}", module.__file__

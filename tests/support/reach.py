@@ -55,7 +55,7 @@ def _facade() -> dict[str, str]:
     """{name in `strapdown`: its module}."""
     stub = ast.parse((SOURCES["strapdown"] / "strapdown" / "__init__.pyi").read_text())
     return {
-        each.asname or each.name: f"strapdown.{node.module}"
+        each.asname or each.name: f"strapdown.{node.module or each.name}"
         for node in stub.body
         if isinstance(node, ast.ImportFrom)
         for each in node.names

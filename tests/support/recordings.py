@@ -11,13 +11,13 @@ from strapdown import filters
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import Imu, InitialState
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
-from strapdown.engine.stream import Fix, Sample
+from strapdown.data.solution import Source
+from strapdown.engine.stream import Measurement, Sample
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 
-SD = (2.0, 2.0, 2.0, 0.2, 0.2, 0.2, 0.005, 0.005, 0.02, 0.01, 0.01, 0.01, 3e-5, 3e-5, 3e-5)
+STD = (2.0, 2.0, 2.0, 0.2, 0.2, 0.2, 0.005, 0.005, 0.02, 0.01, 0.01, 0.01, 3e-5, 3e-5, 3e-5)
 """Standard deviations of the starts."""
 OPTIONS = {"pkf": {"components": 3}}
 """Options of filters in the tests that run all of them: few components where the default number
@@ -65,7 +65,7 @@ def start(recording, t=0.0):
         (roll + 0.003, pitch - 0.003, heading + 0.01),
         (0.0,) * 3,
         (0.0,) * 3,
-        SD,
+        STD,
     )
 
 
@@ -81,14 +81,14 @@ def alike(seconds=10.0, rate=20.0):
         np.tile([0.01, 0.02, -9.8 * dt], (n, 1)),
     )
     return Recording(imu, meta={"grade": "tactical"}), InitialState(
-        0.0, (0.8, 0.2, 300.0), (10.0, 5.0, 0.0), (0.05, 0.02, 1.0), (0.0,) * 3, (0.0,) * 3, SD
+        0.0, (0.8, 0.2, 300.0), (10.0, 5.0, 0.0), (0.05, 0.02, 1.0), (0.0,) * 3, (0.0,) * 3, STD
     )
 
 
 def position(t, lla=(0.8, 0.2, 300.0), deviation=1.0, gate=np.inf, **more):
     """Position fixes at the times `t`, all at `lla` or each at its row of it, without a gate."""
     t = np.atleast_1d(np.asarray(t, float))
-    return Aiding(
+    return Source(
         "position",
         t,
         np.tile(lla, (len(t), 1)) if np.ndim(lla) == 1 else np.array(lla),
@@ -106,7 +106,7 @@ def at_rest(seconds=40.0, rate=20.0):
     imu = Imu(t, np.full(n, 1 / rate), 1e-2 * noise[0], f + noise[1])
     moments = np.arange(1.0, seconds)
     y = np.tile([0.8, 0.2, 300.0], (len(moments), 1))
-    fixes = Aiding("position", moments, y, np.ones_like(y))
+    fixes = Source("position", moments, y, np.ones_like(y))
     return Recording(imu, (fixes,), meta={"grade": "tactical"})
 
 
@@ -136,9 +136,9 @@ def events_of(recording):
         )
     ]
     fixes = [
-        Fix(t, k, tuple(y), tuple(d))
-        for k, a in enumerate(recording.aidings)
-        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
+        Measurement(t, k, tuple(y), tuple(d))
+        for k, a in enumerate(recording.sources)
+        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.std.tolist())
     ]
     return sorted(samples + fixes, key=lambda event: (event.t, type(event) is Sample))
 
@@ -166,7 +166,7 @@ def rows(solution):
         path.q_nb,
         solution.b_a,
         solution.b_g,
-        path.sd,
+        path.std,
         solution.status,
         *solution.columns.values(),
     ]

@@ -46,8 +46,8 @@ def simulated(name, seed):
 
 def changed(recording, kind, change):
     """The recording with every source of a kind changed."""
-    aidings = (change(a) if a.kind == kind else a for a in recording.aidings)
-    return replace(recording, aidings=tuple(aidings))
+    sources = (change(a) if a.kind == kind else a for a in recording.sources)
+    return replace(recording, sources=tuple(sources))
 
 
 def _moved(a, by):
@@ -93,7 +93,7 @@ def mistimed(recording, rng, step=True):
 def overconfident(recording, rng, kind):
     """Standard deviations are stated 3 to 5 times too small."""
     factor = rng.uniform(3, 5)
-    return changed(recording, kind, lambda a: replace(a, sd=a.sd / factor))
+    return changed(recording, kind, lambda a: replace(a, std=a.std / factor))
 
 
 def lying_odometer(recording, rng):
@@ -113,7 +113,7 @@ def with_outliers(recording, rng, share=0.02):
 
     def change(a):
         bad = rng.uniform(size=len(a.t)) < share
-        errors = rng.standard_normal((len(a.t), 3)) * a.sd * rng.uniform(10, 30)
+        errors = rng.standard_normal((len(a.t), 3)) * a.std * rng.uniform(10, 30)
         return _moved(a, errors * bad[:, None])
 
     return changed(recording, "position", change)
@@ -127,12 +127,12 @@ FAULTS = {
     "drift": (drifting, GNSS[:1], "drift"),
     "clock that steps": (mistimed, GNSS, "clock"),
     "clock off": (lambda r, rng: mistimed(r, rng, False), GNSS, "clock"),
-    "sd of position small": (
+    "std of position small": (
         lambda r, rng: overconfident(r, rng, "position"),
         GNSS[:1],
         "noise too small",
     ),
-    "sd of velocity small": (
+    "std of velocity small": (
         lambda r, rng: overconfident(r, rng, "velocity"),
         GNSS[1:],
         "noise too small",

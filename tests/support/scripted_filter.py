@@ -4,7 +4,7 @@ loop's rules meet any series of them."""
 import numpy as np
 
 from strapdown.core.loop.contract import CORRECT, PREDICT, Filter, kernel
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 
 GATE = 16.0
 MIN_DEVIATION = 1.0  # larger than any floor
@@ -20,7 +20,7 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, source, gate, innovation):
+def correct(belief, y, std, kind, observe, source, gate, innovation):
     for i in range(6):
         innovation[i] = np.nan
     if y[0] == y[0]:
@@ -33,9 +33,9 @@ SCRIPTED = Filter("scripted", "none", begin, predict, correct)
 
 
 def scripted(nis, kind="position", t=None, whitened=np.nan, off=0.0):
-    """An Aiding, once a second where no times are given, whose fixes have these NIS (NaN: nothing
+    """A Source, once a second where no times are given, whose fixes have these NIS (NaN: nothing
     measured) and, of a position, these whitened first components; all are `off` metres away."""
     nis = np.asarray(nis, float)
     t = np.arange(1.0, len(nis) + 1) if t is None else np.asarray(t, float)
     y = nis[:, None] if kind == "altitude" else np.c_[nis, np.ones(len(nis)), whitened + 0 * nis]
-    return Aiding(kind, t, y, np.full(y.shape, MIN_DEVIATION), (off, 0.0, 0.0), GATE, name="script")
+    return Source(kind, t, y, np.full(y.shape, MIN_DEVIATION), (off, 0.0, 0.0), GATE, name="script")

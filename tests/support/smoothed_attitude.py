@@ -27,7 +27,7 @@ class Log(NamedTuple):
     at: np.ndarray  # (m,) samples at whose end there is a field
     field: np.ndarray  # (m, 3) body, T
     declination: float
-    field_sd: float  # T
+    field_std: float  # T
 
     @property
     def earth(self):
@@ -41,7 +41,7 @@ class Log(NamedTuple):
 
     @property
     def P0(self):
-        return np.diag(np.r_[self.start.sd[6:9], self.start.sd[12:15]]) ** 2
+        return np.diag(np.r_[self.start.std[6:9], self.start.std[12:15]]) ** 2
 
     @property
     def Q(self):
@@ -55,13 +55,13 @@ class Log(NamedTuple):
 
     def first(self):
         """(attitude, gyro bias) at the start."""
-        return Rotation.from_euler("ZYX", self.start.rph[::-1]), np.array(self.start.bg)
+        return Rotation.from_euler("ZYX", self.start.rph[::-1]), np.array(self.start.b_g)
 
 
 def log_of(recording, start, noise):
     """The Log of an evenly sampled recording, whose last aiding is a magnetic field at ends of
     samples."""
-    imu, field = recording.imu, recording.aidings[-1]
+    imu, field = recording.imu, recording.sources[-1]
     before = np.vstack([np.zeros(6), np.hstack([imu.dtheta, imu.dv])[:-1]])
     a, b = before[:, :3], before[:, 3:]
     r = imu.dtheta + np.cross(a, imu.dtheta) / 12
@@ -76,7 +76,7 @@ def log_of(recording, start, noise):
         at,
         field.y,
         np.arctan2(field.parameters[1], field.parameters[0]),
-        field.sd[0, 0],
+        field.std[0, 0],
     )
 
 
@@ -92,7 +92,7 @@ def tilt(C, f, turned):
 def azimuth(C, field, declination):
     """(...): declination less the azimuth of the field, and what to divide its deviation by: its
     horizontal strength."""
-    n = C.apply(field)
+    n = C.apply(np.array(field))
     off = declination - np.arctan2(n[..., 1], n[..., 0])
     return (off + np.pi) % (2 * np.pi) - np.pi, np.hypot(n[..., 0], n[..., 1])
 
@@ -127,11 +127,11 @@ def rauch_tung_striebel(log):
             C, b, P, tilt(C, f, turned), np.eye(6)[:2], log.level_variance * np.eye(2)
         )
         if k in has:
-            n = C.apply(has[k])
+            n = C.apply(np.array(has[k]))
             square = n[0] ** 2 + n[1] ** 2
             H = np.array([[-n[0] * n[2] / square, -n[1] * n[2] / square, 1, 0, 0, 0]])
             off, _ = azimuth(C, has[k], log.declination)
-            C, b, P = _update(C, b, P, np.array([off]), H, np.array([[log.field_sd**2 / square]]))
+            C, b, P = _update(C, b, P, np.array([off]), H, np.array([[log.field_std**2 / square]]))
         steps.append((Phi, predicted, (C, b, P)))
     smoothed = [steps[-1][2]]
     for (_, _, (C, b, P)), (Phi, (Cp, bp, Pp), _) in zip(steps[-2::-1], steps[:0:-1]):
@@ -154,7 +154,7 @@ def _residuals(log, C, b, strength):
         np.diag(log.Q)
     )
     vertical = tilt(C[1:], log.f, turned) / np.sqrt(log.level_variance)
-    field = azimuth(C[log.at + 1], log.field, log.declination)[0] * strength / log.field_sd
+    field = azimuth(C[log.at + 1], log.field, log.declination)[0] * strength / log.field_std
     return np.concatenate([prior, process.ravel(), vertical.ravel(), field])
 
 

@@ -64,12 +64,12 @@ class Log(NamedTuple):
     u: np.ndarray
     at: np.ndarray  # (m,) samples at whose end there is a position fix
     y: np.ndarray  # (m, 3) rad, rad, m
-    sd: float  # m
+    std: float  # m
     arm: np.ndarray  # to the antenna, m
     baro: object = (
-        None  # Aiding of heights with a bias, at ends of samples; its bias is another state
+        None  # Source of heights with a bias, at ends of samples; its bias is another state
     )
-    baro_sd: float = 0.0  # of that bias at the start, m
+    baro_std: float = 0.0  # of that bias at the start, m
     baro_walk: float = 0.0  # m/sqrt(s)
 
     def first(self):
@@ -77,13 +77,13 @@ class Log(NamedTuple):
         s = self.start
         return State(
             np.array([s.lla]),
-            np.array([s.v]),
+            np.array([s.v_n]),
             Rotation.from_euler("ZYX", [s.rph[::-1]]).as_matrix(),
-            np.array([[*s.ba, *s.bg, *[0.0] * self.extra_states]]),
+            np.array([[*s.b_a, *s.b_g, *[0.0] * self.augmented]]),
         )
 
     @property
-    def extra_states(self):
+    def augmented(self):
         return int(self.baro is not None)
 
     @property
@@ -93,7 +93,7 @@ class Log(NamedTuple):
 
     @property
     def P0(self):
-        return np.diag([*self.start.sd, *[self.baro_sd] * self.extra_states]) ** 2
+        return np.diag([*self.start.std, *[self.baro_std] * self.augmented]) ** 2
 
     @property
     def density(self):
@@ -107,14 +107,14 @@ class Log(NamedTuple):
             -self.dt
             * np.r_[
                 np.repeat([self.noise.accel_decay, self.noise.gyro_decay], 3),
-                [0.0] * self.extra_states,
+                [0.0] * self.augmented,
             ]
         )
 
 
 def log_of(recording, start, noise):
     """The Log of an evenly sampled recording whose only aiding is a position at ends of samples."""
-    imu, fix = recording.imu, recording.aidings[0]
+    imu, fix = recording.imu, recording.sources[0]
     u = np.hstack([imu.dtheta, imu.dv])
     before = np.vstack([np.zeros(6), u[:-1]])
     cross = lambda i, j: np.cross(before[:, i : i + 3], u[:, j : j + 3]) / 12
@@ -126,7 +126,7 @@ def log_of(recording, start, noise):
         u,
         np.searchsorted(imu.t, fix.t - 1e-6),
         fix.y,
-        fix.sd[0, 0],
+        fix.std[0, 0],
         np.array(fix.parameters),
     )
 
@@ -197,7 +197,7 @@ def _at(log, k, state, P):
             [np.eye(3), np.zeros((3, 3)), -skew((state.C @ log.arm)[0]), np.zeros((3, len(P) - 9))]
         )
         state, P, A = _corrected(
-            state, P, H, misfit(log, state, log.y[row : row + 1])[0], log.sd**2 * np.eye(3)
+            state, P, H, misfit(log, state, log.y[row : row + 1])[0], log.std**2 * np.eye(3)
         )
         turned = A @ turned
     if log.baro is not None and k in log.baro_at:
@@ -209,7 +209,7 @@ def _at(log, k, state, P):
             P,
             H,
             state.lla[0, 2:] + state.b[0, 6] - log.baro.y[row],
-            np.array([[log.baro.sd[row, 0] ** 2]]),
+            np.array([[log.baro.std[row, 0] ** 2]]),
         )
         turned = A @ turned
     return state, P, turned
@@ -218,7 +218,7 @@ def _at(log, k, state, P):
 def rauch_tung_striebel(log):
     """(States, covariances (n, 15 or 16, ...)) at the ends of the samples: extended Kalman
     filter, then backwards."""
-    state, P, steps, n, walked = log.first(), log.P0, [], N + log.extra_states, 0
+    state, P, steps, n, walked = log.first(), log.P0, [], N + log.augmented, 0
     around = np.zeros((1 + 2 * N, n))
     around[1 : N + 1, :N], around[N + 1 :, :N] = np.diag(STEP), -np.diag(STEP)
     many = [0] * len(around)
@@ -254,13 +254,13 @@ def rauch_tung_striebel(log):
 
 
 def least_squares(log, state, rows, iterations=4):
-    """(States at the n ends, covariances at `rows`, size of the last step in prior sd) by Gauss and
+    """(States at the n ends, covariances at `rows`, size of the last step in prior std) by Gauss and
     Newton over all n + 1 times at once.
 
     `state` (n + 1) is where it begins. Unknowns are in units of `scale`, and the normal equations
     banded.
     """
-    n, scale = len(log.u), np.array(log.start.sd)
+    n, scale = len(log.u), np.array(log.start.std)
     for _ in range(iterations):
         there = propagated(log, state.rows(slice(0, n)), log.u)
         # of the prediction by the state before; by the one after it is I, nearly
@@ -297,8 +297,8 @@ def least_squares(log, state, rows, iterations=4):
         antenna, e = state.rows(seen), misfit(log, state.rows(seen), log.y)
         for k, C in zip(seen, antenna.C):
             H = np.hstack([np.eye(3), np.zeros((3, 3)), -skew(C @ log.arm), np.zeros((3, 6))])
-            normal[k, 0] += H.T @ H / log.sd**2
-            right[k] += H.T @ e[np.flatnonzero(seen == k)[0]] / log.sd**2
+            normal[k, 0] += H.T @ H / log.std**2
+            right[k] += H.T @ e[np.flatnonzero(seen == k)[0]] / log.std**2
         factor = cholesky_banded(_banded(normal * np.outer(scale, scale)), lower=True)
         x = cho_solve_banded((factor, True), (right * scale).ravel()).reshape(n + 1, N)
         state = state.moved(x * scale)

@@ -153,24 +153,24 @@ CASES = {
 
 
 def normalised(case, seed):
-    """(15,) errors of the start of that seed in its own standard deviations, its note, and its sd."""
+    """(15,) errors of the start of that seed in its own standard deviations, its note, and its std."""
     motion = case.motion(np.random.default_rng([seed, 77]))
     recording = sd.simulate(motion, case.seconds, case.imu, seed, 50.0, case.gnss)
     seen = recording if case.at is None else recording.between(case.at)
-    start = align_start(seen, sd.grade(case.imu))
+    start = align_start(seen, sd.imu(case.imu))
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - start.t)))
     turn = truth.rotation[row] * Rotation.from_euler("ZYX", start.rph[::-1]).inv()
     error = np.concatenate(
         [
             displacement(truth.lla[row], np.array(start.lla)),
-            truth.v_n[row] - start.v,
+            truth.v_n[row] - start.v_n,
             turn.as_rotvec(),
-            recording.meta["b_a"][max(row - 1, 0)] - start.ba,
-            recording.meta["b_g"][max(row - 1, 0)] - start.bg,
+            recording.meta["b_a"][max(row - 1, 0)] - start.b_a,
+            recording.meta["b_g"][max(row - 1, 0)] - start.b_g,
         ]
     )
-    return error / start.sd, start.note, start.sd
+    return error / start.std, start.note, start.std
 
 
 def bound(seeds):
@@ -183,15 +183,15 @@ def bound(seeds):
 
 
 def table(names, seeds):
-    """{case: ({part: mean square}, share of notes that say what they should, median sd of heading
+    """{case: ({part: mean square}, share of notes that say what they should, median std of heading
     in deg)}."""
     rows = {}
     for name in names:
-        z, notes, sds = zip(*(normalised(CASES[name], seed) for seed in seeds))
+        z, notes, stds = zip(*(normalised(CASES[name], seed) for seed in seeds))
         rows[name] = (
             {part: float(np.mean(np.array(z)[:, columns] ** 2)) for part, columns in PARTS.items()},
             float(np.mean([CASES[name].says in note for note in notes])),
-            float(np.degrees(np.median([each[8] for each in sds]))),
+            float(np.degrees(np.median([each[8] for each in stds]))),
         )
     return rows
 
@@ -199,9 +199,9 @@ def table(names, seeds):
 if __name__ == "__main__":
     seeds = range(1, 1 + (int(sys.argv[1]) if len(sys.argv) > 1 else 100))
     print(f"mean squares of normalised errors over {len(seeds)} seeds")
-    print(f"{'':24}" + "".join(f"{part:>13}" for part in PARTS) + "   note  sd of heading, deg")
+    print(f"{'':24}" + "".join(f"{part:>13}" for part in PARTS) + "   note  std of heading, deg")
     for name in sys.argv[2:] or CASES:
-        squares, says, heading_sd = table([name], seeds)[name]
+        squares, says, heading_std = table([name], seeds)[name]
         line = "".join(f"{value:13.2f}" for value in squares.values())
-        print(f"{name:24}{line}{says:7.0%}{heading_sd:9.1f}", flush=True)
+        print(f"{name:24}{line}{says:7.0%}{heading_std:9.1f}", flush=True)
     print(f"honest ones stay below {bound(len(seeds)):.2f} but for one in {1 / FALSE_ALARMS:.0f}")

@@ -121,7 +121,7 @@ def deep_toml(rng, text):
             f"[{'a.' * n}a]",
             "\n".join(f"a.b{k} = {k}" for k in range(n)),
             "\n".join(f"[many.a{k}]" for k in range(n)),
-            "[[aiding]]\n" * min(n, 1000),
+            "[[source]]\n" * min(n, 1000),
             f"long = [{'0, ' * n}]",
         ],
     )

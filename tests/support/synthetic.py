@@ -5,13 +5,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strapdown.data.solution import BRIDGED, INVALID, Innovations, Solution, Trajectory
-from strapdown.data.verdict import Reason, Verdict
+from strapdown.data.verdict import Reason, Untested, Verdict
 
 LATE = Reason(
     "clock",
     "innovations of velocity grow with acceleration, 0.25 s late (0.23 to 0.27), expected within "
     "0.02 s",
-    "set `offset = 0.25` in its [[aiding]], then fuse again",
+    "set `offset = 0.25` in its [[source]], then fuse again",
     "gnss velocity",
     4.2,
 )
@@ -23,16 +23,16 @@ TURNED = Reason(
 )
 WORSE = Reason(
     "imu noise",
-    "the gyro bias about z is 140 times the sd of the description, expected within 4",
+    "the gyro bias about z is 140 times the std of the description, expected within 4",
     "check the grade of the IMU with `strapdown allan`",
     weight=1.8,
 )
-UNSEEN = ("heading without turns",)
+UNSEEN = (Untested("heading", "no turns", "turn", ("heading",)),)
 TRUSTED = Verdict.of([], UNSEEN)
 DOUBTFUL = Verdict.of([WORSE], UNSEEN)
 WRONG = Verdict.of([LATE, WORSE, TURNED])
 
-SD_FLOOR = np.r_[
+STD_FLOOR = np.r_[
     1.0,
     1.0,
     1.5,
@@ -41,7 +41,7 @@ SD_FLOOR = np.r_[
     np.full(3, 0.01),
     np.full(3, np.radians(20) / 3600),
 ]
-SD_START = np.r_[
+STD_START = np.r_[
     10.0,
     10,
     15,
@@ -77,13 +77,13 @@ def solution(truth, seed=1, drift=0.0, name="closed-loop", noise=1.0, **meta):
     error, fixes, gaps and events."""
     rng = np.random.default_rng(seed)
     n, t = len(truth), truth.t - truth.t[0]
-    sd = SD_FLOOR + (SD_START - SD_FLOOR) * np.exp(
+    std = STD_FLOOR + (STD_START - STD_FLOOR) * np.exp(
         -t[:, None] / np.r_[np.full(6, 5.0), np.full(9, 30.0)]
     )
     error = (
-        noise * sd * _smooth(rng.standard_normal((n, 15)), max(int(8 / np.median(np.diff(t))), 2))
+        noise * std * _smooth(rng.standard_normal((n, 15)), max(int(8 / np.median(np.diff(t))), 2))
     )
-    sd[:, 0:2] += 0.5 * abs(drift) * t[:, None] ** 2
+    std[:, 0:2] += 0.5 * abs(drift) * t[:, None] ** 2
     error[:, 0] += 0.4 * drift * t**2
     lla = (
         truth.lla
@@ -93,7 +93,7 @@ def solution(truth, seed=1, drift=0.0, name="closed-loop", noise=1.0, **meta):
     )
     attitude = Rotation.from_rotvec(-error[:, 6:9]) * truth.rotation
     q = attitude.as_quat()[:, [3, 0, 1, 2]]
-    trajectory = Trajectory(truth.t, lla, truth.v_n - error[:, 3:6], q, sd)
+    trajectory = Trajectory(truth.t, lla, truth.v_n - error[:, 3:6], q, std)
     status = np.zeros(n, int)
     status[(t > 200) & (t < 200.8)], status[(t > 400) & (t < 412)] = BRIDGED, INVALID
     events = (
@@ -162,9 +162,9 @@ def attitude_only(made, heave=False, name="attitude-mekf"):
         ("field",),
         (10.8,),
     )
-    sd = np.where(np.isin(np.arange(15), unknown), np.nan, trajectory.sd)
+    std = np.where(np.isin(np.arange(15), unknown), np.nan, trajectory.std)
     trajectory = replace(
-        trajectory, lla=part(trajectory.lla, 0), v_n=part(trajectory.v_n, 3), sd=sd
+        trajectory, lla=part(trajectory.lla, 0), v_n=part(trajectory.v_n, 3), std=std
     )
     return replace(
         made,

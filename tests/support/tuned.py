@@ -66,20 +66,20 @@ def gnss(name="position"):
 def tuning(seconds=80.0):
     """Of a car that was read with half of its standard deviations."""
     right = car(1080, seconds, vehicle=False)
-    wrong = replace(right, aidings=tuple(replace(a, sd=a.sd / 2) for a in right.aidings))
+    wrong = replace(right, sources=tuple(replace(a, std=a.std / 2) for a in right.sources))
     wrong = replace(wrong, meta=right.meta | {"name": "drive", "notes": []})
     return of(wrong, (2.0, 2.0, 2.4))
 
 
 def of(wrong, factors):
     """The Tuning of a recording whose first source is changed by these factors."""
-    spec = sd.grade("consumer")
+    spec = sd.imu("consumer")
     imu = replace(spec, gyro=replace(spec.gyro, noise=1.4 * spec.gyro.noise))
-    first, *others = wrong.aidings
-    first = replace(first, sd=first.sd * factors, correlated=Correlated((1.5, 1.5, 2.5), 30.0))
-    tuned = replace(wrong, aidings=(first, *(replace(a, sd=2 * a.sd) for a in others)))
+    first, *others = wrong.sources
+    first = replace(first, std=first.std * factors, correlated=Correlated((1.5, 1.5, 2.5), 30.0))
+    tuned = replace(wrong, sources=(first, *(replace(a, std=2 * a.std) for a in others)))
     # not with states that the loop may lack
-    run = replace(tuned, aidings=(replace(first, correlated=None), *tuned.aidings[1:]))
+    run = replace(tuned, sources=(replace(first, correlated=None), *tuned.sources[1:]))
     noise, walk = spec.gyro.noise, 1e-6
     return Tuning(
         (

@@ -1,20 +1,15 @@
 """The two-stage Kalman filter once more, with dense matrices in its own coordinates: position,
-velocity in the body, Euler angles, biases.
+velocity in the body, Euler angles, biases. Nothing of it is the library's.
 
-About the estimate itself (EKF) or about states that are given (affine filter). One function of
-plain numpy for each equation of docs/explanation/two-stage.md.
+About the estimate itself (EKF), about states that are given (affine filter), or with the mean of the
+first and the transition matrix of the second (XKF by the letter). One function of plain numpy for
+each equation of docs/explanation/two-stage.md.
 """
 
 import numpy as np
+from plain_ins import SPIN, carried, cross, displaced, gravity, mechanized, way_between, wrap
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.mathematics.earth import RATE, gravity
-from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.filters.attitude.attitude_error_state import carry
-from strapdown.geometry.geodesy import displace_lla, displacement
-
-CROSS = lambda a: np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
-WRAP = lambda angle: (angle + np.pi) % (2 * np.pi) - np.pi
 P, V, A, BA, BG = (slice(3 * i, 3 * i + 3) for i in range(5))
 
 
@@ -45,9 +40,9 @@ def coordinates(angles):
 class State:
     """lla, v_b, Euler angles, biases."""
 
-    def __init__(self, lla, v, angles, ba, bg, of_body=False):
-        self.lla, self.angles, self.ba, self.bg = (
-            np.array(part, float) for part in (lla, angles, ba, bg)
+    def __init__(self, lla, v, angles, b_a, b_g, of_body=False):
+        self.lla, self.angles, self.b_a, self.b_g = (
+            np.array(part, float) for part in (lla, angles, b_a, b_g)
         )
         self.v = np.array(v, float) if of_body else matrix(angles).T @ v
 
@@ -57,44 +52,47 @@ class State:
 
     def plus(self, x):
         return State(
-            displace_lla(self.lla, x[P]),
+            displaced(self.lla, x[P]),
             self.v + x[V],
             self.angles + x[A],
-            self.ba + x[BA],
-            self.bg + x[BG],
+            self.b_a + x[BA],
+            self.b_g + x[BG],
             True,
         )
 
     def minus(self, other):
         return np.r_[
-            displacement(self.lla, other.lla),
+            way_between(self.lla, other.lla),
             self.v - other.v,
-            WRAP(self.angles - other.angles),
-            self.ba - other.ba,
-            self.bg - other.bg,
+            wrap(self.angles - other.angles),
+            self.b_a - other.b_a,
+            self.b_g - other.b_g,
         ]
 
 
 class Twin:
     """The filter, its options (rad, SI) and Noise; `bar` is None or the state to linearise at."""
 
-    min_speed, max_bank, crab, correlation, window, acceleration = (
-        3.0,
+    max_bank, max_course_std, crab, correlation, window, acceleration = (
         np.radians(45),
+        np.radians(5),
         np.radians(5),
         10.0,
         1.0,
         0.2,
     )
 
-    def __init__(self, start, noise, bar=None):
+    def __init__(self, start, noise, bar=None, affine=True, raw=False, down=False):
+        """bar: the state to linearise at, or None; affine: whether the mean goes on about it too;
+        raw: the accelerometers level with their bias; down: of velocities the component along z."""
         self.at, self.bar, self.noise = (
-            State(start.lla, start.v, start.rph, start.ba, start.bg),
+            State(start.lla, start.v_n, start.rph, start.b_a, start.b_g),
             bar,
             noise,
         )
+        self.affine, self.raw, self.down, self.far = affine, raw, down, {1: 0, 3: 0}
         T = coordinates(start.rph)
-        self.P = np.linalg.inv(T) @ np.diag(np.square(start.sd)) @ np.linalg.inv(T).T
+        self.P = np.linalg.inv(T) @ np.diag(np.square(start.std)) @ np.linalg.inv(T).T
         self.force, self.centrifugal, self.seconds, self.then, self.since, self.moved = (
             np.zeros(3),
             np.zeros(3),
@@ -106,25 +104,37 @@ class Twin:
 
     @property
     def about(self):
+        """Where the mean is taken, and H."""
+        return self.bar if self.bar is not None and self.affine else self.at
+
+    @property
+    def linearised(self):
+        """Where the transition matrix is taken."""
         return self.at if self.bar is None else self.bar
+
+    def _ahead(self, x, u, dt):
+        """(state, velocity increment by the specific force) of a state a sample later."""
+        step = mechanized(x.lla, x.C @ x.v, x.C, u[:3] - x.b_g * dt, u[3:] - x.b_a * dt, dt)
+        keep_a, keep_g = np.exp(-self.noise.accel_decay * dt), np.exp(-self.noise.gyro_decay * dt)
+        angles = angles_of(step.C)
+        return State(step.lla, step.v, angles, x.b_a * keep_a, x.b_g * keep_g), step.force
 
     def predict(self, u, dt, bar=None):
         """Prediction; `bar` is the given state at the end of the sample."""
         x, noise = self.about, self.noise
-        r, a, C = u[:3] - x.bg * dt, u[3:] - x.ba * dt, self.about.C
-        for mean, new in ((self.force, u[3:] - x.ba * dt), (self.centrifugal, np.cross(r, x.v))):
-            carry(mean, np.r_[np.zeros(3), new], *r, dt, dt / (self.seconds + dt))
-        self.seconds, self.since = self.seconds + dt, self.since + dt
-        lla, v, turned, f = x.lla.copy(), C @ x.v, C.copy(), np.zeros(3)
-        mechanize(lla, v, turned, r, a, dt, f, 1.0)
-        moved = State(
-            lla,
-            v,
-            angles_of(turned),
-            x.ba * np.exp(-noise.accel_decay * dt),
-            x.bg * np.exp(-noise.gyro_decay * dt),
+        r, own, share = (
+            u[:3] - x.b_g * dt,
+            u[3:] - (not self.raw) * x.b_a * dt,
+            dt / (self.seconds + dt),
         )
-        middle = C @ (np.eye(3) + CROSS(r / 2))
+        self.force = carried(self.force, own, r, (share, share / dt))
+        self.centrifugal = carried(self.centrifugal, np.cross(r, x.v), r, (share, share / dt))
+        self.seconds, self.since = self.seconds + dt, self.since + dt
+        self.rate = r / dt
+        before, x = self.at, self.linearised
+        moved, f = self._ahead(x, u, dt)
+        C, r = x.C, u[:3] - x.b_g * dt
+        middle = C @ (np.eye(3) + cross(r / 2))
         drift, driven, kept = np.eye(15), np.eye(15), np.eye(15)
         drift[P, V] = 0.5 * dt * np.eye(3)
         driven[V, BA] = driven[A, BG] = -middle * dt
@@ -146,16 +156,19 @@ class Twin:
             * dt
         )
         # without velocities the given attitude is also wrong by what the estimate has more than it
-        d = (coordinates(x.angles) @ self.at.minus(x))[A] * (self.since >= 3)
+        d = (coordinates(x.angles) @ before.minus(x))[A] * (self.since >= 3) * self.affine
         tilt = S[A, A] + np.outer(d, d)
-        S[V, V] += 2 * self.correlation / dt * CROSS(f) @ tilt @ CROSS(f).T
+        S[V, V] += 2 * self.correlation / dt * cross(f) @ tilt @ cross(f).T
         self.P = last @ S @ last.T
-        self.at = moved.plus(last @ first @ self.at.minus(x))
+        if self.affine:
+            self.at = moved.plus(last @ first @ before.minus(x))
+        else:
+            self.at, _ = self._ahead(before, u, dt)
         if bar is not None:
-            self.moved += (bar.C - moved.C) @ self.at.v
-            self.bar = bar
+            self.bar = moved
+            self.jump(bar)
         if self.since >= 3 and self.seconds >= self.window:
-            swing = np.sum((u[:3] / dt - self.about.bg) ** 2) * np.trace(self.covariance()[V, V])
+            swing = self.rate @ self.rate * np.trace(self.covariance()[V, V])
             self.inject(
                 self._level(
                     self.about.C,
@@ -180,81 +193,82 @@ class Twin:
     def inject(self, x):
         """Own errors into the state; what the attitude turns the velocity by counts as its
         error."""
-        before = self.at.C
+        before, itself, about = self.at.C, self.about is self.at, self.about.lla
+        way = way_between(self.at.lla, about) + x[P]
         self.at = self.at.plus(x)
-        if self.bar is None and x[A].any():
+        self.at.lla = displaced(about, way)
+        if itself and x[A].any():
             turned = before.T @ ((self.at.C - before) @ self.at.v)  # in the body as it was,
             turned = self.at.C.T @ before @ turned  # and as it is
             self.P[V, V] += np.outer(turned, turned)
 
-    def position(self, y, sd, arm):
+    def position(self, y, std, arm):
         self._doubt()
         C, H = self.about.C, np.zeros((3, 15))
         H[:, P] = np.eye(3)
-        self.inject(
-            self.update(displacement(y, self.about.lla) - C @ arm, H, np.diag(np.square(sd)))[0]
-        )
+        e = way_between(y, self.about.lla) - C @ arm
+        self.inject(self.update(e, H, np.diag(np.square(std)))[0])
 
-    def velocity(self, y, sd, arm, omega):
+    def velocity(self, y, std, arm):
         """Gravity by the change of velocity, and course, both at one linearisation; then the
         velocity."""
         self._doubt()
         x = self.about
-        C, vel = x.C, y - x.C @ np.cross(omega, arm)
+        C, vel = x.C, y - x.C @ np.cross(self.rate, arm)
         found, T = np.zeros(15), self.seconds
         if self.then is not None and T >= 0.9 * self.window:
-            earth = RATE * np.array([np.cos(x.lla[0]), 0, -np.sin(x.lla[0])])
+            earth = SPIN * np.array([np.cos(x.lla[0]), 0, -np.sin(x.lla[0])])
             a = (vel - self.then) / T + 2 * np.cross(earth, vel)
             heading = (jacobian(x.angles) @ self.P[A, A] @ jacobian(x.angles).T)[2, 2]
-            found += self._level(
-                C,
-                self.force - C.T @ a,
-                self.acceleration**2 / T
-                + 2 * np.mean(np.square(sd)) / T**2
-                + (a[:2] @ a[:2]) * heading,
-            )
+            noise = 2 * np.mean(np.square(std)) / T**2 + (a[:2] @ a[:2]) * heading
+            found += self._level(C, self.force - C.T @ a, self.acceleration**2 / T + noise)
         if self.then is None or T >= 0.9 * self.window:
             self.then, self.seconds = vel, 0.0
-        found += self._course(C, vel, sd, found)
+        found += self._course(vel, std, found)
         self.since = 0.0
         self.inject(found)
-        C, H = self.about.C, np.zeros((3, 15))
+        C, H, R = self.about.C, np.zeros((3, 15)), np.diag(np.square(std))
         H[:, V] = np.eye(3)
-        self.inject(
-            self.update(y - C @ self.about.v - C @ np.cross(omega, arm), H, np.diag(np.square(sd)))[
-                0
-            ]
-        )
+        e = y - C @ self.about.v - C @ np.cross(self.rate, arm)
+        if self.down:
+            axis = C[:, 2]
+            e, H, R = np.atleast_1d(axis @ e), (axis @ H)[None], np.atleast_2d(axis @ R @ axis)
+        self.inject(self.update(e, H, R)[0])
 
     def _level(self, C, z, variance):
         """Correction by the specific force z less the body's own acceleration, with that
         variance of what is left."""
-        g, H = gravity(np.sin(self.about.lla[0]), self.about.lla[2]), np.zeros((3, 15))
-        H[:, A] = C.T @ CROSS([0, 0, -g])
-        R = variance + (np.linalg.norm(z) - g) ** 2
-        return self._believed(
-            z - C.T @ [0, 0, -g], H, R * np.eye(3) + np.diag(np.diag(self.P)[BA]), 16.266
-        )
+        g, H = gravity(self.about.lla[0], self.about.lla[2])[2], np.zeros((3, 15))
+        H[:, A] = C.T @ cross([0, 0, -g])
+        R = (variance + (np.linalg.norm(z) - g) ** 2) * np.eye(3)
+        R += (not self.raw) * np.diag(np.diag(self.P)[BA])
+        return self._believed(z - C.T @ [0, 0, -g], H, R, 16.266)
 
-    def _course(self, C, vel, sd, found):
-        speed = np.hypot(*vel[:2])
-        if speed < self.min_speed or abs(self.about.angles[0]) > self.max_bank:
+    def _course(self, vel, std, found):
+        """Correction by the direction of a velocity, where it is sure and the wings are level."""
+        speed, own = np.hypot(*vel[:2]), np.sqrt(np.mean(np.square(std[:2])))
+        if speed * self.max_course_std < own or abs(self.about.angles[0]) > self.max_bank:
             return np.zeros(15)
-        R = np.mean(np.square(sd[:2])) / speed**2 + self.crab**2 * max(
-            2 * self.correlation / self.since, 1
-        )
+        lasting = max(2 * self.correlation / self.since, 1)
         H = np.zeros((1, 15))
         H[0, A] = np.linalg.inv(jacobian(self.about.angles))[2]
-        e = (
-            WRAP(np.arctan2(vel[1], vel[0]) - self.about.angles[2])
-            - H @ coordinates(self.about.angles) @ found
-        )
-        return self._believed(e, H, R * np.eye(1), 10.828)
+        e = wrap(np.arctan2(vel[1], vel[0]) - self.about.angles[2])
+        R = (own / speed) ** 2 + self.crab**2 * lasting
+        return self._believed(np.atleast_1d(e), H, R * np.eye(1), 10.828, found)
 
-    def _believed(self, e, H, R, bound):
-        kept = self.P.copy()
+    def _believed(self, e, H, R, bound, found=0.0):
+        """Correction by rows of stage 1 beyond what was `found`; far ones count for less, and many
+        of them let P of stage 1 grow."""
+        kept, own, rows = self.P.copy(), H @ coordinates(self.about.angles), len(e)
+        e = e - own @ (found * np.ones(15))
         dx, nis = self.update(e, H, R)
-        if nis > bound:
+        self.far[rows] = self.far[rows] + 1 if nis > bound else 0
+        if self.far[rows] >= 5:
+            grown = np.ones(15)
+            grown[A] = grown[BG] = np.sqrt(min(nis / bound, 9.0))
+            self.P = grown[:, None] * kept * grown
+            dx, _ = self.update(e, H, R)
+        elif nis > bound:
             self.P = kept
             dx, _ = self.update(e, H, R * nis / bound)
         return dx
@@ -269,3 +283,12 @@ class Twin:
         """P in the coordinates of the library."""
         T = coordinates(self.about.angles)
         return T @ self.P @ T.T
+
+    def jump(self, bar):
+        """The given state jumps; Euler angles, velocity in the body and biases stay, and position as
+        the sum of metres from the one state and between both."""
+        if self.affine:
+            self.moved += (bar.C - self.bar.C) @ self.at.v
+            way = way_between(self.at.lla, self.bar.lla) + way_between(self.bar.lla, bar.lla)
+            self.at.lla = displaced(bar.lla, way)
+        self.bar = bar

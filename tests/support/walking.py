@@ -8,7 +8,7 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.motions import car
 from strapdown.sim.trajectory import DEG
 
-RTK = Gnss(interval=0.2, position_sd=(0.05, 0.05, 0.05), velocity_sd=None)
+RTK = Gnss(interval=0.2, position_std=(0.05, 0.05, 0.05), velocity_std=None)
 """Positions alone, to 5 cm."""
 TURNS = (90, -90, 45, -120, 180)
 
@@ -28,7 +28,7 @@ def robot(seed, gnss=RTK, top=2.0, seconds=150.0, turns=TURNS):
 
 def tables(recording, axes, folder):
     """imu.csv in columns with the axes "FLU" or "RFU", and gnss.csv of the positions."""
-    imu, position = recording.imu, next(a for a in recording.aidings if a.kind == "position")
+    imu, position = recording.imu, next(a for a in recording.sources if a.kind == "position")
     rates = np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]
     order, sign = {"FLU": ([0, 1, 2], [1, -1, -1]), "RFU": ([1, 0, 2], [1, 1, -1])}[axes]
     columns = [rates[:, offset + k] * s for offset in (0, 3) for k, s in zip(order, sign)]
@@ -36,8 +36,8 @@ def tables(recording, axes, folder):
     pd.DataFrame(np.c_[imu.t, np.transpose(columns)], columns=names).to_csv(
         folder / "imu.csv", index=False
     )
-    names = ["time", "lat", "lon", "height_ellipsoid", "sd_n", "sd_e", "sd_d"]
-    values = np.c_[position.t, position.y / [DEG, DEG, 1.0], position.sd]
+    names = ["time", "lat", "lon", "height_ellipsoid", "std_n", "std_e", "std_d"]
+    values = np.c_[position.t, position.y / [DEG, DEG, 1.0], position.std]
     pd.DataFrame(values, columns=names).to_csv(
         folder / "gnss.csv", index=False, float_format="%.10f"
     )

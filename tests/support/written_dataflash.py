@@ -91,7 +91,7 @@ def messages_of(recording, later=0.0, instances=1):
     messages = {
         "IMU": ("QBffffff", {"TimeUS": t, "I": which, **dict(zip(names, rates.T, strict=True))})
     }
-    found = {each.kind: each for each in recording.aidings}
+    found = {each.kind: each for each in recording.sources}
     if {"position", "velocity"} <= set(found):
         messages |= fixes(found["position"], found["velocity"], later)
     return messages
@@ -119,9 +119,9 @@ def fixes(position, velocity, later):
     gpa = {
         "TimeUS": stamps,
         "I": 0 * one,
-        "HAcc": position.sd[:, 0],
-        "VAcc": position.sd[:, 2],
-        "SAcc": velocity.sd[:, 0],
+        "HAcc": position.std[:, 0],
+        "VAcc": position.std[:, 2],
+        "SAcc": velocity.std[:, 0],
         "VV": one,
         "SMS": stamps // 1000,
         "Delta": 100 * one,
@@ -143,7 +143,7 @@ def log_of_2014(recording, later=0.0, status=None, letters="Iffffff"):
     boot = np.round(imu.t * 1e3)
     extra = [np.zeros(len(boot))] * (len(letters) - 7)
     position, velocity = (
-        next(each for each in recording.aidings if each.kind == kind)
+        next(each for each in recording.sources if each.kind == kind)
         for kind in ("position", "velocity")
     )
     north, east, down = velocity.y.T

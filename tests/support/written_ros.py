@@ -81,12 +81,12 @@ def imu(encoding, stamps, gyro, accel, frame="imu_link", q=None, covariance=0.0,
     return serialised(encoding, [*header(encoding, stamps, frame), *parts], order)
 
 
-def fixes(encoding, stamps, lla, sd=None, status=0, frame="gps", order="<"):
-    """`lla` (n, 3) in deg and m; `sd` (n, 3) east, north, up."""
+def fixes(encoding, stamps, lla, std=None, status=0, frame="gps", order="<"):
+    """`lla` (n, 3) in deg and m; `std` (n, 3) east, north, up."""
     n = len(stamps)
-    covariance = np.zeros((n, 9)) if sd is None else diagonal(n, np.square(sd))
+    covariance = np.zeros((n, 9)) if std is None else diagonal(n, np.square(std))
     state = np.broadcast_to(np.asarray(status, "i1"), n)
-    kind = np.full(n, 0 if sd is None else 2, "u1")
+    kind = np.full(n, 0 if std is None else 2, "u1")
     parts = [state, np.ones(n, "u2"), *lla.T, covariance, kind]
     return serialised(encoding, [*header(encoding, stamps, frame), *parts], order)
 
@@ -222,18 +222,18 @@ def drive(encoding, recording, frame="imu_link"):
             "/imu/data", "sensor_msgs/msg/Imu", imu(encoding, stamps, gyro, accel, frame), stamps
         )
     ]
-    for aiding in recording.aidings:
-        at = START + np.round(aiding.t * 1e9).astype(np.int64)
-        if aiding.kind == "position":
-            lla = np.c_[np.degrees(aiding.y[:, :2]), aiding.y[:, 2]]
+    for source in recording.sources:
+        at = START + np.round(source.t * 1e9).astype(np.int64)
+        if source.kind == "position":
+            lla = np.c_[np.degrees(source.y[:, :2]), source.y[:, 2]]
             kind, rows = (
                 "sensor_msgs/msg/NavSatFix",
-                fixes(encoding, at, lla, aiding.sd[:, [1, 0, 2]]),
+                fixes(encoding, at, lla, source.std[:, [1, 0, 2]]),
             )
             topics.append(Written("/gps/fix", kind, rows, at + 60_000_000))
-        if aiding.kind == "velocity":
+        if source.kind == "velocity":
             kind = "geometry_msgs/msg/TwistWithCovarianceStamped"
-            variance = np.r_[aiding.sd[0, [1, 0, 2]] ** 2, 0.0, 0.0, 0.0]
-            rows = twist(encoding, at, aiding.y[:, [1, 0, 2]] * [1, 1, -1], variance=variance)
+            variance = np.r_[source.std[0, [1, 0, 2]] ** 2, 0.0, 0.0, 0.0]
+            rows = twist(encoding, at, source.y[:, [1, 0, 2]] * [1, 1, -1], variance=variance)
             topics.append(Written("/gps/vel", kind, rows, at + 60_000_000))
     return topics

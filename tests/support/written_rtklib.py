@@ -36,11 +36,11 @@ def pos(
     lines = [head] if head else []
     lines.append("%  " + separator.join((scale, *names)))
     moved = np.empty((len(moments), 0)) if moved is None else moved
-    for moment, where, sd, motion in zip(moments, place, deviations, moved):
+    for moment, where, std, motion in zip(moments, place, deviations, moved):
         cells = [f"{each:.9f}" if form == "llh" else f"{each:.4f}" for each in where]
         if form == "dms":
             cells = [*(_dms(each) for each in where[:2]), f"{where[2]:.4f}"]
-        cells += ["1", "9", *(f"{each:.4f}" for each in sd), "0.00", "3.5"]
+        cells += ["1", "9", *(f"{each:.4f}" for each in std), "0.00", "3.5"]
         cells += [f"{each:.5f}" for each in motion]
         lines.append(separator.join([_time(moment, weeks), *cells]))
     return "\n".join(lines) + "\n"

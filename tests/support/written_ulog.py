@@ -111,9 +111,9 @@ def fixes(position, velocity, later=0.0):
         "longitude_deg": ("double", degrees[:, 1]),
         "altitude_msl_m": ("double", position.y[:, 2] - 47.0),
         "altitude_ellipsoid_m": ("double", position.y[:, 2]),
-        "s_variance_m_s": ("float", velocity.sd[:, 0]),
-        "eph": ("float", position.sd[:, 0]),
-        "epv": ("float", position.sd[:, 2]),
+        "s_variance_m_s": ("float", velocity.std[:, 0]),
+        "eph": ("float", position.std[:, 0]),
+        "epv": ("float", position.std[:, 2]),
         "vel_n_m_s": ("float", velocity.y[:, 0]),
         "vel_e_m_s": ("float", velocity.y[:, 1]),
         "vel_d_m_s": ("float", velocity.y[:, 2]),
@@ -134,7 +134,7 @@ def topics_of(recording, later=0.0):
             "accelerometer_integral_dt": ("uint32_t", microseconds(imu.dt)),
         }
     }
-    found = {each.kind: each for each in recording.aidings}
+    found = {each.kind: each for each in recording.sources}
     if {"position", "velocity"} <= set(found):
         topics["sensor_gps", 0] = fixes(found["position"], found["velocity"], later)
     return topics

@@ -42,7 +42,7 @@ def right():
 
 @pytest.fixture(scope="module")
 def search(right):
-    spec = sd.grade("consumer")
+    spec = sd.imu("consumer")
     found = Search(right, filters.find("closed-loop"), spec, run_options(imu=spec), (None, None))
     found.first()
     return found
@@ -83,13 +83,13 @@ def test_score_and_information_are_derivatives_of_it(search):
 
 
 def test_noise_stated_five_times_wrong_is_found(right):
-    wrong = replace(right, aidings=tuple(replace(a, sd=a.sd / 5) for a in right.aidings))
-    tuning = sd.tune(wrong, imu=times(sd.grade("consumer"), 5.0))
+    wrong = replace(right, sources=tuple(replace(a, std=a.std / 5) for a in right.sources))
+    tuning = sd.tune(wrong, imu=times(sd.imu("consumer"), 5.0))
     for name, true in (("noise horizontal", SIZES[0]), ("noise vertical", SIZES[2])):
         each = found(tuning, name)
         assert each.value == pytest.approx(true, rel=0.2) and each.low < true * 1.1
         assert each.high > true / 1.1 and not each.agrees
-    truth = sd.grade("consumer").noise()
+    truth = sd.imu("consumer").noise()
     gyro, accel = found(tuning, "gyro noise", "imu"), found(tuning, "accel noise", "imu")
     assert gyro.given == pytest.approx(5 * truth.gyro)
     assert gyro.low < 1.5 * truth.gyro and accel.low < 1.5 * truth.accel
@@ -97,9 +97,9 @@ def test_noise_stated_five_times_wrong_is_found(right):
     assert tuning.log_likelihood[1] > tuning.log_likelihood[0]
     after = {fit.source: fit.nis[1] for fit in tuning.fits}
     assert after["GNSS position"] == pytest.approx(1, abs=0.25)
-    a, b = wrong.aidings[0], tuning.tuned.aidings[0]
+    a, b = wrong.sources[0], tuning.tuned.sources[0]
     np.testing.assert_allclose(
-        b.sd[:, 0] / a.sd[:, 0], found(tuning, "noise horizontal").value * 5 / SIZES[0]
+        b.std[:, 0] / a.std[:, 0], found(tuning, "noise horizontal").value * 5 / SIZES[0]
     )
     walk = found(tuning, "gyro bias walk", "imu")
     assert walk.status in (AT_MAX, OPEN) and "data" in str(walk)  # 200 s tell none
@@ -107,13 +107,15 @@ def test_noise_stated_five_times_wrong_is_found(right):
 
 def test_errors_that_last_are_found_and_white_ones_are_not(right):
     lasting = Correlated(SIZES, 15.0)
-    gnss = RECEIVER._replace(position_sd=(0.3, 0.3, 0.5), position_correlated=lasting, stated=False)
+    gnss = RECEIVER._replace(
+        position_std=(0.3, 0.3, 0.5), position_correlated=lasting, stated=False
+    )
     tuning = sd.tune(car(3, 300.0, gnss))
     size, time = found(tuning, "correlated error horizontal"), found(tuning, "correlation time")
     assert size.value == pytest.approx(SIZES[0], rel=0.5)
     assert 15 / 2.5 < time.value < 15 * 2.5 and time.low < time.value < time.high
     assert found(tuning, "noise horizontal").value == pytest.approx(0.3, rel=0.2)
-    assert tuning.tuned.aidings[0].correlated.time == pytest.approx(time.value)
+    assert tuning.tuned.sources[0].correlated.time == pytest.approx(time.value)
     white = sd.tune(right)
     assert not [p for p in white.parameters if p.name.startswith("correl")]
     assert any("no correlated errors" in note for note in white.notes)
@@ -121,14 +123,14 @@ def test_errors_that_last_are_found_and_white_ones_are_not(right):
 
 def test_fixes_that_were_smoothed_make_no_noise_smaller(right):
     """Means over five fixes: their innovations are alike for a reason that no filter here has."""
-    position = right.aidings[0]
+    position = right.sources[0]
     mean = lambda x: np.apply_along_axis(lambda c: np.convolve(c, np.full(5, 0.2), "same"), 0, x)
     exact = sd.simulate(
-        "car", 200.0, "consumer", 1, 25.0, RECEIVER._replace(position_sd=(1e-6,) * 3)
+        "car", 200.0, "consumer", 1, 25.0, RECEIVER._replace(position_std=(1e-6,) * 3)
     )
-    off = position.y - exact.aidings[0].y
-    smooth = replace(position, y=exact.aidings[0].y + mean(off))
-    tuning = sd.tune(replace(right, aidings=(smooth, *right.aidings[1:])), correlated=False)
+    off = position.y - exact.sources[0].y
+    smooth = replace(position, y=exact.sources[0].y + mean(off))
+    tuning = sd.tune(replace(right, sources=(smooth, *right.sources[1:])), correlated=False)
     fit = next(fit for fit in tuning.fits if fit.source == "GNSS position")
     assert abs(fit.correlation[1]) > 0.3
     own = [p for p in tuning.parameters if p.source in ("imu", "GNSS position")]
@@ -139,11 +141,11 @@ def test_fixes_that_were_smoothed_make_no_noise_smaller(right):
 
 def test_outliers_do_not_count(right):
     rng = np.random.default_rng(5)
-    position = right.aidings[0]
+    position = right.sources[0]
     off = (rng.random(len(position.t)) < 0.05) & (position.t > 40)
-    error = 20 * position.sd * rng.standard_normal(position.sd.shape) * off[:, None]
+    error = 20 * position.std * rng.standard_normal(position.std.shape) * off[:, None]
     spoiled = replace(position, y=displace_lla(position.y, error))
-    tuning = sd.tune(replace(right, aidings=(spoiled, *right.aidings[1:])), correlated=False)
+    tuning = sd.tune(replace(right, sources=(spoiled, *right.sources[1:])), correlated=False)
     each = found(tuning, "noise horizontal")
     assert each.value == pytest.approx(SIZES[0], rel=0.2)
     assert any("outliers" in note for note in tuning.notes)
@@ -153,7 +155,7 @@ def test_outliers_do_not_count(right):
     "change, options, said",
     [
         (lambda r: r.between(0.0, 40.0), {}, "s"),
-        (lambda r: replace(r, aidings=()), {}, "position"),
+        (lambda r: replace(r, sources=()), {}, "position"),
         (lambda r: r, {"imu": "nonsense"}, "nonsense"),
         (lambda r: r, {"filter": "attitude-mekf"}, "0 fixes"),
         (lambda r: r, {"start_s": 150.0, "stop_s": 100.0}, "150"),
@@ -188,7 +190,9 @@ def test_intervals_of_lasting_errors_hold_the_truth_at_their_rate():
     are not counted together, since they err together: the likelihood knows size squared over time
     best."""
     lasting = Correlated(SIZES, 15.0)
-    gnss = RECEIVER._replace(position_sd=(0.3, 0.3, 0.5), position_correlated=lasting, stated=False)
+    gnss = RECEIVER._replace(
+        position_std=(0.3, 0.3, 0.5), position_correlated=lasting, stated=False
+    )
     inside = []
     for seed in range(101, 121):
         tuning = sd.tune(car(seed, 300.0, gnss))
@@ -201,7 +205,7 @@ def test_intervals_of_lasting_errors_hold_the_truth_at_their_rate():
 def test_intervals_of_imu_noise_that_hardly_shows_are_too_narrow():
     """Of 12 drives and 4 numbers 36 of 48 hold the truth, where 95 % should: docs/how-to/tune.md says so.
     Fewer than 34 would be worse than that."""
-    truth, inside = sd.grade("consumer").noise(), []
+    truth, inside = sd.imu("consumer").noise(), []
     fields = ("gyro", "accel", "gyro_bias", "accel_bias")
     names = ("gyro noise", "accel noise", "gyro bias walk", "accel bias walk")
     for seed in range(201, 213):

@@ -13,12 +13,12 @@ from strapdown.io.noise_file import with_noise
 
 
 def same_noise(made, wanted):
-    for one, other in zip(made.aidings, wanted.aidings, strict=True):
-        np.testing.assert_allclose(one.sd, other.sd, rtol=1e-3)
+    for one, other in zip(made.sources, wanted.sources, strict=True):
+        np.testing.assert_allclose(one.std, other.std, rtol=1e-3)
         if other.correlated is None:
             assert one.correlated is None
         else:
-            assert one.correlated.sd == pytest.approx(other.correlated.sd, rel=1e-3)
+            assert one.correlated.std == pytest.approx(other.correlated.std, rel=1e-3)
             assert one.correlated[1:] == pytest.approx(other.correlated[1:])
 
 
@@ -38,10 +38,10 @@ def test_the_files_give_the_noise_back(tmp_path):
     found = tuning()
     imu, sources = found.write(tmp_path)
     assert [imu.name, sources.name] == ["drive-imu.toml", "drive-sources.toml"]
-    assert sd.grade(imu).noise() == found.imu.noise()
-    assert "in drive, 0.0 to 80.0 s" in sd.grade(imu).source
+    assert sd.imu(imu).noise() == found.imu.noise()
+    assert "in drive, 0.0 to 80.0 s" in sd.imu(imu).source
     same_noise(with_noise(found.recording, sources), found.tuned)
-    assert "sd_factor = [2, 2, 2.4]  # 95 % horizontal 1.84 to 2.24 times" in sources.read_text()
+    assert "std_factor = [2, 2, 2.4]  # 95 % horizontal 1.84 to 2.24 times" in sources.read_text()
 
 
 def test_they_serve_recordings_of_other_formats(tmp_path):
@@ -62,7 +62,7 @@ def test_nothing_is_overwritten_and_nothing_written_in_part(tmp_path):
 
 def test_two_sources_of_one_name_cannot_be_told_apart(tmp_path):
     found = tuning()
-    twice = [replace(r, aidings=r.aidings + r.aidings[:1]) for r in (found.recording, found.tuned)]
+    twice = [replace(r, sources=r.sources + r.sources[:1]) for r in (found.recording, found.tuned)]
     with pytest.raises(sd.DataError, match="two sources are called GNSS position"):
         replace(found, recording=twice[0], tuned=twice[1]).write(tmp_path)
     assert not list(tmp_path.iterdir())
@@ -76,7 +76,7 @@ def test_a_recording_toml_that_was_changed_reads_as_what_was_found(read, tmp_pat
     assert (imu, kept.read_text()) == (tmp_path / "recording-imu.toml", TOML)
     again = sd.read(path)
     same_noise(again, found.tuned)
-    assert sd.grade(again.meta["grade"]).noise() == found.imu.noise()
+    assert sd.imu(again.meta["grade"]).noise() == found.imu.noise()
     assert "# A drive, with comments that must stay." in path.read_text()
     assert [line[7:] for line in shown if " + " in line[:8]] == [
         line for line in path.read_text().splitlines() if line not in TOML.splitlines()
@@ -91,7 +91,7 @@ def test_a_recording_toml_is_changed_once(read):
         found.change(path)
     path.with_name("recording-imu.toml").unlink()
     with pytest.raises(
-        sd.DataError, match=r"sd is .* where the recording was read; read that file"
+        sd.DataError, match=r"std is .* where the recording was read; read that file"
     ):
         found.change(path)
     assert path.read_text() == text

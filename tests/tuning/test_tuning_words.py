@@ -22,12 +22,12 @@ def test_every_number_has_a_line_with_unit_interval_and_meaning(found):
         "(95 %), not how much; 12.4 deg/h/sqrt(h) stays as given",
         "accel bias walk (how fast the accelerometer bias wanders): the data do not decide it, any "
         "value fits; 0.0612 mg/sqrt(h) stays as given",
-        "GNSS position noise horizontal (sd of errors that are new with each fix): 1.02 m, 95 % "
+        "GNSS position noise horizontal (std of errors that are new with each fix): 1.02 m, 95 % "
         "0.918 to 1.12; given 0.5, 2 times too small",
-        "GNSS position noise vertical (sd of errors that are new with each fix): 0.75 m stays as "
+        "GNSS position noise vertical (std of errors that are new with each fix): 0.75 m stays as "
         "given; the likelihood would take a smaller one, but innovations stay correlated, so that "
         "it would mean nothing",
-        "GNSS position correlated error horizontal (sd of errors that last over many fixes): 1.5 m, "
+        "GNSS position correlated error horizontal (std of errors that last over many fixes): 1.5 m, "
         "95 % 1.2 to 1.9; none was given",
         "GNSS position correlation time (how long those errors last): the data say at least 12 s "
         "(95 %), not how much; 30 s is used; none was given",

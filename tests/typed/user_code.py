@@ -34,11 +34,21 @@ def from_a_file() -> sd.Solution:
 def simulated() -> float:
     """Simulate, align, stream."""
     recording = sd.simulate(demo_flight(), 60.0, "tactical", seed=1)
-    start = sd.align(recording, sd.grade("tactical"))
+    assert_type(recording, sd.SimulatedRecording)
+    assert_type(recording.reference, sd.Trajectory)
+    assert_type(recording.between(10.0, 20.0).between(12.0, 18.0), sd.SimulatedRecording)
+    assert_type(sd.flight.fly("straight").recording.reference, sd.Trajectory)
+    found = sd.fuse(recording).errors()
+    assert_type(found.rms().position, NDArray[np.float64])
+    assert_type(found.outages([(20.0, 30.0)])[0].horizontal_max, float)
+    start = sd.align(recording, "tactical")
     assert_type(start, sd.InitialState)
-    stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=recording.aidings)
+    stream = sd.Stream("closed-loop", start=start, imu="tactical", sources=recording.sources)
     print(stream)
-    campaign = sd.Study(("demo",), ("closed-loop",), runs=2).run("study")
+    study = sd.Study("demo", "closed-loop", runs=2)
+    assert_type(study.scenarios, tuple[str | sd.Scenario, ...])
+    sd.Study([sd.scenario("demo"), "car"], imus=["tactical", sd.imu("consumer")])
+    campaign = study.run("study")
     assert_type(campaign, sd.Campaign)
     return float(recording.imu.dt.sum())
 
@@ -49,6 +59,9 @@ def wrong(recording: sd.Recording, start: sd.InitialState) -> None:
     sd.fuse(recording, filtre=3)  # type: ignore[call-arg]
     sd.tune(recording, every=2)  # type: ignore[call-arg]
     sd.fuse(recording, every="2")  # type: ignore[arg-type]
+    sd.errors(recording, recording.reference)  # type: ignore[arg-type]
+    sd.report("x")  # type: ignore[arg-type]
+    sd.Study(3)  # type: ignore[arg-type]
     sd.fuse(recording).trajectorie  # type: ignore[attr-defined]
     sd.fuze(recording)  # type: ignore[attr-defined]
     sd.read(3)  # type: ignore[arg-type]

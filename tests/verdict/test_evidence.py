@@ -7,8 +7,8 @@ import pytest
 
 from strapdown.core.loop.contract import DOUBTFUL as CONTRADICTED, Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Innovations, Solution, Trajectory
-from strapdown.data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict
+from strapdown.data.solution import Innovations, Solution, Source, Trajectory
+from strapdown.data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Untested, Verdict
 from strapdown.evaluation.fix_statistics import MEDIANS
 from strapdown.verdict import evidence
 
@@ -26,9 +26,9 @@ def made_up(nis_factor=1.0, seed=0, lasting=0.0, **meta):
     e *= np.sqrt(nis_factor)
     t = np.arange(COUNT) * 0.2
     quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))
-    sd = np.full((COUNT, 15), 0.1)
+    std = np.full((COUNT, 15), 0.1)
     return Solution(
-        Trajectory(t, np.zeros((COUNT, 3)), np.tile([10.0, 0.0, 0.0], (COUNT, 1)), quaternion, sd),
+        Trajectory(t, np.zeros((COUNT, 3)), np.tile([10.0, 0.0, 0.0], (COUNT, 1)), quaternion, std),
         np.zeros((COUNT, 3)),
         np.zeros((COUNT, 3)),
         np.zeros(COUNT, np.int8),
@@ -42,10 +42,10 @@ def made_up(nis_factor=1.0, seed=0, lasting=0.0, **meta):
             (16.3,),
             whitened=e,
         ),
-        meta={"start": {"t": 0.0}, "bias_sd": [0.02, 1e-4], "imu": "mems", **meta},
+        meta={"start": {"t": 0.0}, "bias_std": [0.02, 1e-4], "imu": "mems", **meta},
         recording=Recording(
             Imu(t, np.full(COUNT, 0.2), np.zeros((COUNT, 3)), np.zeros((COUNT, 3))),
-            (Aiding("position", t, np.zeros((COUNT, 3)), np.ones((COUNT, 3)), name="GNSS"),),
+            (Source("position", t, np.zeros((COUNT, 3)), np.ones((COUNT, 3)), name="GNSS"),),
         ),
     )
 
@@ -104,7 +104,7 @@ def test_claims_five_times_too_large_are_doubtful_and_no_more():
 def test_no_smaller_claim_is_advised_where_innovations_last(seed):
     (found,) = evidence.noise(source(made_up(0.02, seed, lasting=0.9)))
     assert found.cause == "lasting errors" and found.weight == 1
-    assert "divide" not in found.remedy and "keep its sd" in found.remedy
+    assert "divide" not in found.remedy and "keep its std" in found.remedy
 
 
 @pytest.mark.parametrize(
@@ -115,12 +115,12 @@ def test_innovations_that_last_and_exceed_the_claim_are_named(claimed, lasting, 
     `claimed`: 0.45 of it lasts. The correlation of 1000 white ones comes to 0.3 once in 10^20."""
     solution = made_up(0.5, lasting=lasting)
     root = np.tile([1.0, 0, 1, 0, 0, 1], (COUNT, 1))
-    (aiding,) = solution.recording.aidings
-    stated = replace(aiding, t=solution.t, sd=np.full((COUNT, 3), np.sqrt(1 - claimed)))
+    (own,) = solution.recording.sources
+    stated = replace(own, t=solution.t, std=np.full((COUNT, 3), np.sqrt(1 - claimed)))
     solution = replace(
         solution,
         innovations=replace(solution.innovations, root=root),
-        recording=replace(solution.recording, aidings=(stated,)),
+        recording=replace(solution.recording, sources=(stated,)),
     )
     found = list(evidence.noise(source(solution)))
     assert [reason.cause for reason in found] == ["lasting errors"] * named
@@ -206,7 +206,7 @@ def test_a_course_beside_the_heading_is_axes_or_mounting(turned, cause, seen):
 
 
 @pytest.mark.parametrize(
-    ("speed", "speed_sd", "heading_sd", "degrees", "named"),
+    ("speed", "speed_std", "heading_std", "degrees", "named"),
     [
         (1.0, 0.03, 0.02, 90, True),  # walking speed, known to 3 cm/s
         (1.0, 0.03, 0.02, 40, False),  # a side wind or a current of 0.8 m/s
@@ -215,15 +215,15 @@ def test_a_course_beside_the_heading_is_axes_or_mounting(turned, cause, seen):
         (0.4, 0.01, 0.02, 90, False),  # hardly moves
     ],
 )
-def test_a_course_at_walking_speed(speed, speed_sd, heading_sd, degrees, named):
+def test_a_course_at_walking_speed(speed, speed_std, heading_std, degrees, named):
     solution = made_up()
-    half, sd = np.radians(degrees) / 2, np.full((COUNT, 15), 0.01)
-    sd[:, 3:6], sd[:, 8] = speed_sd, heading_sd
+    half, std = np.radians(degrees) / 2, np.full((COUNT, 15), 0.01)
+    std[:, 3:6], std[:, 8] = speed_std, heading_std
     made = replace(
         solution.trajectory,
         v_n=np.tile([speed, 0.0, 0.0], (COUNT, 1)),
         q_nb=np.tile([np.cos(half), 0.0, 0.0, np.sin(half)], (COUNT, 1)),
-        sd=sd,
+        std=std,
     )
     assert bool(list(evidence.course(replace(solution, trajectory=made), solution.t))) == named
 
@@ -285,7 +285,7 @@ def test_a_filter_that_stopped_is_not_to_be_trusted():
 
 def test_verdicts_rank_their_reasons_and_come_back_from_a_file():
     light, heavy = Reason("clock", "a", "b", "GNSS", 1.2), Reason("axes", "c", "d", weight=1.5)
-    verdict = Verdict.of([light, heavy], ["heading: no turn"])
+    verdict = Verdict.of([light, heavy], [Untested("heading", "no turn")])
     assert verdict.word == DOUBTFUL and verdict.reasons[0] == heavy and not verdict.trusted
     assert Verdict.from_dict(verdict.as_dict()) == verdict
     assert verdict.line == "doubtful: axes of the IMU: c; d"

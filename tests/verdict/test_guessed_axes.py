@@ -16,7 +16,7 @@ from strapdown.io.inspection import draft, inspect
 @pytest.fixture(scope="module")
 def dim():
     """Its fixes are too noisy, 1.5 m once a second, for a course at its speed."""
-    return robot(4101, RTK._replace(position_sd=1.5, interval=1.0))
+    return robot(4101, RTK._replace(position_std=1.5, interval=1.0))
 
 
 def drafted(paths, folder):

@@ -1,5 +1,5 @@
-"""Kinds of aiding, one file per measurement. A file holds `observe` kernels and, for each, one
-`Measurement(...)` value; nothing else lists them. Plugins bring more."""
+"""Kinds of measurement, one file per measurement. A file holds `observe` kernels and, for each, one
+`MeasurementModel(...)` value; nothing else lists them. Plugins bring more."""
 
 import importlib
 import pkgutil
@@ -7,13 +7,13 @@ from functools import cache
 from threading import Lock
 
 from .. import plugins
-from ..checks import DataError, check_choice, check_number, located
-from ..core.loop.contract import OBSERVE, Kind, Measurement, Observe, compile_kernel
+from ..checks import DataError, check_choice, check_number, locate_errors
+from ..core.loop.contract import OBSERVE, Kind, MeasurementModel, Observe, compile_kernel
 from ..units import quantities
 from .trial import derivative_complaints
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")
-"""What source.parameters[0:3] of a source can be."""
+"""Meanings that source.parameters[0:3] of a source can have."""
 
 
 def name_of(kind: Kind) -> str:
@@ -22,8 +22,8 @@ def name_of(kind: Kind) -> str:
 
 
 @cache
-def _own() -> dict[str, Measurement]:
-    """{name: Measurement} of the files here, those that kernels know by their number first."""
+def _own_models() -> dict[str, MeasurementModel]:
+    """{name: MeasurementModel} of the files here, those that kernels know by their number first."""
     modules = [
         importlib.import_module(module.name)
         for module in pkgutil.walk_packages(__path__, __name__ + ".")
@@ -32,35 +32,35 @@ def _own() -> dict[str, Measurement]:
         value.name: value
         for module in modules
         for value in vars(module).values()
-        if isinstance(value, Measurement)
+        if isinstance(value, MeasurementModel)
     }
     return {name: found.pop(name) for name in map(name_of, Kind)} | found
 
 
 def own_names() -> list[str]:
     """Names of the library's own kinds; no plugin is imported."""
-    return list(_own())
+    return list(_own_models())
 
 
-def measurements() -> dict[str, Measurement]:
-    """{name: Measurement} of all kinds: the library's, then those of plugins in the order of
+def measurements() -> dict[str, MeasurementModel]:
+    """{name: MeasurementModel} of all kinds: the library's, then those of plugins in the order of
     their coming."""
-    return _own() | {name: value for name, (value, _) in REGISTRY.brought().items()}
+    return _own_models() | {name: value for name, (value, _) in REGISTRY.plugin_values().items()}
 
 
 def names() -> list[str]:
-    """Names of all kinds of aiding."""
+    """Names of all kinds of measurement."""
     return REGISTRY.names()
 
 
-def find(name: str) -> Measurement:
-    """The Measurement of that kind. Raises DataError with the nearest name."""
+def find(name: str) -> MeasurementModel:
+    """The MeasurementModel of that kind. Raises DataError with the nearest name."""
     return REGISTRY.find(name)
 
 
 def number(name: str) -> int:
     """The number by which kernels of this process know a kind, from the first time it is asked for."""
-    own = list(_own())
+    own = list(_own_models())
     with _one_at_a_time:
         return own.index(name) if name in own else _given.setdefault(name, len(own) + len(_given))
 
@@ -77,9 +77,9 @@ def compile_observation(name: str) -> Observe:
         compile_kernel(sensor.observe)
     plugin = REGISTRY.brought_by(name)
     if plugin and _tried.get(name) is not sensor.observe:
-        with located(f"plugin {plugin.name}: Measurement {name!r}"):
+        with locate_errors(f"plugin {plugin.name}: MeasurementModel {name!r}"):
             for text in derivative_complaints(sensor, sensor.observe):
-                plugin.complain(f"Measurement {name!r}: {text}")
+                plugin.complain(f"MeasurementModel {name!r}: {text}")
         _tried[name] = sensor.observe
     return sensor.observe
 
@@ -87,9 +87,9 @@ def compile_observation(name: str) -> Observe:
 _tried: dict[str, Observe] = {}
 
 
-def check(sensor: Measurement) -> None:
-    """Refuse a Measurement that cannot be used. Raises DataError."""
-    what = f"Measurement {sensor.name!r}: "
+def check(sensor: MeasurementModel) -> None:
+    """Refuse a MeasurementModel that cannot be used. Raises DataError."""
+    what = f"MeasurementModel {sensor.name!r}: "
     plugins.check_word(sensor)
     plugins.check_kernel(sensor.observe, OBSERVE, 5, what + "observe")
     for field in ("quantities", "states"):
@@ -100,7 +100,7 @@ def check(sensor: Measurement) -> None:
             )
     if not 1 <= len(sensor.quantities) <= 3:
         raise DataError(f"{what}it has {len(sensor.quantities)} quantities; it must have 1 to 3")
-    with located(what[:-2]):
+    with locate_errors(what[:-2]):
         for quantity in sensor.quantities:
             quantities.REGISTRY.find(quantity)
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
@@ -110,10 +110,10 @@ def check(sensor: Measurement) -> None:
     if len(set(sensor.states)) < len(sensor.states):
         raise DataError(f"{what}two of its states have one name: {', '.join(sensor.states)}")
     if sensor.states:
-        check_number(sensor.state_sd, what + "state_sd", above=0)
+        check_number(sensor.state_std, what + "state_std", above=0)
     check_number(sensor.state_walk, what + "state_walk", least=0)
 
 
 REGISTRY = plugins.Registry(
-    Measurement, "no aiding is of kind", lambda name: _own().get(name), own_names, check
+    MeasurementModel, "no aiding is of kind", lambda name: _own_models().get(name), own_names, check
 )

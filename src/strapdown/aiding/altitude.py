@@ -1,6 +1,6 @@
 """Ellipsoidal height of a point of the body: y = m."""
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, helper, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
 from ..core.mathematics.rotation import rotate_vector
 from ..typing import Array
 
@@ -12,7 +12,7 @@ def height(
     """One row, down: estimated height of the point at the lever arm source.parameters[0:3] (m, body) -
     measured, m."""
     north, east, down = rotate_vector(
-        belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
+        belief.C_nb, source.parameters[0], source.parameters[1], source.parameters[2]
     )
     innovation[0] = belief.lla[2] - measured - down
     H[0, 2] = 1.0
@@ -26,7 +26,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return height(belief, y[0], source, innovation, H)
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "altitude",
     observe,
     ("length",),

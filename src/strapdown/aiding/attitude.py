@@ -8,7 +8,7 @@ pitch and heading of a body that is not steep, and no pitch is singular.
 
 import math
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..core.mathematics.rotation import euler_terms, measured_heading, rotation_between
 from ..typing import Array
 
@@ -16,9 +16,9 @@ from ..typing import Array
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: rotation vector forward, right, down, rad."""
-    heading = measured_heading(y, belief.C)
+    heading = measured_heading(y, belief.C_nb)
     ch, sh = math.cos(heading), math.sin(heading)
-    north, east, down = rotation_between(belief.C, euler_terms(y[0], y[1], heading))
+    north, east, down = rotation_between(belief.C_nb, euler_terms(y[0], y[1], heading))
     innovation[0], innovation[1], innovation[2] = (
         ch * north + sh * east,
         ch * east - sh * north,
@@ -30,7 +30,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return 3
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "attitude",
     observe,
     ("angle", "angle", "angle"),

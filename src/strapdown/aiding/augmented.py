@@ -46,13 +46,13 @@ def turned_back(C: Array, a: Three) -> Three:
 def any_of(belief: FilterState, source: SourceRow) -> bool:
     """True where any parameter of the installation of a source is a state. Tests the filter first,
     because firmware has no such states, and skips the rest then."""
-    return belief.extra_states.size > 0 and source.estimated > 0
+    return belief.augmented.size > 0 and source.estimated > 0
 
 
 @helper
 def error(belief: FilterState, state: int) -> float:
     """The estimated error of a parameter; 0 of one that is no state."""
-    return belief.extra_states[state - STATES] if state > 0 else 0.0
+    return belief.augmented[state - STATES] if state > 0 else 0.0
 
 
 @helper
@@ -122,7 +122,7 @@ def axis_by_mounting(k: int, i: int, belief: FilterState, source: SourceRow) -> 
 def along_arm(belief: FilterState, source: SourceRow, H: Array, swings: bool, rate: Three) -> None:
     """Columns of the lever arm and of the mounting, which turns it, of a position or, where the
     arm `swings` at a rate (rad/s, body), of a velocity."""
-    C, M, l = belief.C, source.turn, arm_of_vehicle(belief, source)
+    C, M, l = belief.C_nb, source.turn, arm_of_vehicle(belief, source)
     for k in range(3):
         unit = axis(k)
         arm, turn = unit, cross(l, unit)
@@ -136,7 +136,7 @@ def along_arm(belief: FilterState, source: SourceRow, H: Array, swings: bool, ra
 def bias_since(belief: FilterState, source: SourceRow) -> Three:
     """The accelerometer bias less that of which `force`, `lag` and `force_then` are free, m/s^2: not zero at
     the points of a filter that tries some."""
-    b = belief.ba
+    b = belief.b_a
     return (
         b[0] - source.bias_then[0],
         b[1] - source.bias_then[1],
@@ -163,7 +163,7 @@ def by_attitude(H: Array, x: Three) -> None:
 def position(belief: FilterState, source: SourceRow, innovation: Array, H: Array) -> None:
     """Correct an innovation y - p (m, NED) of an antenna's position, and its H, for the states of
     the installation."""
-    C, M, v = belief.C, source.turn, belief.v
+    C, M, v = belief.C_nb, source.turn, belief.v_n
     later = error(belief, source.clock_state) - source.clock
     age = source.age - later
     omega, l = rate_then(belief, source), arm_of_body(belief, source)
@@ -216,7 +216,7 @@ def rate_then(belief: FilterState, source: SourceRow) -> Three:
 def velocity(belief: FilterState, source: SourceRow, innovation: Array, H: Array) -> None:
     """Correct an innovation y - v (m/s, NED) of an antenna's velocity, and its H, for the states of
     the installation."""
-    C, M = belief.C, source.turn
+    C, M = belief.C_nb, source.turn
     later = error(belief, source.clock_state) - source.clock
     age = source.age - later
     omega, l = rate_then(belief, source), arm_of_body(belief, source)
@@ -263,7 +263,7 @@ def along(
     k: int, belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> None:
     """One row: y - velocity of a point along axis k of the vehicle, times 1 + scale."""
-    C, M, v, r = belief.C, source.turn, belief.v, source.gravity
+    C, M, v, r = belief.C_nb, source.turn, belief.v_n, source.gravity
     later = error(belief, source.clock_state) - source.clock
     age, scale = source.age - later, 1.0 + error(belief, source.scale_state)
     omega, l = (
@@ -332,7 +332,7 @@ def acceleration_then(C: Array, source: SourceRow, bias: Three) -> Three:
 @helper
 def heading(belief: FilterState, source: SourceRow, H: Array) -> float:
     """Heading of the x axis of the vehicle, rad, and its row of H."""
-    C, u = belief.C, axis_of_vehicle(0, belief, source)
+    C, u = belief.C_nb, axis_of_vehicle(0, belief, source)
     n, e, d = rotate_vector(C, u[0], u[1], u[2])
     square = max(n * n + e * e, 1e-12)
     H[0, 6], H[0, 7], H[0, 8] = -d * n / square, -d * e / square, 1.0

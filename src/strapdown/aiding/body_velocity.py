@@ -4,7 +4,7 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, helper, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
 from ..typing import Array
 from . import augmented
 
@@ -18,7 +18,7 @@ def along(
     if augmented.any_of(belief, source):
         augmented.along(axis, belief, y, source, innovation, H)
         return 1
-    C, v, w = belief.C, belief.v, belief.omega
+    C, v, w = belief.C_nb, belief.v_n, belief.omega
     i, j = (axis + 1) % 3, (axis + 2) % 3
     c0, c1, c2 = C[0, axis], C[1, axis], C[2, axis]
     innovation[0] = (
@@ -58,33 +58,33 @@ def observe_vertical(
     return along(2, belief, y, source, innovation, H)
 
 
-FORWARD = Measurement(
+FORWARD = MeasurementModel(
     "speed",
     observe_speed,
     ("speed",),
     parameters="reference",
-    estimable=("clock", "mounting", "scale"),
+    calibration_parameters=("clock", "mounting", "scale"),
     reference="odometer: Groves (2013) section 16.3",
     lanes=True,
 )
-LATERAL = Measurement(
+LATERAL = MeasurementModel(
     "zero-lateral-velocity",
     observe_lateral,
     ("speed",),
     parameters="reference",
     recorded=False,
     slips=True,
-    estimable=("mounting",),
+    calibration_parameters=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
     lanes=True,
 )
-VERTICAL = Measurement(
+VERTICAL = MeasurementModel(
     "zero-vertical-velocity",
     observe_vertical,
     ("speed",),
     parameters="reference",
     recorded=False,
-    estimable=("mounting",),
+    calibration_parameters=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
     lanes=True,
 )

@@ -9,7 +9,7 @@ standard deviations.
 import math
 
 from ..core.compile.selection import all_of, where
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import rotate_vector, wrap
 from ..typing import Array
@@ -20,12 +20,12 @@ MIN_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: y - course, wrapped, rad; NaN where there is none."""
-    C, w = belief.C, belief.omega
+    C, w = belief.C_nb, belief.omega
     l0, l1, l2 = source.parameters[0], source.parameters[1], source.parameters[2]
     by_turning = rotate_vector(
         C, w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0
     )
-    north, east = belief.v[0] + by_turning[0], belief.v[1] + by_turning[1]
+    north, east = belief.v_n[0] + by_turning[0], belief.v_n[1] + by_turning[1]
     square = north * north + east * east
     doubt = SURELY * SURELY * max(belief.P[3, 3], belief.P[4, 4])
     least = max(MIN_SPEED * MIN_SPEED, doubt)
@@ -46,7 +46,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return 1
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "course",
     observe,
     ("angle",),

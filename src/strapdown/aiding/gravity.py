@@ -3,10 +3,10 @@ bodies that stand, float or move steadily.
 
 With true C = exp(theta) C and f = f_measured - b_a, -(C f + g) = theta x (C f) - C delta b_a for
 the estimated C and f, m/s^2 in n: three rows, the third for the bias alone. An acceleration of the
-body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
+body goes into the attitude as its angle against g; its standard deviation is what `std` must say.
 """
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..core.mathematics.earth import gravity, gravity_north, place
 from ..core.mathematics.rotation import rotate_vector
 from ..typing import Array
@@ -15,7 +15,7 @@ from ..typing import Array
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
-    C, f = belief.C, belief.f
+    C, f = belief.C_nb, belief.f
     n0, n1, n2 = rotate_vector(C, f[0], f[1], f[2])
     h = belief.lla[2]
     sine, cosine, _, _ = place(belief.lla[0], h)
@@ -33,7 +33,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return 3
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "gravity",
     observe,
     ("acceleration", "acceleration", "acceleration"),

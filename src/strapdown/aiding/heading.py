@@ -1,7 +1,7 @@
 """Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at
 every heading (the published compass row is not)."""
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import wrap
 from ..typing import Array
@@ -14,7 +14,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     if augmented.any_of(belief, source):
         innovation[0] = wrap(y[0] - augmented.heading(belief, source, H))
         return 1
-    C = belief.C
+    C = belief.C_nb
     # zero where the x axis points up or down
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)
     innovation[0] = wrap(y[0] - arctangent2(C[1, 0], C[0, 0]))
@@ -24,11 +24,11 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return 1
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "heading",
     observe,
     ("angle",),
-    estimable=("mounting",),
+    calibration_parameters=("mounting",),
     reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected",
     lanes=True,
 )

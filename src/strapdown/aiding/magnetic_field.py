@@ -6,14 +6,14 @@ right: where only its direction in the horizontal plane is to be trusted, the at
 that.
 """
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..typing import Array
 
 
 @kernel(OBSERVE)
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: y - field in the body, T; source.parameters[0:3] is the reference, T NED."""
-    C, m0, m1, m2 = belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
+    C, m0, m1, m2 = belief.C_nb, source.parameters[0], source.parameters[1], source.parameters[2]
     for i in range(3):
         innovation[i] = y[i] - C[0, i] * m0 - C[1, i] * m1 - C[2, i] * m2
         H[i, 6] = C[1, i] * m2 - C[2, i] * m1
@@ -22,7 +22,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return 3
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "magnetic-field",
     observe,
     ("magnetic field", "magnetic field", "magnetic field"),

@@ -1,6 +1,6 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..core.mathematics.earth import radii
 from ..core.mathematics.elementary import cosine
 from ..core.mathematics.rotation import rotate_vector, wrap
@@ -19,7 +19,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
         augmented.position(belief, source, innovation, H)
         return 3
     l0, l1, l2 = rotate_vector(
-        belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
+        belief.C_nb, source.parameters[0], source.parameters[1], source.parameters[2]
     )
     innovation[0] -= l0
     innovation[1] -= l1
@@ -31,12 +31,12 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return 3
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "position",
     observe,
     ("latitude", "longitude", "length"),
     parameters="antenna",
-    estimable=("clock", "lever-arm", "mounting"),
+    calibration_parameters=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",
     lanes=True,
 )

@@ -12,7 +12,7 @@ from ..core.loop.contract import (
     OBSERVE,
     STATES,
     FilterState,
-    Measurement,
+    MeasurementModel,
     SourceRow,
     helper,
     kernel,
@@ -49,7 +49,7 @@ def biased_height(
     """One row, down: estimated height of the point + bias - measured, m."""
     bias = source.first_state
     H[0, bias] = -1.0
-    return height(belief, measured - belief.extra_states[bias - STATES], source, innovation, H)
+    return height(belief, measured - belief.augmented[bias - STATES], source, innovation, H)
 
 
 @kernel(OBSERVE)
@@ -67,8 +67,8 @@ def observe_altitude(
 
 
 # the walk: 6 m an hour, where 1 hPa of weather is 8 m
-BAROMETER_BIAS: dict[str, Any] = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)
-MEASUREMENT = Measurement(
+BAROMETER_BIAS: dict[str, Any] = dict(states=("bias [m]",), state_std=150.0, state_walk=0.1)
+MEASUREMENT = MeasurementModel(
     "pressure",
     observe,
     ("pressure",),
@@ -76,7 +76,7 @@ MEASUREMENT = Measurement(
     reference="ICAO Doc 7488; Groves (2013) section 6.2.1",
     **BAROMETER_BIAS,
 )
-ALTITUDE = Measurement(
+ALTITUDE = MeasurementModel(
     "pressure-altitude",
     observe_altitude,
     ("length",),

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ..checks import DataError
-from ..core.loop.contract import STATES, FilterState, Measurement, Observe
+from ..core.loop.contract import STATES, FilterState, MeasurementModel, Observe
 from ..core.mathematics.source import new_source
 from ..typing import Array
 
@@ -40,7 +40,7 @@ MARGIN, UNTOUCHED = 4096, 12345.678
 EARTH_RADIUS = 6.37e6  # m: near enough for a comparison to a tenth
 
 
-def derivative_complaints(sensor: Measurement, observe: Observe) -> list[str]:
+def derivative_complaints(sensor: MeasurementModel, observe: Observe) -> list[str]:
     """Sentences on derivatives in H that differ from the change of the innovation. Raises DataError
     where the observation returns another number of rows than it has quantities, writes beside its
     arrays or fails."""
@@ -77,7 +77,7 @@ def _belief(turn: tuple[float, float, float], extra: int, dx: Array | None = Non
 
 
 def _call_observation(
-    sensor: Measurement, observe: Observe, belief: FilterState, measured: Array
+    sensor: MeasurementModel, observe: Observe, belief: FilterState, measured: Array
 ) -> tuple[Array, Array]:
     """(H, innovation) of its rows, of which there may be none. Raises DataError."""
     n, rows = len(belief.P), len(sensor.quantities)
@@ -107,7 +107,7 @@ def _call_observation(
     return H[: int(found)].copy(), innovation[: int(found)].copy()
 
 
-def _nearest(sensor: Measurement, observe: Observe, belief: FilterState) -> Array:
+def _nearest(sensor: MeasurementModel, observe: Observe, belief: FilterState) -> Array:
     """Measured values whose innovation is as good as 0, by Newton's method: H belongs to small
     ones."""
     y = np.array([TYPICAL.get(quantity, 1.0) for quantity in sensor.quantities])
@@ -125,7 +125,7 @@ def _nearest(sensor: Measurement, observe: Observe, belief: FilterState) -> Arra
 
 
 def _differences(
-    sensor: Measurement, observe: Observe, turn: tuple[float, float, float]
+    sensor: MeasurementModel, observe: Observe, turn: tuple[float, float, float]
 ) -> list[str]:
     """Sentences on the derivatives of H that are not those of the innovation."""
     extra = len(sensor.states)
@@ -150,7 +150,7 @@ def _differences(
     ]
 
 
-def _state(sensor: Measurement, i: int) -> str:
+def _state(sensor: MeasurementModel, i: int) -> str:
     if i >= STATES:
         return sensor.states[i - STATES]
     part, unit, _ = PARTS[i // 3]

@@ -1,11 +1,11 @@
-"""A floating body heaves about mean sea level. The waves are the noise: `sd` is that of the heave,
+"""A floating body heaves about mean sea level. The waves are the noise: `std` is that of the heave,
 m.
 
 y is the height of mean sea level above the ellipsoid, m: the undulation of the geoid where heights
 are ellipsoidal, 0 where heave is all that is wanted.
 """
 
-from ..core.loop.contract import OBSERVE, FilterState, Measurement, SourceRow, kernel
+from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, kernel
 from ..typing import Array
 from .altitude import height
 
@@ -17,7 +17,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
     return height(belief, y[0], source, innovation, H)
 
 
-MEASUREMENT = Measurement(
+MEASUREMENT = MeasurementModel(
     "zero-sea-level",
     observe,
     ("length",),

@@ -11,15 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.loop.contract import Imu
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..geometry.geodesy import displacement
 from ..preprocessing.stationary import at_rest
-from ..preprocessing.unbroken import is_unbroken, unbroken
+from ..preprocessing.unbroken import is_unbroken, unbroken_stretches
 from ..typing import Array
 from .first_fixes import velocities
-from .initial_heading import UNKNOWN_SD, HeadingFound
+from .initial_heading import UNKNOWN_STD, HeadingFound
 
-COURSE_SD = np.radians(15.0)  # sideslip, and the crab of what is fast against the wind
+COURSE_STD = np.radians(15.0)  # sideslip, and the crab of what is fast against the wind
 DRIFT = 0.5  # m/s across the forward axis: wind, current, a step aside
 SURE = 5.0
 """Standard deviations that a speed must exceed to have a course: of noise one in 3e5 does."""
@@ -38,7 +38,7 @@ class Courses(NamedTuple):
 
     t: Array  # (n,) s
     v: Array  # (n, 2) m/s, north and east
-    sd: Array  # (n,) m/s, of either
+    std: Array  # (n,) m/s, of either
     turned: Array  # (n,) rad: by how much the body turned meanwhile
 
     @property
@@ -49,15 +49,15 @@ class Courses(NamedTuple):
     @property
     def noise(self) -> Array:
         """(n,) rad: standard deviation of the course as the heading at its fix, but for drift."""
-        return np.hypot(self.sd / np.maximum(self.speed, 1e-9), 0.5 * self.turned)
+        return np.hypot(self.std / np.maximum(self.speed, 1e-9), 0.5 * self.turned)
 
 
-def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
+def courses(imu: Imu, position: Source, velocity: Source | None) -> Courses:
     """The Courses of a velocity source, else of displacements between positions: each over 1, 2, 4,
     ... intervals within `MAX_SPAN` seconds."""
-    t, v, sd = velocities(position, velocity)
+    t, v, std = velocities(position, velocity)
     angle = np.cumsum(_turns(imu, t), axis=0)
-    best = Courses(t, v[:, :2].copy(), _rms(sd), np.zeros(len(t)))
+    best = Courses(t.copy(), v[:, :2].copy(), _rms(std), np.zeros(len(t)))
     for several in 2 ** np.arange(1, max(1, len(t).bit_length())):
         last = slice(int(several) - 1, None)
         first = slice(None, len(t) - int(several) + 1)
@@ -76,11 +76,11 @@ def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
     return best
 
 
-def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
-    """Return means (k, 2) of `several` velocities in a row, over `span` (s), and their sd (k,).
+def _mean(velocity: Source, several: int, span: Array) -> tuple[Array, Array]:
+    """Return means (k, 2) of `several` velocities in a row, over `span` (s), and their std (k,).
     Those of one second count as one: their errors are alike."""
     v = np.cumsum(np.vstack([np.zeros(2), velocity.y[:, :2]]), axis=0)
-    variance = np.cumsum(np.r_[0.0, _rms(velocity.sd) ** 2])
+    variance = np.cumsum(np.r_[0.0, _rms(velocity.std) ** 2])
     independent = np.clip(span + 1.0, 1.0, several)
     return (
         (v[several:] - v[:-several]) / several,
@@ -88,31 +88,31 @@ def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
     )
 
 
-def _displacement_rate(position: Aiding, several: int) -> tuple[Array, Array]:
-    """Return displacements (k, 2) over `several` intervals by their time, m/s, and sd (k,)."""
+def _displacement_rate(position: Source, several: int) -> tuple[Array, Array]:
+    """Return displacements (k, 2) over `several` intervals by their time, m/s, and std (k,)."""
     seconds = position.t[several:] - position.t[:-several]
     moved = displacement(position.y[several:], position.y[:-several])[:, :2]
     return moved / seconds[:, None], np.hypot(
-        _rms(position.sd[several:]), _rms(position.sd[:-several])
+        _rms(position.std[several:]), _rms(position.std[:-several])
     ) / seconds
 
 
-def _rms(sd: Array) -> Array:
-    return np.sqrt(np.mean(sd[:, :2] ** 2, axis=1))
+def _rms(std: Array) -> Array:
+    return np.sqrt(np.mean(std[:, :2] ** 2, axis=1))
 
 
 def _turns(imu: Imu, t: Array) -> Array:
     """(n, 3) rad: what the gyros sum up to before each of these times since the one before."""
     rows = np.minimum(np.searchsorted(imu.t, t, side="right"), len(imu.t) - 1)
     dtheta = imu.dtheta.copy()
-    dtheta[unbroken(imu)[1:, 0], 2] += UNSEEN_TURN
+    dtheta[unbroken_stretches(imu)[1:, 0], 2] += UNSEEN_TURN
     sums = np.add.reduceat(dtheta, rows, axis=0)
     sums[:-1][rows[1:] == rows[:-1]] = 0.0  # where no sample lies between
     return np.vstack([np.zeros(3), sums[:-1]])
 
 
 def heading_of(courses: Courses, imu: Imu, t: float) -> HeadingFound | None:
-    """The HeadingFound heading at t, by the courses before and after; None where neither is sure."""
+    """The HeadingFound at t, by the courses before and after; None where neither is sure."""
     after = int(np.searchsorted(courses.t, t))
     near = [
         k
@@ -130,19 +130,19 @@ def heading_of(courses: Courses, imu: Imu, t: float) -> HeadingFound | None:
         v = (1 - share) * courses.v[near[0]] + share * courses.v[near[1]]
     away = np.linalg.norm(_turns(imu, np.sort([courses.t[k], t]))[1])
     speed = np.hypot(*v)
-    sd = np.linalg.norm([COURSE_SD, DRIFT / speed, courses.noise[k], away])
+    std = np.linalg.norm([COURSE_STD, DRIFT / speed, courses.noise[k], away])
     return HeadingFound(
         float(np.arctan2(v[1], v[0])),
-        float(min(sd, UNKNOWN_SD)),
+        float(min(std, UNKNOWN_STD)),
         f"heading from the course at {speed:.1f} m/s",
     )
 
 
 def is_sure(courses: Courses, imu: Imu, k: int) -> bool:
     """True where velocity k has a course: its speed stands out from its noise."""
-    if not courses.speed[k] > SURE * courses.sd[k]:
+    if not courses.speed[k] > SURE * courses.std[k]:
         return False
-    return bool(courses.speed[k] > SURE_AT_REST * courses.sd[k]) or not _still(imu, courses.t[k])
+    return bool(courses.speed[k] > SURE_AT_REST * courses.std[k]) or not _still(imu, courses.t[k])
 
 
 def _still(imu: Imu, t: float) -> bool:
@@ -158,7 +158,7 @@ def best_instant(courses: Courses, imu: Imu) -> int | None:
     """The place of the course to start at: the first faster than `MOVING` where one comes within
     `WAIT` seconds of the first, else the first; None without any."""
     first = None
-    for k in np.flatnonzero(courses.speed > SURE * courses.sd):
+    for k in np.flatnonzero(courses.speed > SURE * courses.std):
         if first is not None and courses.t[k] > courses.t[first] + WAIT:
             break
         if (first is None or courses.speed[k] > MOVING) and is_sure(courses, imu, int(k)):

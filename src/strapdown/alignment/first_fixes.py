@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..geometry.geodesy import displacement
 from ..typing import Array
 from .location import has_location
@@ -21,13 +21,13 @@ class Velocities(NamedTuple):
 
     t: Array  # (n,) s
     v: Array  # (n, 3) m/s
-    sd: Array  # (n, 3) m/s
+    std: Array  # (n, 3) m/s
 
 
-def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Aiding | None:
+def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Source | None:
     """The first source of that kind with a fix within the IMU's time whose `needed` components
     are all there, those fixes only; or None."""
-    for a in recording.aidings:
+    for a in recording.sources:
         usable = (
             np.isfinite(a.y[:, needed]).all(axis=1)
             & has_location(a)
@@ -41,7 +41,7 @@ def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Aidi
     return None
 
 
-def position_and_velocity(recording: Recording) -> tuple[Aiding | None, Aiding | None]:
+def position_and_velocity(recording: Recording) -> tuple[Source | None, Source | None]:
     """The `source` of positions, and that of velocities from the first position on, whose vertical
     part is the climb of the positions where it was not measured."""
     position, velocity = source(recording, "position"), source(recording, "velocity", HORIZONTAL)
@@ -51,20 +51,20 @@ def position_and_velocity(recording: Recording) -> tuple[Aiding | None, Aiding |
     if velocity is None or (velocity.y.shape[1] == 3 and np.isfinite(velocity.y).all()):
         return position, velocity
     lacking = ((0, 0), (0, 3 - velocity.y.shape[1]))
-    v, sd = (np.pad(each, lacking, constant_values=np.nan) for each in (velocity.y, velocity.sd))
+    v, std = (np.pad(each, lacking, constant_values=np.nan) for each in (velocity.y, velocity.std))
     missing = ~np.isfinite(v[:, 2])
-    v[missing, 2], sd[missing, 2] = 0.0, UNKNOWN_SPEED
+    v[missing, 2], std[missing, 2] = 0.0, UNKNOWN_SPEED
     if position is not None and len(position.t) > 1:
         climb = velocities(position, None)
-        for column, of_climb in ((v, climb.v), (sd, climb.sd)):
+        for column, of_climb in ((v, climb.v), (std, climb.std)):
             column[missing, 2] = np.interp(velocity.t[missing], climb.t, of_climb[:, 2])
-    return position, replace(velocity, y=v, sd=sd)
+    return position, replace(velocity, y=v, std=std)
 
 
-def velocities(position: Aiding, velocity: Aiding | None) -> Velocities:
+def velocities(position: Source, velocity: Source | None) -> Velocities:
     """Return the velocities of the velocity source, else differences of positions."""
     if velocity is not None:
-        return Velocities(velocity.t, velocity.y, velocity.sd)
+        return Velocities(velocity.t, velocity.y, velocity.std)
     _, first = np.unique(position.t, return_index=True)  # two fixes of one time have no velocity
     position = position._where(np.isin(np.arange(len(position.t)), first))
     if len(position.t) < 2:
@@ -73,5 +73,5 @@ def velocities(position: Aiding, velocity: Aiding | None) -> Velocities:
     return Velocities(
         position.t[1:],
         displacement(position.y[1:], position.y[:-1]) / step,
-        np.hypot(position.sd[1:], position.sd[:-1]) / step + UNKNOWN_CHANGE,
+        np.hypot(position.std[1:], position.std[:-1]) / step + UNKNOWN_CHANGE,
     )

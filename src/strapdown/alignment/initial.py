@@ -2,7 +2,7 @@
 level from specific force, heading from what there is.
 
 The start is the first position fix; where the heading can only come from the course, the fix that is
-best for that (course.py). A filter of attitude alone needs no fix and starts with the record. Everything
+best for that (course_heading.py). A filter of attitude alone needs no fix and starts with the record. Everything
 found is stated in `InitialState.note` and can be overridden with `InitialState._replace`. Source: Groves (2013)
 section 5.6.
 """
@@ -12,27 +12,27 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..checks import DataError, brief
+from ..checks import DataError
 from ..core.loop.contract import Imu, InitialState
 from ..core.mathematics.earth import GRAVITY_EQUATOR, gravity
 from ..core.mathematics.rotation import matrix_to_euler
-from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.recording import Recording, check_recording
+from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
 from ..geometry.geodesy import displace_lla, displacement
 from ..geometry.rotation_products import running_matrices
 from ..preprocessing.lever_arm import lever_arm_std
 from ..preprocessing.unbroken import is_covered, is_unbroken, nearest_felt
+from ..sensor_models.imu import GivenImu, ImuSpec, required_imu
 from ..typing import Array, Ints
 from .course_heading import SURE, best_instant, courses, heading_of
 from .first_fixes import UNKNOWN_SPEED, position_and_velocity, source, velocities
 from .initial_heading import (
-    LEVEL_SD_MOVING,
-    LEVEL_SD_REST,
-    UNKNOWN_SD,
+    LEVEL_STD_MOVING,
+    LEVEL_STD_REST,
+    UNKNOWN_STD,
     HeadingFound,
     MeanForce,
-    StatesBiases,
     earth_rate_heading,
     magnetic_heading,
     mean_force,
@@ -41,7 +41,7 @@ from .location import place_of
 from .rest import gyro_bias, moves, rests, unsteadiness
 from .static_attitude import body_to_navigation, level
 
-LEVEL_SD_GUESSED = np.radians(15.0)
+LEVEL_STD_GUESSED = np.radians(15.0)
 UNKNOWN_ACCELERATION = 3.0  # m/s^2: what a velocity may change by between fixes
 RECORD_AGE = 1.0  # s that a record of the attitude may be away from the start
 REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
@@ -58,21 +58,55 @@ Level: TypeAlias = tuple[float, float, float | Array, str]
 
 def align(
     recording: Recording,
-    imu: StatesBiases,
+    imu: GivenImu | None = None,
+    *,
     heading: float | None = None,
-    heading_sd: float = np.radians(2.0),
+    heading_std: float = np.radians(2.0),
     at: float | None = None,
     position: bool = True,
 ) -> InitialState:
-    """An InitialState for `recording`, whose IMU is the ImuSpec `imu`.
+    """Return where a filter begins on a recording: position, velocity, attitude and their
+    uncertainties.
 
-    heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another
-    instant (then the fixes next to it are used). position: False for a filter that estimates
-    attitude without position: it starts with the record and needs no fix. Raises DataError where
-    there is no position fix to start from, or no specific force to level by.
+    Parameters
+    ----------
+    recording : Recording
+        Of an IMU and, unless `position` is False, fixes of the position.
+    imu : ImuSpec, str, path or dict, optional
+        Errors of its IMU, or the name of its grade, as of `imu`; else those that the recording
+        names.
+    heading, heading_std : float
+        rad, clockwise from true north, where you know it; else it is found from the recording.
+    at : float, optional
+        s, another instant than the first that fits; the fixes next to it are used.
+    position : bool
+        False for a filter of attitude alone, which starts with the record and needs no fix.
+
+    Returns
+    -------
+    InitialState
+        Its `note` says how each part was found.
+
+    Raises
+    ------
+    DataError
+        Where there is no position fix to start from or no specific force to level by, and where
+        neither `imu` nor the recording says which IMU it is.
+
+    References
+    ----------
+    Groves (2013), section 5.6.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> recording = sd.simulate("car", 60.0, seed=1)
+    >>> start = sd.align(recording, "tactical")
+    >>> len(start.lla), len(start.std)
+    (3, 15)
     """
-    if not hasattr(imu, "bias_sd"):
-        raise DataError(f"imu is {brief(imu)}; it must be an ImuSpec, such as sd.grade('tactical')")
+    check_recording(recording)
+    spec = required_imu(recording.meta.get("grade") if imu is None else imu)
     if at is not None and not recording.span[0] <= at < recording.span[1]:
         raise DataError(
             f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to "
@@ -86,27 +120,27 @@ def align(
     given = (
         None
         if heading is None
-        else HeadingFound(float(heading), float(heading_sd), "heading given")
+        else HeadingFound(float(heading), float(heading_std), "heading given")
     )
     if not position:
-        return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
+        return _attitude_start(recording, spec, given, recording.span[0] if at is None else at)
     fixes, velocity = position_and_velocity(recording)
     if fixes is None:
         raise DataError(
-            "no position fix to start from: add a position aiding, or give start= (in Python), "
+            "no position fix to start from: add a source of positions, or give start= (in Python), "
             "or choose a filter of attitude alone (attitude-mekf, mahony, vru)"
         )
     if at is None:
         first = _first_felt(recording, fixes.t)
-        heading_known = _heading(recording, imu, first, given, np.zeros(3), fixes.y[0]).known
+        heading_known = _heading(recording, spec, first, given, np.zeros(3), fixes.y[0]).known
         at = first if heading_known else _instant(recording, fixes, velocity)
-    moment = _moment(recording, imu, fixes, velocity, at)
-    found = _heading(recording, imu, at, given, moment.bg, fixes.y[moment.nearest])
+    moment = _moment(recording, spec, fixes, velocity, at)
+    found = _heading(recording, spec, at, given, moment.b_g, fixes.y[moment.nearest])
     return _start_heading(recording, moment, _or_course(found, recording, fixes, velocity, at))
 
 
 def starts_around(
-    recording: Recording, imu: StatesBiases, t: float, headings: Iterable[HeadingFound]
+    recording: Recording, imu: ImuSpec, t: float, headings: Iterable[HeadingFound]
 ) -> list[InitialState]:
     """Starts at t (s), one for each of these headings."""
     fixes, velocity = position_and_velocity(recording)
@@ -120,39 +154,39 @@ class _Felt(NamedTuple):
 
     f: Array  # (3,) specific force, m/s^2, in the body as it is then
     acceleration: Array  # (3,) m/s^2, NED, by the fixes
-    sd: float  # rad, of the level that both tell
+    std: float  # rad, of the level that both tell
 
 
 class _Moment(NamedTuple):
     """The data of an instant that its heading and its level are found from."""
 
     t: float  # s
-    fixes: Aiding  # positions
+    fixes: Source  # positions
     nearest: int  # row of them
-    velocity: Aiding | None
+    velocity: Source | None
     v: Array  # m/s NED
-    v_sd: Array  # m/s
+    v_std: Array  # m/s
     rest: list[Ints]  # that begin before t
     omega: Array  # rad/s, body
     f: Array  # m/s^2, body
     spin: Array  # rad/s^2, body
-    bg: Array  # rad/s, gyro bias
-    bias_sd: Array  # m/s^2 and rad/s, of both biases
+    b_g: Array  # rad/s, gyro bias
+    bias_std: Array  # m/s^2 and rad/s, of both biases
     force: MeanForce | None
     felt: _Felt | None  # None where a rest tells the level, or fixes are too few
     note: str  # on the gyro bias
 
-    def rested(self, imu: Imu) -> bool:
+    def gives_level(self, imu: Imu) -> bool:
         """True where a rest gives the level."""
         return _age(imu, self.rest, self.t) < REST_AGE
 
 
 def _moment(
-    recording: Recording, imu: StatesBiases, fixes: Aiding, velocity: Aiding | None, t: float
+    recording: Recording, imu: ImuSpec, fixes: Source, velocity: Source | None, t: float
 ) -> _Moment:
     rest = rests(recording, t)
-    bg, bg_sd, note = gyro_bias(recording.imu, imu, t, rest)
-    b_a_sd = imu.bias_sd()[0]
+    b_g, bg_std, note = gyro_bias(recording.imu, imu, t, rest)
+    b_a_std = imu.bias_std()[0]
     moment = _Moment(
         t,
         fixes,
@@ -160,10 +194,10 @@ def _moment(
         velocity,
         *_velocity(fixes, velocity, t),
         rest.before,
-        *_rates(recording, t, bg),
-        bg,
-        np.r_[np.full(3, b_a_sd), bg_sd],
-        mean_force(recording, t, bg),
+        *_rates(recording, t, b_g),
+        b_g,
+        np.r_[np.full(3, b_a_std), bg_std],
+        mean_force(recording, t, b_g),
         None,
         note,
     )
@@ -174,33 +208,33 @@ def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound)
     """The InitialState at that moment and heading."""
     t, fixes, k = moment.t, moment.fixes, moment.nearest
     psi = heading.heading
-    roll, pitch, level_sd, level_note = (
-        _level_at_rest(moment.force, moment.bias_sd[0], _sways(recording.imu, moment.rest))
+    roll, pitch, level_std, level_note = (
+        _level_at_rest(moment.force, moment.bias_std[0], _sways(recording.imu, moment.rest))
         if heading.at_rest and moment.force
         else _level(recording, moment, heading)
     )
-    if record := _recorded_attitude(recording, t, moment.bg):
-        roll, pitch, level_sd, level_note = _level_recorded(record, psi)
+    if record := _recorded_attitude(recording, t, moment.b_g):
+        roll, pitch, level_std, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
     arm, swinging = C @ _arm(fixes), _arm(moment.velocity)
     swing = C @ np.cross(moment.omega, swinging)
     v = moment.v - swing
     lla = displace_lla(fixes.y[k], v * (t - fixes.t[k]) - arm)
-    attitude_sd = np.r_[np.broadcast_to(level_sd, 2), heading.sd]
+    attitude_std = np.r_[np.broadcast_to(level_std, 2), heading.std]
     # what an error of the attitude, and of the rate, does to the lever arms
-    v_sd = np.hypot(
-        lever_arm_std(moment.v_sd, swing, attitude_sd),
-        np.linalg.norm(moment.bias_sd[3:]) * np.linalg.norm(swinging),
+    v_std = np.hypot(
+        lever_arm_std(moment.v_std, swing, attitude_std),
+        np.linalg.norm(moment.bias_std[3:]) * np.linalg.norm(swinging),
     )
-    lla_sd = lever_arm_std(np.hypot(fixes.sd[k], abs(t - fixes.t[k]) * v_sd), arm, attitude_sd)
-    sd = [*lla_sd, *v_sd, *attitude_sd, *moment.bias_sd]
+    lla_std = lever_arm_std(np.hypot(fixes.std[k], abs(t - fixes.t[k]) * v_std), arm, attitude_std)
+    std = [*lla_std, *v_std, *attitude_std, *moment.bias_std]
     return _start(
         t,
         lla,
         v,
         (roll, pitch, psi),
-        moment.bg,
-        sd,
+        moment.b_g,
+        std,
         f"position and velocity at {t:.2f} s, {heading.note}, {level_note}, {moment.note}",
     )._replace(motion=_motion(moment, C, lla, v))
 
@@ -219,8 +253,8 @@ def _start(
     lla: Array,
     v: Array,
     rph: tuple[float, float, float],
-    bg: Array,
-    sd: Iterable[float],
+    b_g: Array,
+    std: Iterable[float],
     note: str,
 ) -> InitialState:
 
@@ -233,34 +267,34 @@ def _start(
         numbers(v),
         numbers(rph),
         (0.0, 0.0, 0.0),
-        numbers(bg),
-        numbers(sd),
+        numbers(b_g),
+        numbers(std),
         note,
     )
 
 
 def _attitude_start(
-    recording: Recording, imu: StatesBiases, given: HeadingFound | None, t: float
+    recording: Recording, imu: ImuSpec, given: HeadingFound | None, t: float
 ) -> InitialState:
     """An InitialState for a filter of attitude alone: level from rest or else the mean specific force;
     place and velocity as far as they are known."""
     fixes, velocity = position_and_velocity(recording)
-    lla, lla_sd, place_note = _place(recording, fixes, t)
-    v, v_sd = np.zeros(3), np.full(3, UNKNOWN_SPEED)
+    lla, lla_std, place_note = _place(recording, fixes, t)
+    v, v_std = np.zeros(3), np.full(3, UNKNOWN_SPEED)
     if fixes is not None and fixes.t[0] - 1 <= t <= fixes.t[-1] + 1:
-        v, v_sd = _velocity(fixes, velocity, t)
-    b_a_sd = imu.bias_sd()[0]
+        v, v_std = _velocity(fixes, velocity, t)
+    b_a_std = imu.bias_std()[0]
     found = rests(recording, t)
     rest = found.before
-    bg, bg_sd, bias_note = gyro_bias(recording.imu, imu, t, found)
-    place = lla if np.isfinite(lla_sd).all() else None
-    psi, psi_sd, psi_note, still = _or_course(
-        _heading(recording, imu, t, given, bg, place), recording, fixes, velocity, t
+    b_g, bg_std, bias_note = gyro_bias(recording.imu, imu, t, found)
+    place = lla if np.isfinite(lla_std).all() else None
+    psi, psi_std, psi_note, still = _or_course(
+        _heading(recording, imu, t, given, b_g, place), recording, fixes, velocity, t
     )
-    force = mean_force(recording, t, bg)
+    force = mean_force(recording, t, b_g)
     assert force is not None  # samples reach to t
     age = _age(recording.imu, rest, t)
-    record = _recorded_attitude(recording, t, bg)
+    record = _recorded_attitude(recording, t, b_g)
     if force.off > WEIGHTLESS and not record:
         raise DataError(
             f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} "
@@ -271,23 +305,23 @@ def _attitude_start(
     if record:
         levelled = _level_recorded(record, psi)
     elif still or age <= 0:
-        levelled = _level_at_rest(force, b_a_sd, _sways(recording.imu, rest))
+        levelled = _level_at_rest(force, b_a_std, _sways(recording.imu, rest))
     else:
         levelled = min(
-            _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg),
+            _levels_in_motion(recording, t, rest, age, force, b_a_std, b_g),
             key=lambda found: found[2],
         )
-    roll, pitch, level_sd, level_note = levelled
-    lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
-    sd = [*lla_sd, *v_sd, *np.broadcast_to(level_sd, 2), psi_sd, *[b_a_sd] * 3, *bg_sd]
+    roll, pitch, level_std, level_note = levelled
+    lla_std = np.where(np.isfinite(lla_std), lla_std, EARTH_RADIUS)
+    std = [*lla_std, *v_std, *np.broadcast_to(level_std, 2), psi_std, *[b_a_std] * 3, *bg_std]
     when = 0.0 if abs(t) < 0.005 else t
     return _start(
         t,
         lla,
         v,
         (roll, pitch, psi),
-        bg,
-        sd,
+        b_g,
+        std,
         f"attitude at {when:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}",
     )
 
@@ -298,24 +332,24 @@ def _levels_in_motion(
     rest: list[Ints],
     age: float,
     force: MeanForce,
-    b_a_sd: float,
-    bg: Array,
+    b_a_std: float,
+    b_g: Array,
 ) -> list[tuple[float, float, float, str]]:
-    """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it
+    """[(roll, pitch, std, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it
     and the gyros, whose scale errs."""
     found = [
         (
             *level(force.f),
-            float(np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off])),
+            float(np.linalg.norm([LEVEL_STD_MOVING, b_a_std / GRAVITY_EQUATOR, force.off])),
             "level from specific force alone",
         )
     ]
     if age < REST_AGE:
-        roll, pitch, sd, note = _level_from_rest(recording, t, rest, bg, b_a_sd)
+        roll, pitch, std, note = _level_from_rest(recording, t, rest, b_g, b_a_std)
         turned = np.linalg.norm(
             recording.imu.dtheta[slice(*np.searchsorted(recording.imu.t, [t - age, t]))], axis=1
         ).sum()
-        found.append((roll, pitch, np.hypot(sd, GYRO_SCALE * turned), note))
+        found.append((roll, pitch, np.hypot(std, GYRO_SCALE * turned), note))
     return found
 
 
@@ -324,15 +358,15 @@ class AlignmentRecord(NamedTuple):
     down (rad), and the source's name."""
 
     rph: tuple[float, float, float]
-    sd: Array
+    std: Array
     name: str
 
 
-def _recorded_attitude(recording: Recording, t: float, bg: Array) -> AlignmentRecord | None:
-    """The AlignmentRecord of the attitude nearest to t, carried there by the gyros less their bias bg
+def _recorded_attitude(recording: Recording, t: float, b_g: Array) -> AlignmentRecord | None:
+    """The AlignmentRecord of the attitude nearest to t, carried there by the gyros less their bias b_g
     (rad/s); None without one within `RECORD_AGE`."""
     imu = recording.imu
-    for a in recording.aidings:
+    for a in recording.sources:
         near: Ints = (
             np.flatnonzero(np.isfinite(a.y[:, :2]).all(axis=1) & (np.abs(a.t - t) <= RECORD_AGE))
             if a.kind == "attitude"
@@ -341,11 +375,11 @@ def _recorded_attitude(recording: Recording, t: float, bg: Array) -> AlignmentRe
         k = near[np.argmin(np.abs(a.t[near] - t))] if len(near) else -1
         if len(near) and is_unbroken(imu, a.t[k], t):
             between = slice(*np.searchsorted(imu.t, sorted((a.t[k], t)), side="right"))
-            turns = imu.dtheta[between] - bg * imu.dt[between, None]
+            turns = imu.dtheta[between] - b_g * imu.dt[between, None]
             rph = _rotate_attitude(a.y[k], turns, t < a.t[k])
             return AlignmentRecord(
                 rph,
-                np.hypot(a.sd[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()),
+                np.hypot(a.std[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()),
                 a.name or a.kind,
             )
     return None
@@ -363,9 +397,9 @@ def _rotate_attitude(
 
 
 def _level_recorded(record: AlignmentRecord, psi: float) -> tuple[float, float, Array, str]:
-    """Roll, pitch, their sd about north and east, and a note: from a AlignmentRecord, at the heading psi
+    """Roll, pitch, their standard deviations about north and east, and a note: from an AlignmentRecord, at the heading psi
     (rad)."""
-    c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.sd
+    c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.std
     return (
         *record.rph[:2],
         np.hypot([c * forward, s * forward], [s * right, c * right]),
@@ -373,9 +407,9 @@ def _level_recorded(record: AlignmentRecord, psi: float) -> tuple[float, float, 
     )
 
 
-def _place(recording: Recording, fixes: Aiding | None, t: float) -> tuple[Array, Array, str]:
-    """Position (rad, rad, m), its sd (m) and a note: the recording's place, else the fix nearest
-    to t, else the equator with an infinite sd."""
+def _place(recording: Recording, fixes: Source | None, t: float) -> tuple[Array, Array, str]:
+    """Position (rad, rad, m), its standard deviation (m) and a note: the recording's place, else the fix nearest
+    to t, else the equator with an infinite std."""
     found = place_of(recording.meta, [fixes] if fixes is not None else [], t)
     return found or (
         np.zeros(3),
@@ -384,12 +418,12 @@ def _place(recording: Recording, fixes: Aiding | None, t: float) -> tuple[Array,
     )
 
 
-def _arm(source: Aiding | None) -> Array:
+def _arm(source: Source | None) -> Array:
     """Lever arm from the IMU to the antenna of a source, m, body."""
     return np.array((tuple(source.parameters) if source is not None else ()) + (0.0, 0.0, 0.0))[:3]
 
 
-def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array, Array]:
+def _rates(recording: Recording, t: float, b_g: Array) -> tuple[Array, Array, Array]:
     """Angular rate (rad/s, less the gyro bias) at t, of a straight line through half a second before
     and after without a gap, mean specific force (m/s^2) over these, and the slope of the line (rad/s^2),
     which is 0 where samples of less than `MIN_LINE` tell it."""
@@ -406,10 +440,10 @@ def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array, Arr
     mean, rate = after @ dt / seconds, imu.dtheta[rows].sum(axis=0) / seconds
     away = after - mean
     slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9) * (seconds > MIN_LINE)
-    return rate - mean * slope - bg, imu.dv[rows].sum(axis=0) / seconds, slope
+    return rate - mean * slope - b_g, imu.dv[rows].sum(axis=0) / seconds, slope
 
 
-def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) -> float:
+def _instant(recording: Recording, position: Source, velocity: Source | None) -> float:
     """When to start where the heading can only come from the course: where that is best, else
     with the first fix."""
     found = courses(recording.imu, position, velocity)
@@ -435,91 +469,91 @@ def _by_thrust(recording: Recording) -> bool:
     return find_vehicle(recording.meta.get("vehicle")).by_thrust
 
 
-def _velocity(position: Aiding, velocity: Aiding | None, at: float) -> tuple[Array, Array]:
-    """Velocity (m/s) and its sd at an instant: between fixes interpolated."""
-    t, v, sd = velocities(position, velocity)
+def _velocity(position: Source, velocity: Source | None, at: float) -> tuple[Array, Array]:
+    """Velocity (m/s) and its standard deviation at an instant: between fixes interpolated."""
+    t, v, std = velocities(position, velocity)
     k = int(np.argmin(np.abs(t - at)))
     return (
         np.array([np.interp(at, t, column) for column in v.T]),
-        np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])),
+        np.hypot(std[k], UNKNOWN_ACCELERATION * abs(at - t[k])),
     )
 
 
 def _heading(
     recording: Recording,
-    imu: StatesBiases,
+    imu: ImuSpec,
     t: float,
     given: HeadingFound | None,
-    bg: Array,
+    b_g: Array,
     place: Sequence[float] | Array | None,
 ) -> HeadingFound:
-    """The HeadingFound heading at t without asking the course: given, recorded with the attitude,
+    """The HeadingFound at t without asking the course: given, recorded with the attitude,
     measured, else the surer one of field and Earth's rate."""
     if given is not None:
         return given
-    record = _recorded_attitude(recording, t, bg)
-    if record and record.sd[2] < UNKNOWN_SD and np.isfinite(record.rph[2]):
-        return HeadingFound(record.rph[2], float(record.sd[2]), f"heading from {record.name}")
+    record = _recorded_attitude(recording, t, b_g)
+    if record and record.std[2] < UNKNOWN_STD and np.isfinite(record.rph[2]):
+        return HeadingFound(record.rph[2], float(record.std[2]), f"heading from {record.name}")
     compass = source(recording, "heading")
     if compass is not None:
         k = int(np.argmin(np.abs(compass.t - t)))
-        away = np.linalg.norm(_rates(recording, t, bg)[0]) * (t - compass.t[k])
+        away = np.linalg.norm(_rates(recording, t, b_g)[0]) * (t - compass.t[k])
         return HeadingFound(
-            float(compass.y[k, 0]), float(np.hypot(compass.sd[k, 0], away)), "heading measured"
+            float(compass.y[k, 0]), float(np.hypot(compass.std[k, 0], away)), "heading measured"
         )
-    field, b_a_sd = source(recording, "magnetic-field"), imu.bias_sd()[0]
+    field, b_a_std = source(recording, "magnetic-field"), imu.bias_std()[0]
     rest = rests(recording, t).before if field is not None else []
-    tilt_sd = LEVEL_SD_REST if _age(recording.imu, rest, t) < 1.0 else LEVEL_SD_MOVING
+    tilt_std = LEVEL_STD_REST if _age(recording.imu, rest, t) < 1.0 else LEVEL_STD_MOVING
     found = [
-        magnetic_heading(recording, field, t, bg, np.hypot(tilt_sd, b_a_sd / GRAVITY_EQUATOR)),
+        magnetic_heading(recording, field, t, b_g, np.hypot(tilt_std, b_a_std / GRAVITY_EQUATOR)),
         earth_rate_heading(recording, imu, t, place, lambda t: moves(recording, t)),
     ]
     return min(
         (each for each in found if each),
-        key=lambda each: each.sd,
-        default=HeadingFound(0.0, UNKNOWN_SD, ""),
+        key=lambda each: each.std,
+        default=HeadingFound(0.0, UNKNOWN_STD, ""),
     )
 
 
 def _or_course(
     found: HeadingFound,
     recording: Recording,
-    position: Aiding | None,
-    velocity: Aiding | None,
+    position: Source | None,
+    velocity: Source | None,
     t: float,
 ) -> HeadingFound:
-    """The HeadingFound heading, else the course, else an unknown one; they say what kept the other from
+    """The HeadingFound, else the course, else an unknown one; they say what kept the other from
     being found."""
     if found.known:
         return found
     why = found.note and f" ({found.note})"
     if _by_thrust(recording):
         return HeadingFound(
-            0.0, UNKNOWN_SD, f"heading unknown{why or ' (a multicopter has no course)'}"
+            0.0, UNKNOWN_STD, f"heading unknown{why or ' (a multicopter has no course)'}"
         )
     if position is not None:
         course = heading_of(courses(recording.imu, position, velocity), recording.imu, t)
         if course is not None:
             return course._replace(note=course.note + why)
         why = why or f" (no speed beyond {SURE:g} standard deviations there)"
-    return HeadingFound(0.0, UNKNOWN_SD, f"heading unknown{why}")
+    return HeadingFound(0.0, UNKNOWN_STD, f"heading unknown{why}")
 
 
 def _level(recording: Recording, moment: _Moment, heading: HeadingFound) -> Level:
-    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from
+    """Roll, pitch, their standard deviation and a note: from the last rest, carried to t by the gyros; else from
     specific force less the acceleration."""
     v, psi, felt = moment.v, heading.heading, moment.felt
-    if moment.rested(recording.imu):
-        return _level_from_rest(recording, moment.t, moment.rest, moment.bg, moment.bias_sd[0])
+    if moment.gives_level(recording.imu):
+        return _level_from_rest(recording, moment.t, moment.rest, moment.b_g, moment.bias_std[0])
     if not heading.known:
-        return *level(moment.f), LEVEL_SD_GUESSED, "level from specific force alone"
+        return *level(moment.f), LEVEL_STD_GUESSED, "level from specific force alone"
     if felt:
-        return *level(felt.f, felt.acceleration, psi), felt.sd, "level in motion"
+        return *level(felt.f, felt.acceleration, psi), felt.std, "level in motion"
     c, s = np.cos(psi), np.sin(psi)
     v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
     return (
         *level(moment.f - np.cross(moment.omega, v_b)),
-        LEVEL_SD_GUESSED,
+        LEVEL_STD_GUESSED,
         "level in motion, without the change of speed",
     )
 
@@ -527,19 +561,19 @@ def _level(recording: Recording, moment: _Moment, heading: HeadingFound) -> Leve
 def _mean_force(recording: Recording, moment: _Moment) -> _Felt | None:
     """Return the mean force and acceleration by the velocity fixes around, else by positions; None
     where a rest gives the level, or there are too few fixes."""
-    if moment.rested(recording.imu):
+    if moment.gives_level(recording.imu):
         return None
     velocity = moment.velocity
     between = _around(velocity.t, moment.t) if velocity is not None else None
     if velocity is None or between is None:
         return _felt_by_positions(recording, moment)
-    t, v, sd = (column[list(between)] for column in (velocity.t, velocity.y, velocity.sd))
-    noise = np.hypot(*sd[:, :2]).max() / (t[1] - t[0])
-    force = mean_force(recording, moment.t, moment.bg, (t[0], t[1]))
+    t, v, std = (column[list(between)] for column in (velocity.t, velocity.y, velocity.std))
+    noise = np.hypot(*std[:, :2]).max() / (t[1] - t[0])
+    force = mean_force(recording, moment.t, moment.b_g, (t[0], t[1]))
     return force and _Felt(
         force.f,
         (v[1] - v[0]) / (t[1] - t[0]),
-        float(np.hypot(LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR)),
+        float(np.hypot(LEVEL_STD_MOVING, noise / GRAVITY_EQUATOR)),
     )
 
 
@@ -550,21 +584,21 @@ def _felt_by_positions(recording: Recording, moment: _Moment) -> _Felt | None:
     for apart in (1.0, 2.0, 4.0):
         if (rows := _three(moment.fixes.t, moment.t, apart)) is None:
             continue
-        t, y, sd = (column[rows] for column in (moment.fixes.t, moment.fixes.y, moment.fixes.sd))
+        t, y, std = (column[rows] for column in (moment.fixes.t, moment.fixes.y, moment.fixes.std))
         before, after = np.diff(t)
         weights = np.array([1 / before, -1 / before - 1 / after, 1 / after]) * 2 / (before + after)
         errors = [
-            LEVEL_SD_MOVING,
-            np.linalg.norm(weights * sd[:, :2].max(axis=1)) / GRAVITY_EQUATOR,
-            apart * moment.bias_sd[3:].max(),
+            LEVEL_STD_MOVING,
+            np.linalg.norm(weights * std[:, :2].max(axis=1)) / GRAVITY_EQUATOR,
+            apart * moment.bias_std[3:].max(),
         ]
         found.append((float(np.linalg.norm(errors)), t, weights @ displacement(y, y[1])))
-    found = [each for each in found if each[0] < LEVEL_SD_GUESSED]
+    found = [each for each in found if each[0] < LEVEL_STD_GUESSED]
     if not found:
         return None
-    level_sd, t, acceleration = min(found, key=lambda each: each[0])
-    force = mean_force(recording, moment.t, moment.bg, (t[0], t[2]), t[1])
-    return force and _Felt(force.f, acceleration, level_sd)
+    level_std, t, acceleration = min(found, key=lambda each: each[0])
+    force = mean_force(recording, moment.t, moment.b_g, (t[0], t[2]), t[1])
+    return force and _Felt(force.f, acceleration, level_std)
 
 
 def _three(t: Array, at: float, apart: float) -> Ints | None:
@@ -589,30 +623,32 @@ def _around(t: Array, at: float) -> tuple[int, int] | None:
 
 
 def _level_from_rest(
-    recording: Recording, t: float, rest: list[Ints], bg: Array, b_a_sd: float
+    recording: Recording, t: float, rest: list[Ints], b_g: Array, b_a_std: float
 ) -> tuple[float, float, float, str]:
-    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros less their
-    bias bg (rad/s)."""
+    """Roll, pitch, their standard deviation and a note: from the last rest, carried to t by the gyros less their
+    bias b_g (rad/s)."""
     imu, last = recording.imu, rest[-1]
     roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
     since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
-    roll, pitch = _carry_level(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
+    roll, pitch = _carry_level(roll, pitch, imu.dtheta[since] - b_g * imu.dt[since, None])
     age = max(0.0, t - imu.t[last[-1]])
     return (
         roll,
         pitch,
-        np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age,
+        np.hypot(LEVEL_STD_REST, b_a_std / GRAVITY_EQUATOR) + np.radians(0.05) * age,
         f"level from the rest {age:.0f} s before",
     )
 
 
-def _level_at_rest(force: MeanForce, b_a_sd: float, sways: bool) -> tuple[float, float, float, str]:
-    """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with
+def _level_at_rest(
+    force: MeanForce, b_a_std: float, sways: bool
+) -> tuple[float, float, float, str]:
+    """Roll, pitch, their standard deviation and a note from the MeanForce of a body at rest; which grows with
     what its size differs by from gravity, and where the body `sways`."""
     unfelt = UNFELT / GRAVITY_EQUATOR if sways else 0.0
     return (
         *level(force.f),
-        float(np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off, unfelt])),
+        float(np.linalg.norm([LEVEL_STD_REST, b_a_std / GRAVITY_EQUATOR, force.off, unfelt])),
         "level in smooth motion" if sways else "level at rest",
     )
 

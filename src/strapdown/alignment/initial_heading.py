@@ -2,75 +2,66 @@
 rate; each with an honest standard deviation."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from ..core.loop.contract import Imu, Noise
+from ..core.loop.contract import Imu
 from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..geometry.geodesy import wrap
 from ..geometry.rotation_products import running_matrices
 from ..preprocessing.stationary import motionless
 from ..preprocessing.unbroken import nearest_felt
+from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
 from .static_attitude import PARALLEL, gyrocompass, level, level_vector
 
-LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
-UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
+LEVEL_STD_REST, LEVEL_STD_MOVING = np.radians(0.5), np.radians(5.0)
+UNKNOWN_STD = np.radians(104.0)  # uniform over the circle
 # of a magnetic heading at best: iron around, what calibration and field model leave
-MAGNETIC_SD = np.radians(5.0)
-MAGNETIC_SD_LIMIT = np.radians(60.0)  # deviation from which on a magnetic heading is none
-GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
+MAGNETIC_STD = np.radians(5.0)
+MAGNETIC_STD_LIMIT = np.radians(60.0)  # deviation from which on a magnetic heading is none
+GYROCOMPASS_STD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
 MIN_FELT = 0.8
 """Share of a window between fixes that samples must cover: 3 m/s^2 in the rest of it tilt the level by
-3.5 deg, which is less than `LEVEL_SD_MOVING`."""
-
-
-class StatesBiases(Protocol):
-    """The part of an IMU's description that an alignment needs; an ImuSpec has it."""
-
-    def noise(self) -> Noise:
-        """Return the noise that a filter assumes of the IMU."""
-
-    def bias_sd(self) -> tuple[float, float]:
-        """Standard deviations of the turn-on biases: accelerometer m/s^2, gyro rad/s."""
+3.5 deg, which is less than `LEVEL_STD_MOVING`."""
 
 
 class HeadingFound(NamedTuple):
     """A heading (rad), its standard deviation (rad), and how it was found, or why not."""
 
     heading: float
-    sd: float
+    std: float
     note: str
     at_rest: bool = False  # whether finding it needed a rest
 
     @property
     def known(self) -> bool:
-        """True where the heading has information: its sd is below that of an unknown heading."""
-        return self.sd < UNKNOWN_SD
+        """True where the heading has information: its standard deviation is below that of an unknown heading."""
+        return self.std < UNKNOWN_STD
 
 
 def magnetic_heading(
-    recording: Recording, source: Aiding | None, t: float, bg: Array, level_sd: float
+    recording: Recording, source: Source | None, t: float, b_g: Array, level_std: float
 ) -> HeadingFound | None:
-    """The HeadingFound heading at t by the field of the Aiding `source`, levelled by the mean specific
+    """The HeadingFound at t by the field of the Source `source`, levelled by the mean specific
     force; None without a source.
 
-    bg: gyro bias, rad/s; level_sd: rad, of that level. The deviation holds the noise, the level's
-    error times tan(dip), `MAGNETIC_SD`, and what horizontal and vertical part differ by from the
+    b_g: gyro bias, rad/s; level_std: rad, of that level. The deviation holds the noise, the level's
+    error times tan(dip), `MAGNETIC_STD`, and what horizontal and vertical part differ by from the
     reference: what disturbs the field is about as large crosswise, where it turns the heading.
     Declination is that of the source's reference field.
     """
     if source is None:
         return None
-    force = mean_force(recording, t, bg)
+    force = mean_force(recording, t, b_g)
     if force is None:
-        return HeadingFound(0.0, UNKNOWN_SD, "no IMU sample there")
+        return HeadingFound(0.0, UNKNOWN_STD, "no IMU sample there")
     near = np.flatnonzero((source.t >= force.begin) & (source.t <= force.end))
     if not len(near):
-        return HeadingFound(0.0, UNKNOWN_SD, "no sample of the magnetic field there")
+        return HeadingFound(0.0, UNKNOWN_STD, "no sample of the magnetic field there")
     m = np.einsum("nij,nj->i", force.turns(source.t[near]), source.y[near]) / len(near)
     seen, reference = (
         level_vector(m, *level(force.f)),
@@ -79,28 +70,30 @@ def magnetic_heading(
     horizontal, size = np.hypot(seen[0], seen[1]), np.linalg.norm(m)
     if not horizontal > PARALLEL * size:
         return HeadingFound(
-            0.0, UNKNOWN_SD, "the magnetic field is vertical" if size else "the magnetic field is 0"
+            0.0,
+            UNKNOWN_STD,
+            "the magnetic field is vertical" if size else "the magnetic field is 0",
         )
     strange = (
         np.hypot(horizontal - np.hypot(*reference[:2]), seen[2] - reference[2])
         if reference.any()
         else 0.0
     )
-    noise = np.sqrt(np.mean(source.sd[near] ** 2) / len(near))
-    sd = np.linalg.norm(
+    noise = np.sqrt(np.mean(source.std[near] ** 2) / len(near))
+    std = np.linalg.norm(
         [
-            MAGNETIC_SD,
+            MAGNETIC_STD,
             strange / horizontal,
             noise / horizontal,
-            seen[2] / horizontal * np.hypot(level_sd, force.off),
+            seen[2] / horizontal * np.hypot(level_std, force.off),
         ]
     )
     words = f"dip {np.degrees(np.arctan2(seen[2], horizontal)):.0f} deg, {size * 1e6:.3g} uT"
-    if sd > MAGNETIC_SD_LIMIT:
-        return HeadingFound(0.0, UNKNOWN_SD, f"the magnetic field ({words}) leaves it open")
+    if std > MAGNETIC_STD_LIMIT:
+        return HeadingFound(0.0, UNKNOWN_STD, f"the magnetic field ({words}) leaves it open")
     heading = np.arctan2(-seen[1], seen[0]) + np.arctan2(reference[1], reference[0])
     return HeadingFound(
-        float(wrap(heading)), float(sd), f"heading from the magnetic field ({words})"
+        float(wrap(heading)), float(std), f"heading from the magnetic field ({words})"
     )
 
 
@@ -118,7 +111,7 @@ class MeanForce(NamedTuple):
 def mean_force(
     recording: Recording,
     t: float,
-    bg: Array,
+    b_g: Array,
     window: tuple[float, float] | None = None,
     peak: float | None = None,
 ) -> MeanForce | None:
@@ -127,7 +120,7 @@ def mean_force(
     begins or ends there; None where samples cover less than `MIN_FELT` of a given window, or none
     of another one; weighted by a triangle over the window where its `peak` (s) is given, as a second difference weights.
 
-    Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
+    Every sample is turned by the gyros, less their bias b_g (rad/s), to the body as it is at t: a
     rotation does not blur the mean.
     """
     imu = recording.imu
@@ -136,7 +129,7 @@ def mean_force(
     seconds = imu.dt[rows]
     if not len(seconds) or (window and seconds.sum() < MIN_FELT * (end - begin)):
         return None
-    turned = _body_rotations(imu.dtheta[rows] - bg * seconds[:, None])
+    turned = _body_rotations(imu.dtheta[rows] - b_g * seconds[:, None])
     middles, edges = imu.t[rows] - 0.5 * seconds, np.r_[imu.t[rows][0] - seconds[0], imu.t[rows]]
     to_now = turned[2 * int(np.argmin(np.abs(edges - t)))].T
 
@@ -177,21 +170,21 @@ def _body_rotations(dtheta: Array) -> Array:
 
 def earth_rate_heading(
     recording: Recording,
-    imu: StatesBiases,
+    imu: ImuSpec,
     t: float,
     place: Sequence[float] | Array | None,
     moves: Callable[[Array], Mask],
 ) -> HeadingFound | None:
-    """The HeadingFound heading by the Earth's rate over the long rest that holds t; None where there is
-    none or its deviation exceeds `GYROCOMPASS_SD`.
+    """The HeadingFound by the Earth's rate over the long rest that holds t; None where there is
+    none or its deviation exceeds `GYROCOMPASS_STD`.
 
-    imu: ImuSpec; place: (latitude rad, longitude, height), or None where it is not known; moves:
+    place: (latitude rad, longitude, height), or None where it is not known; moves:
     times -> whether fixes say it moves then. The deviation holds the gyro's bias, the scatter of
     the rate, the level's error, and what the rate differs by from the Earth's: at a known place
     each part of it, elsewhere its size.
     """
-    b_a_sd, b_g_sd = imu.bias_sd()
-    still = motionless(recording.imu, t) if b_g_sd < GYROCOMPASS_SD * RATE else None
+    b_a_std, b_g_std = imu.bias_std()
+    still = motionless(recording.imu, t) if b_g_std < GYROCOMPASS_STD * RATE else None
     if still is None or moves(np.linspace(still.start, still.stop, 20)).any():
         return None
     seen = gyrocompass(still.rate, still.force)
@@ -203,13 +196,13 @@ def earth_rate_heading(
     found = gyrocompass(
         still.rate,
         still.force,
-        float(np.linalg.norm([b_g_sd, still.rate_sd, strange])),
-        np.hypot(still.tilt_sd, b_a_sd / GRAVITY_EQUATOR),
+        float(np.linalg.norm([b_g_std, still.rate_std, strange])),
+        np.hypot(still.tilt_std, b_a_std / GRAVITY_EQUATOR),
     )
-    if not found.heading_sd < GYROCOMPASS_SD:
+    if not found.heading_std < GYROCOMPASS_STD:
         return None
     note = (
         f"heading from the Earth's rate over {still.stop - still.start:.0f} s of rest "
         f"(latitude {np.degrees(found.latitude):.2f} deg by its vertical part)"
     )
-    return HeadingFound(float(wrap(found.rph[2])), found.heading_sd, note, True)
+    return HeadingFound(float(wrap(found.rph[2])), found.heading_std, note, True)

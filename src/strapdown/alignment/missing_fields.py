@@ -1,21 +1,21 @@
-"""A Start of which only parts are known: what it leaves open is found as `align` finds it."""
+"""An InitialState of which only parts are known: what it leaves open is found as `align` finds it."""
 
 import numpy as np
 
 from ..core.loop.contract import ATT, POS, VEL, InitialState
 from ..data.recording import Recording
+from ..sensor_models.imu import ImuSpec
 from .first_fixes import source
 from .initial import align
-from .initial_heading import StatesBiases
-from .location import GIVEN_SD
+from .location import GIVEN_STD
 from .rest import rests
 
-PARTS = {"lla": 3, "v": 3, "rph": 3, "ba": 3, "bg": 3, "sd": 15}
+PARTS = {"lla": 3, "v_n": 3, "rph": 3, "b_a": 3, "b_g": 3, "std": 15}
 """Fields of an InitialState that may be left open, and their length."""
 MAX_HEADING = 4 * np.pi  # rad: more is in degrees
-GIVEN_SPEED_SD = 0.5  # m/s, of a velocity that was given without its standard deviation
-GIVEN_ANGLE_SD = np.radians(2.0)  # the same of roll, pitch and heading
-REST_SPEED_SD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
+GIVEN_SPEED_STD = 0.5  # m/s, of a velocity that was given without its standard deviation
+GIVEN_ANGLE_STD = np.radians(2.0)  # the same of roll, pitch and heading
+REST_SPEED_STD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
 
 
 def missing_fields(start: InitialState) -> list[str]:
@@ -42,7 +42,7 @@ def _heading_alone(name: str, values: object) -> bool:
 
 
 def fill_missing(
-    start: InitialState, recording: Recording, imu: StatesBiases, position: bool = True
+    start: InitialState, recording: Recording, imu: ImuSpec, position: bool = True
 ) -> InitialState:
     """`start` with what it leaves open, `()` or roll and pitch NaN, found from what `recording`
     holds around its time; position: False for a filter that estimates attitude alone.
@@ -53,25 +53,27 @@ def fill_missing(
     missing = missing_fields(start)
     if not missing:
         return start
-    heading, heading_sd = None, float(GIVEN_ANGLE_SD)
+    heading, heading_std = None, float(GIVEN_ANGLE_STD)
     if np.size(start.rph) == 3:
         heading = float(start.rph[2])
-        heading_sd = heading_sd if "sd" in missing else float(start.sd[ATT.stop - 1])
+        heading_std = heading_std if "std" in missing else float(start.std[ATT.stop - 1])
     if "lla" not in missing:
-        recording = recording.knowing(place=start.lla)
+        recording = recording.with_meta(place=start.lla)
     from_fixes = position and ("lla" in missing or source(recording, "position") is not None)
-    found = align(recording, imu, heading, heading_sd, at=start.t, position=from_fixes)
-    sd, v = np.array(found.sd), found.v
+    found = align(
+        recording, imu, heading=heading, heading_std=heading_std, at=start.t, position=from_fixes
+    )
+    std, v = np.array(found.std), found.v_n
     if not from_fixes and rests(recording, start.t).until(recording.imu, start.t) > start.t:
-        v, sd[VEL] = (0.0, 0.0, 0.0), REST_SPEED_SD
+        v, std[VEL] = (0.0, 0.0, 0.0), REST_SPEED_STD
     for name, states, usual in (
-        ("lla", POS, GIVEN_SD),
-        ("v", VEL, GIVEN_SPEED_SD),
-        ("rph", ATT, GIVEN_ANGLE_SD),
+        ("lla", POS, GIVEN_STD),
+        ("v_n", VEL, GIVEN_SPEED_STD),
+        ("rph", ATT, GIVEN_ANGLE_STD),
     ):
         if name not in missing:
-            sd[states] = usual
-    parts = found._replace(v=v, sd=tuple(map(float, sd)))
+            std[states] = usual
+    parts = found._replace(v_n=v, std=tuple(map(float, std)))
     given = {name: getattr(start, name) for name in PARTS if name not in missing}
     note = f"{', '.join(given) or 'time'} given; {found.note}"
     return parts._replace(t=start.t, note=note, motion=(), **given)

@@ -8,11 +8,11 @@ from ..core.loop.contract import Imu
 from ..core.mathematics.earth import RATE
 from ..data.recording import Recording
 from ..preprocessing.stationary import at_rest, stretches
-from ..preprocessing.unbroken import unbroken
+from ..preprocessing.unbroken import unbroken_stretches
+from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Ints, Mask
 from ..units.constants import REST_SPEED
 from .first_fixes import position_and_velocity, velocities
-from .initial_heading import StatesBiases
 
 REST_TIME = 2.0  # s: shortest rest that is worth averaging
 SURELY = 4.0  # standard deviations of a component: one in 3000 is as fast by noise
@@ -41,7 +41,7 @@ def rests(recording: Recording, t: float) -> Rests:
     still = at_rest(near) & ~moves(recording, near.t)
     runs = [
         first + begin + np.arange(*run)
-        for begin, end in unbroken(near)
+        for begin, end in unbroken_stretches(near)
         for run in stretches(still[begin:end])
     ]
     runs = [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
@@ -58,28 +58,28 @@ def moves(recording: Recording, t: Array) -> Mask:
     position, velocity = position_and_velocity(recording)
     if position is None:
         return np.zeros(len(t), bool)
-    t_fix, v, sd = velocities(position, velocity)
+    t_fix, v, std = velocities(position, velocity)
     fast = np.hypot(v[:, 0], v[:, 1]) > REST_SPEED + SURELY * np.sqrt(
-        np.mean(sd[:, :2] ** 2, axis=1)
+        np.mean(std[:, :2] ** 2, axis=1)
     )
     after = np.searchsorted(t_fix, t)
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
-def gyro_bias(samples: Imu, imu: StatesBiases, t: float, found: Rests) -> tuple[Array, Array, str]:
-    """Gyro bias at t (rad/s), its sd and a note: from the Rests up to t, else from the first after
+def gyro_bias(samples: Imu, imu: ImuSpec, t: float, found: Rests) -> tuple[Array, Array, str]:
+    """Gyro bias at t (rad/s), its standard deviation and a note: from the Rests up to t, else from the first after
     it, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from
     it.
 
-    The sd holds the noise, the Earth's rate, how unsteady the rate was, and what the bias wanders
+    The std holds the noise, the Earth's rate, how unsteady the rate was, and what the bias wanders
     by in between.
     """
-    b_g_sd = imu.bias_sd()[1]
+    b_g_std = imu.bias_std()[1]
     used = found.before or found.after[:1]
-    if not used or b_g_sd <= 2 * RATE:
+    if not used or b_g_std <= 2 * RATE:
         return (
             np.zeros(3),
-            np.full(3, b_g_sd),
+            np.full(3, b_g_std),
             "biases smaller than the Earth's rate" if used else "biases unknown",
         )
     rows = np.concatenate(used)
@@ -88,8 +88,8 @@ def gyro_bias(samples: Imu, imu: StatesBiases, t: float, found: Rests) -> tuple[
     age = max(0.0, t - samples.t[used[-1][-1]], samples.t[used[0][0]] - t)
     mean = samples.dtheta[rows].sum(axis=0) / T
     # a bias that this IMU should not have, or no rest: it steadily turns
-    turning = np.where(np.abs(mean) > TURNING * b_g_sd + RATE, np.abs(mean), 0.0)
-    sd = np.linalg.norm(
+    turning = np.where(np.abs(mean) > TURNING * b_g_std + RATE, np.abs(mean), 0.0)
+    std = np.linalg.norm(
         [
             turning,
             noise,
@@ -99,15 +99,15 @@ def gyro_bias(samples: Imu, imu: StatesBiases, t: float, found: Rests) -> tuple[
         ],
         axis=0,
     )
-    surer = (sd < b_g_sd) | (turning > 0)
+    surer = (std < b_g_std) | (turning > 0)
     return (
         np.where(surer, mean, 0.0),
-        np.where(surer, sd, b_g_sd),
+        np.where(surer, std, b_g_std),
         f"gyro bias from {T:.0f} s of rest" + ("" if found.before else f" {age:.0f} s later"),
     )
 
 
-def _wander(imu: StatesBiases, seconds: float) -> float:
+def _wander(imu: ImuSpec, seconds: float) -> float:
     """rad/s: by what the gyro bias differs after so long, by the IMU's description."""
     noise = imu.noise()
     decay = noise.gyro_decay

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..checks import check_array
 from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
 from ..core.mathematics.rotation import euler_terms
 from ..typing import Array, ArrayLike
@@ -24,20 +25,42 @@ Angle: TypeAlias = Any
 def static_attitude(
     f: ArrayLike, m: ArrayLike | None = None, declination: ArrayLike = 0.0
 ) -> Array:
-    """Roll, pitch, heading (rad), (3,) or (n, 3), of a body that does not accelerate.
-
-    f: specific force, m/s^2; m: magnetic field in any unit; both body FRD, (3,) or (n, 3),
-    calibrated. declination: rad, east positive, added to the magnetic heading; one for all or (n,).
+    """Return roll, pitch and heading of a body that does not accelerate.
 
         roll = atan2(-f_y, -f_z)    pitch = atan2(f_x, hypot(f_y, f_z))
         heading = atan2(-m_y', m_x') + declination, in [0, 2 pi)
 
-    with m' the field turned by pitch and roll into the level. At a pitch of +-90 deg roll and
-    heading are not separate: roll is 0 there. NaN is what cannot be found: all of it where f is 0
-    or not finite, the heading without m or where m is vertical, 0 or not finite. Acceleration tilts
-    the result: by atan(a/g) for a horizontal acceleration a.
+    with m' the field turned by pitch and roll into the level. At a pitch of +-90 deg roll and heading
+    are not separate: roll is 0 there. Acceleration tilts the result: by atan(a/g) for a horizontal
+    acceleration a.
+
+    Parameters
+    ----------
+    f : array_like, shape (3,) or (n, 3)
+        Specific force, m/s^2, body FRD, calibrated.
+    m : array_like, shape (3,) or (n, 3), optional
+        Magnetic field in any unit, body FRD, calibrated.
+    declination : float or array_like, shape (n,)
+        rad, east positive, added to the magnetic heading.
+
+    Returns
+    -------
+    ndarray, shape (3,) or (n, 3)
+        rad. NaN is what cannot be found: all of it where f is 0 or not finite, the heading without m or
+        where m is vertical, 0 or not finite.
+
+    References
+    ----------
+    Fossen (2021), section 14.1; Groves (2013), section 5.6.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> sd.static_attitude([0.0, 0.0, -9.81], [0.2, 0.0, 0.4]).round(3) + 0.0
+    array([0., 0., 0.])
     """
-    f = np.asarray(f, float)
+    f = _vectors(f, "f")
+    m = None if m is None else _vectors(m, "m")
     size = np.linalg.norm(f, axis=-1)
     level_known = np.isfinite(size) & (size > 0)
     with np.errstate(invalid="ignore"):
@@ -52,6 +75,11 @@ def static_attitude(
     )
     roll, pitch, heading = np.broadcast_arrays(roll, pitch, heading)
     return np.where(level_known[..., None], np.stack([roll, pitch, heading], axis=-1), np.nan)
+
+
+def _vectors(value: ArrayLike, name: str) -> Array:
+    """Vectors as an array. Raises DataError."""
+    return check_array(value, name, (3,) if np.ndim(value) == 1 else (None, 3), finite=False)
 
 
 def _azimuth(vector: Array, declination: ArrayLike = 0.0) -> Array:
@@ -118,7 +146,7 @@ class Gyrocompass(NamedTuple):
     """The attitude of a body at rest by the Earth's rate; rad and rad/s."""
 
     rph: tuple[float, float, float]  # roll, pitch, heading
-    heading_sd: float
+    heading_std: float
     horizontal: float  # the Earth's rate as measured, north component
     vertical: float  # and upward component, negative south of the equator
     # of a place where its vertical component is the measured one; NaN where no place has it
@@ -133,16 +161,16 @@ class Gyrocompass(NamedTuple):
 def gyrocompass(
     rate: Sequence[float] | Array,
     f: Sequence[float] | Array,
-    rate_sd: float = 0.0,
-    level_sd: float = 0.0,
+    rate_std: float = 0.0,
+    level_std: float = 0.0,
 ) -> Gyrocompass:
     """Heading of a body at rest from the Earth's rate, as a Gyrocompass.
 
     rate: mean angular rate (3,), rad/s; f: mean specific force (3,), m/s^2, body FRD. Levelled by
-    f, the rate's horizontal part points north. rate_sd: rad/s, of the mean rate's horizontal part,
-    its bias and noise; level_sd: rad, of roll and pitch. With w the Earth's rate
+    f, the rate's horizontal part points north. rate_std: rad/s, of the mean rate's horizontal part,
+    its bias and noise; level_std: rad, of roll and pitch. With w the Earth's rate
 
-        heading_sd = hypot(rate_sd / (w cos(latitude)), tan(latitude) level_sd)
+        heading_std = hypot(rate_std / (w cos(latitude)), tan(latitude) level_std)
 
     since a gyro bias towards east turns the horizontal rate, and a tilt about north brings the
     vertical one into it. Cosine and tangent are those of the measured rate. The latitude is a check
@@ -150,14 +178,14 @@ def gyrocompass(
     """
     roll, pitch = np.asarray(static_attitude(f))[:2]
     seen = level_vector(rate, roll, pitch)
-    if not np.isfinite([*seen, rate_sd, level_sd]).all():
+    if not np.isfinite([*seen, rate_std, level_std]).all():
         raise ValueError(
             f"gyrocompass: rate {rate} and specific force {f} must be finite, and the force not 0"
         )
     horizontal, vertical = float(np.hypot(seen[0], seen[1])), float(-seen[2])
     heading = float(_azimuth(seen)) if horizontal else np.nan
-    sd = np.hypot(rate_sd, vertical * level_sd) / horizontal if horizontal else np.inf
+    std = np.hypot(rate_std, vertical * level_std) / horizontal if horizontal else np.inf
     latitude = np.arcsin(vertical / RATE) if abs(vertical) <= RATE else np.nan
     return Gyrocompass(
-        (float(roll), float(pitch), heading), float(sd), horizontal, vertical, float(latitude)
+        (float(roll), float(pitch), heading), float(std), horizontal, vertical, float(latitude)
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
+from ..data.value import Value
 from ..typing import Array, Ints
 from ..units.conversion import SHEET, in_units
 from .fit import COEFFICIENTS, AllanFit, edf, fit
@@ -81,8 +82,8 @@ class Sensor(NamedTuple):
     triad: Curve
 
 
-@dataclass(frozen=True)
-class Allan:
+@dataclass(frozen=True, eq=False)
+class Allan(Value):
     """Result of `allan`: what the samples of a stationary IMU say of its noise."""
 
     gyro: Sensor
@@ -105,9 +106,9 @@ class Allan:
             for axis, curve in (*zip(AXIS_NAMES, sensor.axes), ("triad", sensor.triad)):
                 for name in curve.fit.names:
                     si = COEFFICIENTS[name].units[sensor.name]
-                    value, sd, limit = (
+                    value, std, limit = (
                         curve.fit.value[name],
-                        curve.fit.sd[name],
+                        curve.fit.std[name],
                         curve.fit.limit[name],
                     )
                     rows.append(
@@ -116,11 +117,11 @@ class Allan:
                             axis,
                             name,
                             in_units(value, si),
-                            in_units(sd, si),
+                            in_units(std, si),
                             in_units(limit, si),
                             SHEET[si],
                             value,
-                            sd,
+                            std,
                             limit,
                             si,
                         )
@@ -130,11 +131,11 @@ class Allan:
             "axis",
             "coefficient",
             "value",
-            "sd",
+            "std",
             "limit",
             "unit",
             "value_si",
-            "sd_si",
+            "std_si",
             "limit_si",
             "unit_si",
         )
@@ -163,19 +164,19 @@ class Allan:
 
         table = self.table()
         found = table.loc[
-            table["axis"] == "triad", ["sensor", "coefficient", "value", "sd", "unit"]
+            table["axis"] == "triad", ["sensor", "coefficient", "value", "std", "unit"]
         ]
         return card(f"Allan analysis of {self.duration:.0f} s", {}, frame(found), lines(self.notes))
 
     def __repr__(self) -> str:
-        def shown(sensor: Sensor) -> str:
+        def show(sensor: Sensor) -> str:
             return ", ".join(
                 f"{name} {in_units(sensor.triad.fit.value[name], si):.3g} {SHEET[si]}"
                 for name in sensor.triad.fit.present
                 for si in [COEFFICIENTS[name].units[sensor.name]]
             )
 
-        return f"Allan({self.duration:.0f} s; gyro: {shown(self.gyro) or 'no noise'}; accel: {shown(self.accel) or 'no noise'})"
+        return f"Allan({self.duration:.0f} s; gyro: {show(self.gyro) or 'no noise'}; accel: {show(self.accel) or 'no noise'})"
 
 
 def allan(imu: Imu, gauss_markov: bool = False) -> Allan:

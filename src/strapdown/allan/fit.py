@@ -110,7 +110,7 @@ class AllanFit(NamedTuple):
     which it would have been seen."""
 
     value: dict[str, float]
-    sd: dict[str, float]
+    std: dict[str, float]
     limit: dict[str, float]
     # rms of the logarithm of fitted over estimated deviation, of that of clusters up to a tenth of
     # the longest
@@ -199,13 +199,13 @@ def _sort_coefficients(found: AllanFit) -> AllanFit:
     def sort(table: dict[str, float]) -> dict[str, float]:
         return {name: table[name] for name in COEFFICIENTS if name in table}
 
-    return found._replace(value=sort(found.value), sd=sort(found.sd), limit=sort(found.limit))
+    return found._replace(value=sort(found.value), std=sort(found.std), limit=sort(found.limit))
 
 
 def _with_time(problem: "_Problem", found: AllanFit, time: float) -> AllanFit:
     """Add the time constant of the Gauss-Markov term, its standard error from the slope of the
     curve."""
-    value, sd = np.nan, np.nan
+    value, std = np.nan, np.nan
     if "gauss-markov" in found.present:
         square, step = found.value["gauss-markov"] ** 2, 1e-4 * time
         slope = (
@@ -222,9 +222,9 @@ def _with_time(problem: "_Problem", found: AllanFit, time: float) -> AllanFit:
             active, np.array([found.value[name] for name in found.present]) ** 2
         )
         spread = _estimator(matrix, weights) @ covariance @ _estimator(matrix, weights).T
-        value, sd = time, float(np.sqrt(spread[-1, -1]))
+        value, std = time, float(np.sqrt(spread[-1, -1]))
         at = found.present.index("gauss-markov")
-        found.sd["gauss-markov"] = float(
+        found.std["gauss-markov"] = float(
             np.sqrt(spread[at, at]) / (2 * found.value["gauss-markov"])
         )
 
@@ -232,7 +232,7 @@ def _with_time(problem: "_Problem", found: AllanFit, time: float) -> AllanFit:
         return {**table, "time constant": number}
 
     return found._replace(
-        value=extra(found.value, value), sd=extra(found.sd, sd), limit=extra(found.limit, np.nan)
+        value=extra(found.value, value), std=extra(found.std, std), limit=extra(found.limit, np.nan)
     )
 
 
@@ -273,8 +273,8 @@ class _Problem:
         shared = (self.filters * (spectrum**2 * self.band)[:, None]).T @ self.filters
         scale = np.sqrt(np.diag(shared)) if shared.any() else np.ones(len(total))
         correlation = shared / np.outer(scale, scale) if shared.any() else np.eye(len(total))
-        sd = total * np.sqrt(relative)
-        return correlation * np.outer(sd, sd), 1 / (total**2 * (relative + MODEL_ERROR**2))
+        std = total * np.sqrt(relative)
+        return correlation * np.outer(std, std), 1 / (total**2 * (relative + MODEL_ERROR**2))
 
     def squares(self, shapes: Sequence[Coefficient]) -> Array:
         """Values squared of `shapes`, weights and fit in turn until they agree; 0 or more, and none
@@ -332,13 +332,13 @@ class _Problem:
             np.column_stack([shape.basis(self.tau) for shape in active.values()]), weights
         )
         spread = np.sqrt(np.diag(estimator @ covariance @ estimator.T))
-        value, sd, limit = ({name: np.nan for name in shapes} for _ in range(3))
+        value, std, limit = ({name: np.nan for name in shapes} for _ in range(3))
         for name, error in zip(names, spread):
             value[name] = float(np.sqrt(squares[name]))
-            sd[name] = float(error / (2 * value[name]))
+            std[name] = float(error / (2 * value[name]))
         for name in set(shapes) - set(names):
             limit[name] = float(np.sqrt(THRESHOLD * self.chance(shapes, active, name)))
-        found = AllanFit(value, sd, limit, 0.0, shapes)
+        found = AllanFit(value, std, limit, 0.0, shapes)
         sure = self.tau <= max(0.1 * self.tau[-1], self.tau[min(2, len(self.tau) - 1)])
         return found._replace(
             misfit=float(

@@ -11,13 +11,14 @@ import plotly.graph_objects as go
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..data.recording import Recording
+from ..data.value import Value
 from ..fileio.files import together, write_table
 from ..pages.drawing import COLOURS, GREY, finish, log_ticks, note, ribbon
 from ..pages.parts import caption, paragraphs, remarks, table
 from ..pages.shell import Document, Page
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..sensor_models.errors import Triad
-from ..sensor_models.imu import grade
+from ..sensor_models.imu import imu as imu_spec
 from ..typing import Array
 from ..units.conversion import SHEET, in_units
 from ..units.wording import capitalise, short
@@ -43,8 +44,8 @@ NOISE_SLOPES = {
 """Slope of each term in the logarithmic plot."""
 
 
-@dataclass(frozen=True)
-class Analysis:
+@dataclass(frozen=True, eq=False)
+class Analysis(Value):
     """Result of `analyse` for a recording."""
 
     recording: Recording  # the stretch that was used
@@ -55,7 +56,7 @@ class Analysis:
     @property
     def header(self) -> tuple[str, ...]:
         """Header of `rows`."""
-        return "sensor", "coefficient", "slope", "triad", "sd", *AXIS_NAMES, "unit"
+        return "sensor", "coefficient", "slope", "triad", "std", *AXIS_NAMES, "unit"
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -68,14 +69,14 @@ class Analysis:
                 cells = [
                     _coefficient_text(curve.fit, name, si) for curve in (sensor.triad, *sensor.axes)
                 ]
-                sd = sensor.triad.fit.sd[name]
+                std = sensor.triad.fit.std[name]
                 rows.append(
                     (
                         sensor.name,
                         name,
                         NOISE_SLOPES.get(name, ""),
                         cells[0],
-                        short(in_units(sd, si)) if np.isfinite(sd) else "",
+                        short(in_units(std, si)) if np.isfinite(std) else "",
                         *cells[1:],
                         SHEET[si],
                     )
@@ -122,7 +123,7 @@ def analyse(
     Where the part has gaps, its longest stretch without one is used and a note says so. Raises
     DataError where the IMU moves most of the time.
     """
-    part = recording.between(-np.inf if start is None else start, np.inf if stop is None else stop)
+    part = recording.between(start, stop)
     imu, notes = longest(part.imu)
     notes += _motion(imu)
     result = allan(imu, gauss_markov)
@@ -249,15 +250,15 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
     si = "rad/s" if sensor.name == "gyro" else "m/s^2"
     drawn = finish(go.Figure(), 560)
 
-    def shown(values: Array) -> Array:
+    def to_units(values: Array) -> Array:
         return in_units(values, si)
 
     for axis, colour, curve in zip(AXIS_LABELS, COLOURS, sensor.axes):
-        ribbon(drawn, curve.tau, shown(curve.low), shown(curve.high), colour, 0.18, axis)
+        ribbon(drawn, curve.tau, to_units(curve.low), to_units(curve.high), colour, 0.18, axis)
         drawn.add_trace(
             go.Scatter(
                 x=curve.tau,
-                y=shown(curve.deviation),
+                y=to_units(curve.deviation),
                 name=axis,
                 legendgroup=axis,
                 mode="lines+markers",
@@ -269,7 +270,7 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
         drawn.add_trace(
             go.Scatter(
                 x=curve.tau,
-                y=shown(curve.fit.deviation(curve.tau)),
+                y=to_units(curve.fit.deviation(curve.tau)),
                 name=f"{axis[0]} fitted",
                 legendgroup=axis,
                 mode="lines",
@@ -282,14 +283,14 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
         drawn.add_trace(
             go.Scatter(
                 x=sensor.triad.tau,
-                y=shown(expected_deviation(triad, sensor.triad.tau)),
+                y=to_units(expected_deviation(triad, sensor.triad.tau)),
                 name=f"grade {escape(name)}",
                 mode="lines",
                 line={"color": GREY, "width": 1.6, "dash": "dashdot"},
                 hovertemplate="%{y:.4g} " + SHEET[si],
             )
         )
-    everything = shown(np.concatenate([np.r_[curve.low, curve.high] for curve in sensor.axes]))
+    everything = to_units(np.concatenate([np.r_[curve.low, curve.high] for curve in sensor.axes]))
     low, high = np.log10(everything.min()) - 0.15, np.log10(everything.max()) + 0.15
     _slopes(drawn, sensor, si, low, high)
     taus = np.log10(np.concatenate([curve.tau for curve in sensor.axes]))
@@ -365,7 +366,7 @@ def page(analysis: Analysis) -> Page:
     )
     said = f"{capitalise(analysis.verdict)}. {_others(analysis)}"
     document.add("Coefficients", _table(analysis), paragraphs([said]), remarks(analysis.notes))
-    nearest = grade(analysis.suggestion.grade)
+    nearest = imu_spec(analysis.suggestion.grade)
     gyros = figure(analysis.result.gyro, (nearest.name, nearest.gyro))
     accelerometers = figure(analysis.result.accel, (nearest.name, nearest.accel))
     document.add(
@@ -386,6 +387,6 @@ def _others(analysis: Analysis) -> str:
 def _table(analysis: Analysis) -> str:
     rows = ([*row[:2], row[2].replace("-1", "−1"), *row[3:]] for row in analysis.rows)
     return table(analysis.header, rows) + caption(
-        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its "
+        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “std” its "
         "standard error. “<” precedes what a coefficient would have to exceed to be told from zero."
     )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..sensor_models.errors import Triad
-from ..sensor_models.imu import ImuSpec, grade, grades
+from ..sensor_models.imu import ImuSpec, imu as imu_spec, imus
 from ..sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 from ..typing import Array, ArrayLike
 from .deviation import Allan, Sensor
@@ -47,9 +47,9 @@ def expected_deviation(triad: Triad, tau: ArrayLike) -> Array:
 
 def suggest(result: Allan) -> Suggestion:
     """The Suggestion that follows from an `Allan` result."""
-    factors = {name: _factor(grade(name), result) for name in grades(others=False)}
+    factors = {name: _factor(imu_spec(name), result) for name in imus(others=False)}
     best = min(factors, key=lambda name: factors[name])
-    nearest = grade(best)
+    nearest = imu_spec(best)
     text = (
         f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of "
         f"the nearest grade, {best}, "
@@ -74,16 +74,16 @@ def _triad(sensor: Sensor, nearest: Triad) -> Triad:
     cluster time allows."""
     fit, curve = sensor.triad.fit, sensor.triad
 
-    def found(name: str) -> float:
+    def value_of(name: str) -> float:
         return float(np.nan_to_num(fit.value.get(name, 0.0)))
 
-    noise = found("white noise") or float((curve.high * np.sqrt(curve.tau)).min())
+    noise = value_of("white noise") or float((curve.high * np.sqrt(curve.tau)).min())
     return Triad(
         noise=noise,
         turn_on_bias=nearest.turn_on_bias,
-        bias_walk=found("rate random walk"),
-        gauss_markov=found("gauss-markov"),
-        time_constant=found("time constant"),
-        flicker=found("bias instability"),
-        quantisation=np.sqrt(12) * found("quantisation"),
+        bias_walk=value_of("rate random walk"),
+        gauss_markov=value_of("gauss-markov"),
+        time_constant=value_of("time constant"),
+        flicker=value_of("bias instability"),
+        quantisation=np.sqrt(12) * value_of("quantisation"),
     )

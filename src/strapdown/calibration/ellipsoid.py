@@ -52,10 +52,10 @@ class EllipsoidFit(NamedTuple):
     ] = ()  # names of parameters that were not determined and could not be held
 
 
-def ellipsoid(y: Array, strength: float, sd: float = 0.0) -> EllipsoidFit:
+def ellipsoid(y: Array, strength: float, std: float = 0.0) -> EllipsoidFit:
     """The EllipsoidFit of y (n, 3) to one strength; rows with NaN are left out.
 
-    sd: standard deviation of the strength of a row, where it is known beforehand; the covariance
+    std: standard deviation of the strength of a row, where it is known beforehand; the covariance
     assumes no less.
     """
     known = np.all(np.isfinite(y), axis=1)
@@ -67,7 +67,7 @@ def ellipsoid(y: Array, strength: float, sd: float = 0.0) -> EllipsoidFit:
         before = free.sum()
         p, free, weakest = _hold_weakest(p, free, z[used])
         if free.sum() == before:
-            return _fit(z, used, p, free, weakest, strength, sd)
+            return _fit(z, used, p, free, weakest, strength, std)
 
 
 def _hold_weakest(p: Array, free: Mask, z: Array) -> tuple[Array, Mask, float]:
@@ -193,7 +193,7 @@ def weakest_direction(H: Array) -> tuple[float, Array]:
 
 
 def inflation(r: Array, block: int = 50) -> float:
-    """How much more the mean of `block` neighbouring residuals (rows of r) varies than of
+    """Return the factor by which the mean of `block` neighbouring residuals (rows of r) varies than of
     independent ones; at least 1."""
     r = r.reshape(len(r), -1)
     n = len(r) // block
@@ -205,7 +205,7 @@ def inflation(r: Array, block: int = 50) -> float:
 
 
 def _fit(
-    z: Array, used: Mask, p: Array, free: Mask, weakest: float, scale: float, sd: float
+    z: Array, used: Mask, p: Array, free: Mask, weakest: float, scale: float, std: float
 ) -> EllipsoidFit:
     M, b = unpack_parameters(p)
     r, J = _misfit(p, z[used])
@@ -213,7 +213,7 @@ def _fit(
     covariance = np.zeros((9, 9))
     if weakest > 1e-6:
         variance = r @ r / (len(r) - free.sum()) * inflation(r) if len(r) > free.sum() else 0.0
-        covariance[np.ix_(free, free)] = np.linalg.inv(J.T @ J) * max(variance, (sd / scale) ** 2)
+        covariance[np.ix_(free, free)] = np.linalg.inv(J.T @ J) * max(variance, (std / scale) ** 2)
     to_full = np.zeros((12, 9))
     to_full[:3, 6:] = np.eye(3) * scale
     for k, (i, j) in enumerate(ENTRIES):

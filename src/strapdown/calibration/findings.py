@@ -5,40 +5,82 @@ from typing import Any
 
 import numpy as np
 
+from ..data.value import Value
 from ..io.calibration_file import Correction, compose_corrections, write_calibration
 from ..typing import Array, File
 from ..units.wording import count_text
 from .methods import DETAIL
 
 
-@dataclass(frozen=True, repr=False)
-class Result:
+@dataclass(frozen=True, eq=False, repr=False)
+class Result(Value):
     """calibrated = matrix @ (measured - bias), body axes, SI (m/s^2 or T); `to_toml` writes it
-    in the axes of the recording's columns."""
+    in the axes of the recording's columns.
 
-    sensor: str  # "accelerometer" or "magnetometer"
-    form: str  # "rests", "ellipsoid" or "turning"
-    bias: Array  # (3,)
-    matrix: Array  # (3, 3)
-    covariance: Array  # (12, 12) of the bias and of the rows of the matrix
-    strength: float  # the strength that was fitted: gravity, or the Earth's field
-    before: float  # rms error of the strength before
-    after: float  # rms error of the strength after
-    residual: Array  # (3,) rms misfit per axis
-    coverage: float  # share of the sphere's cells that were seen
-    lacking: tuple[str, ...]  # half-axes of the body near which no direction was seen, such as "-z"
-    held: tuple[str, ...]  # parameters that the record does not determine, left at identity
-    weakest: float  # least singular value, see strapdown.calibration.ellipsoid.WEAKEST
-    notes: tuple[str, ...]  # sentences for the user
-    t: Array  # (n,) s, of the samples
-    measured: Array  # (n, 3) samples that were fitted, body axes
-    residuals: Array  # (n, 3) misfits; NaN where a sample was not used
-    # axes and earlier calibration of the columns, from recording.meta
+    Attributes
+    ----------
+    sensor : str
+        "accelerometer" or "magnetometer".
+    form : str
+        "rests", "ellipsoid" or "turning".
+    bias : (3,) array
+        Bias, m/s^2 or T.
+    matrix : (3, 3) array
+        Scale and misalignment.
+    covariance : (12, 12) array
+        Of the bias and of the rows of the matrix.
+    strength : float
+        The strength that was fitted: gravity, or the Earth's field.
+    before : float
+        Rms error of the strength before.
+    after : float
+        Rms error of the strength after.
+    residual : (3,) array
+        Rms misfit per axis.
+    coverage : float
+        Share of the sphere's cells that were seen.
+    lacking : tuple of str
+        half-axes of the body near which no direction was seen, such as "-z".
+    held : tuple of str
+        Parameters that the record does not determine, left at identity.
+    weakest : float
+        Least singular value, see strapdown.calibration.ellipsoid.WEAKEST.
+    notes : tuple of str
+        Sentences for the user.
+    t : (n,) array
+        s, of the samples.
+    measured : (n, 3) array
+        Samples that were fitted, body axes.
+    residuals : (n, 3) array
+        Misfits; NaN where a sample was not used.
+    columns : dict[str, Any]
+        Axes and earlier calibration of the columns, from recording.meta.
+    name : str
+        Of the recording.
+    """
+
+    sensor: str
+    form: str
+    bias: Array
+    matrix: Array
+    covariance: Array
+    strength: float
+    before: float
+    after: float
+    residual: Array
+    coverage: float
+    lacking: tuple[str, ...]
+    held: tuple[str, ...]
+    weakest: float
+    notes: tuple[str, ...]
+    t: Array
+    measured: Array
+    residuals: Array
     columns: dict[str, Any] = field(default_factory=dict)
-    name: str = ""  # of the recording
+    name: str = ""
 
     @property
-    def sd(self) -> tuple[Array, Array]:
+    def std(self) -> tuple[Array, Array]:
         """(3,) standard deviations of the bias and (3, 3) of the matrix."""
         deviations = np.sqrt(np.diag(self.covariance))
         return deviations[:3], deviations[3:].reshape(3, 3)
@@ -58,20 +100,20 @@ class Result:
         """Bias, matrix, their standard deviations and the residuals as text, a row each."""
         _, factor, unit = DETAIL[self.sensor]
 
-        def shown(values: Array, digits: int = 4) -> tuple[str, ...]:
+        def texts(values: Array, digits: int = 4) -> tuple[str, ...]:
             return tuple(f"{float(value):.{digits}g}" for value in values)
 
-        bias_sd, matrix_sd = self.sd
+        bias_std, matrix_std = self.std
         rows = [
-            ("bias", *shown(self.bias * factor), unit),
-            ("  sd", *shown(bias_sd * factor, 2), unit),
+            ("bias", *texts(self.bias * factor), unit),
+            ("  std", *texts(bias_std * factor, 2), unit),
         ]
-        for axis, row, deviation in zip("xyz", self.matrix, matrix_sd):
+        for axis, row, deviation in zip("xyz", self.matrix, matrix_std):
             rows += [
                 (f"matrix, row {axis}", *(f"{value:.5f}" for value in row), ""),
-                ("  sd", *shown(deviation, 2), ""),
+                ("  std", *texts(deviation, 2), ""),
             ]
-        return [*rows, ("misfit, rms", *shown(self.residual * factor, 3), unit)]
+        return [*rows, ("misfit, rms", *texts(self.residual * factor, 3), unit)]
 
     @property
     def verdict(self) -> str:
@@ -90,7 +132,7 @@ class Result:
         return (
             '[imu] calibration = "{}"'
             if self.sensor == "accelerometer"
-            else '[[aiding]] kind = "magnetic-field": calibration = "{}"'
+            else '[[source]] kind = "magnetic-field": calibration = "{}"'
         )
 
     def sections(self) -> dict[str, Correction]:

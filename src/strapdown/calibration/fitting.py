@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..alignment.location import place_of
-from ..checks import DataError
-from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..checks import DataError, check_type
+from ..data.recording import Recording, check_recording
+from ..data.solution import Source
 from ..fileio.files import together
 from ..geometry.geodesy import gravity
-from ..io.magnetic_record import sound
+from ..io.magnetic_record import sound_samples
 from ..preprocessing.origin import Origin
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
@@ -29,17 +29,16 @@ from .methods import (
 )
 
 SAMPLES = 5000
-"""Of a magnetometer about so many are used, evenly spaced: what is left of a calibration is not
+"""Samples of a magnetometer that are used, about, evenly spaced: what is left of a calibration is not
 white, so that more would add little."""
 WRONG_STRENGTH, TURNED = 0.05, np.radians(10)
 """Relative error of strength after calibration, and turn of the magnetometer against the IMU
 (rad), that are worth a note."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Result):
-    """calibrated = matrix @ (measured - bias), body axes, SI (m/s^2 or T); `to_toml` writes it
-    in the axes of the recording's columns."""
+    """Result of `calibrate`, with what writes it."""
 
     def write(self, folder: Path) -> None:
         """Write calibration.toml and calibration.html into `folder`, both or none. Raises
@@ -51,21 +50,52 @@ class Calibration(Result):
             page(self).save(folder / "calibration.html")
 
 
+Calibration.__doc__ = Result.__doc__  # which has the fields, for `help`
+
+
 def calibrate(
     recording: Recording,
     sensor: str | None = None,
     start: float | None = None,
     stop: float | None = None,
 ) -> Calibration:
-    """The Calibration of the accelerometer or magnetometer of a Recording, or of its part from
-    `start` to `stop`, s.
+    """Return the calibration of the accelerometer or magnetometer of a recording.
 
-    sensor: "accelerometer", "magnetometer", or the name of a source of kind magnetic-field; None
-    takes the magnetometer where there is one. Raises DataError of one line: too few directions (and
-    which lack), a constant sensor, nothing to calibrate.
+    Parameters
+    ----------
+    recording : Recording
+        In which the sensor is turned to many directions.
+    sensor : str, optional
+        "accelerometer", "magnetometer", or the name of a source of kind magnetic-field; by default the
+        magnetometer where there is one.
+    start, stop : float, optional
+        s, the part of the recording that is used.
+
+    Returns
+    -------
+    Calibration
+        Bias (3,) and matrix (3, 3) in body axes, SI, with their covariance and what the record does
+        not determine.
+
+    Raises
+    ------
+    DataError
+        Where directions are too few (it says which lack), the sensor is constant, or there is none.
+
+    Notes
+    -----
+    docs/how-to/calibrate.md says which motions each method needs.
+
+    References
+    ----------
+    Gander, Golub & Strebel (1994), "Least-squares fitting of circles and ellipses"; Renaudin, Afzal &
+    Lachapelle (2010), "Complete triaxis magnetometer calibration in the magnetic domain"; with gyros the
+    model of Kok & Schoen (2016), IEEE Sensors Journal 16(14).
     """
-    part = recording.between(-np.inf if start is None else start, np.inf if stop is None else stop)
-    sources = [a for a in part.aidings if a.kind == "magnetic-field"]
+    check_recording(recording)
+    check_type(sensor, "sensor", str | None, "the name of a sensor, or None")
+    part = recording.between(start, stop)
+    sources = [a for a in part.sources if a.kind == "magnetic-field"]
     chosen = sensor or ("magnetometer" if sources else "accelerometer")
     if chosen == "accelerometer":
         return _accelerometer(part)
@@ -113,7 +143,7 @@ def _accelerometer(part: Recording) -> Calibration:
 
 def _gravity(part: Recording) -> tuple[float, list[str]]:
     """(local gravity in m/s^2, notes)."""
-    place = place_of(part.meta, part.aidings)
+    place = place_of(part.meta, part.sources)
     if place is None:
         return STANDARD_GRAVITY, [
             f"the place is not known: gravity is taken as {STANDARD_GRAVITY} m/s^2, which may be "
@@ -122,7 +152,7 @@ def _gravity(part: Recording) -> tuple[float, list[str]]:
     return float(gravity(place.lla[0], place.lla[2])), []
 
 
-def _magnetometer(part: Recording, source: Aiding, notes: list[str]) -> Calibration:
+def _magnetometer(part: Recording, source: Source, notes: list[str]) -> Calibration:
     columns = _columns(part, source.name or source.kind)
     strength, dip = _reference(source, columns)
     if strength is None:
@@ -130,7 +160,7 @@ def _magnetometer(part: Recording, source: Aiding, notes: list[str]) -> Calibrat
             "the Earth's field is not known: the matrix keeps the typical strength of the sensor; "
             "give date and place, or field"
         )
-    keep, more = sound(
+    keep, more = sound_samples(
         source.t, source.y, part.imu, source.name or source.kind, Origin(source.name or source.kind)
     )
     t, y = source.t[keep], source.y[keep]
@@ -146,7 +176,7 @@ def _magnetometer(part: Recording, source: Aiding, notes: list[str]) -> Calibrat
     return _make_calibration(fitted, part.meta.get("name", ""))
 
 
-def _reference(source: Aiding, columns: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
+def _reference(source: Source, columns: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
     """(strength in T, dip in rad) of the Earth's field; (None, None) where they are not known."""
     if (
         len(source.parameters) < 3

@@ -38,7 +38,7 @@ LAG = 2.0  # s between the samples of the linear start, in a window of full leng
 # weight of a sample's height above the horizon in the start: a change of velocity by 30 m/s in a
 # window tilts it by 0.1 rad
 HEIGHT_WEIGHT = 0.1
-GYRO_SD = 0.1  # rad/s, of the bias before the fit
+GYRO_STD = 0.1  # rad/s, of the bias before the fit
 TURNING_PARAMETERS = tuple(
     f"soft iron {i}{j}" if i != j else f"scale {i}" for i in "xyz" for j in "xyz"
 ) + (
@@ -48,7 +48,7 @@ TURNING_PARAMETERS = tuple(
 )
 
 Recover: TypeAlias = tuple[Array, Array, Array]
-"""What gives the change of the directions u back from that of all else: see `_normal`."""
+"""Function that gives the change of the directions u back from that of all else: see `_normal`."""
 
 
 class Windows(NamedTuple):
@@ -118,7 +118,9 @@ def _attitude(t: Array, imu: Imu) -> tuple[Array, Array, Array]:
     times t."""
     from scipy.spatial.transform import Rotation
 
-    total = running_products(Rotation.from_rotvec(imu.dtheta)).as_matrix()  # at the ends of samples
+    total = running_products(
+        Rotation.from_rotvec(imu.dtheta.copy())
+    ).as_matrix()  # at the ends of samples
     start = np.concatenate([np.eye(3)[None], total])
     middle = start[:-1] @ Rotation.from_rotvec(imu.dtheta / 2).as_matrix()
     integral = np.concatenate(
@@ -179,7 +181,7 @@ def _start(w: Windows, dip: float | None) -> State:
     identity where that does not determine M."""
     lag = max(1, round(w.z.shape[1] * LAG / WINDOW_TIME))
     C, _ = _window_rotations(w, np.zeros(3))
-    down = np.einsum("wkji,wj->wki", C, _down(w, C))  # at each sample
+    down = np.einsum("wkji,wj->wki", C, _down_vectors(w, C))  # at each sample
     R = (np.swapaxes(C[:, :-lag], -1, -2) @ C[:, lag:]).reshape(-1, 3, 3)
     first, second = w.z[:, :-lag].reshape(-1, 3), w.z[:, lag:].reshape(-1, 3)
     rows = np.concatenate(
@@ -239,7 +241,7 @@ def _misfit(w: Windows, state: State) -> tuple[Array, Array, Array, Array]:
     return w.z - m @ state.A.T - state.b, m, C, S
 
 
-def _down(w: Windows, C: Array) -> Array:
+def _down_vectors(w: Windows, C: Array) -> Array:
     """(W, 3) unit vectors of the mean specific force, reversed, in body axes at the start of
     each window."""
     force = -np.einsum("wkij,wkj->wi", C, w.force)
@@ -265,9 +267,9 @@ def _normal(w: Windows, state: State, weight: Array) -> tuple[Array, tuple[Array
     sigma = max(robust_std(r[weight > 0]), 1e-9)
     weighted = weight[..., None, None] * J
     H = np.einsum("wkia,wkib->ab", weighted, J)
-    H[12:, 12:] += np.eye(3) * (sigma / (GYRO_SD * WINDOW_TIME)) ** 2
+    H[12:, 12:] += np.eye(3) * (sigma / (GYRO_STD * WINDOW_TIME)) ** 2
     g = np.einsum("wkia,wki->a", weighted, r)
-    g[12:] -= state.gyro * WINDOW_TIME * (sigma / (GYRO_SD * WINDOW_TIME)) ** 2
+    g[12:] -= state.gyro * WINDOW_TIME * (sigma / (GYRO_STD * WINDOW_TIME)) ** 2
     Hc = np.einsum("wkia,wkib->wab", weighted, K)
     Hu = np.einsum("wkia,wkib->wab", weight[..., None, None] * K, K)
     gu = np.einsum("wkia,wki->wa", weight[..., None, None] * K, r)

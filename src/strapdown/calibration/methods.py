@@ -36,7 +36,7 @@ class RestPeriods(NamedTuple):
 
     t: Array  # (n,) s, the middle
     force: Array  # (n, 3) m/s^2
-    sd: float  # m/s^2, of a mean, from the scatter of the blocks
+    std: float  # m/s^2, of a mean, from the scatter of the blocks
 
 
 def rests(imu: Imu) -> RestPeriods:
@@ -102,7 +102,7 @@ def six_positions(found: RestPeriods, gravity: float) -> EllipsoidFit:
             f"{BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
             "with each axis once up and once down"
         )
-    fit = ellipsoid(found.force, gravity, found.sd)
+    fit = ellipsoid(found.force, gravity, found.std)
     if fit.missing:
         raise DataError(
             f"accelerometer: too few directions in {len(found.t)} rests: "

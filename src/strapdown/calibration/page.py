@@ -4,7 +4,17 @@ misfits."""
 import numpy as np
 import plotly.graph_objects as go
 
-from ..pages.drawing import COLOURS, GREY, even, finish, line, note, origin, panels, time_label
+from ..pages.drawing import (
+    COLOURS,
+    GREY,
+    even_indices,
+    finish,
+    line,
+    note,
+    origin,
+    panels,
+    time_label,
+)
 from ..pages.parts import paragraphs, remarks, table
 from ..pages.shell import Document, Page
 from ..units.wording import capitalise
@@ -55,7 +65,7 @@ def directions_figure(found: Result) -> go.Figure:
     any are grey."""
     vectors = found.calibrated[np.isfinite(found.calibrated).all(axis=1)]
     share, counts, _ = coverage(vectors)
-    unit = vectors[even(len(vectors), DIRECTIONS_DRAWN)]
+    unit = vectors[even_indices(len(vectors), DIRECTIONS_DRAWN)]
     unit = unit / np.linalg.norm(unit, axis=1)[:, None]
     drawn = finish(go.Figure(), 380)
     drawn.add_trace(

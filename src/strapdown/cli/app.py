@@ -9,9 +9,9 @@ import threading
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from math import inf, isfinite, radians
+from math import isfinite, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypedDict
 
 import typer
 
@@ -238,7 +238,9 @@ def demo(
     )
     with results_folder(out.parent), Progress() as progress:
         solutions = {
-            name: sd.fuse(recording, name, imu=imu, say=progress.say, progress=progress.track(name))
+            name: sd.fuse(
+                recording, name, imu=imu, notify=progress.notify, progress=progress.track(name)
+            )
             for name in ("closed-loop", "open-loop")
         }
         print_verdicts({name: solution.verdict for name, solution in solutions.items()})
@@ -273,13 +275,21 @@ def fuse(
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
     ahrs: AHRS = None,
     ahrs_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="Rate of that aiding, at most the IMU's.")
+        float, typer.Option(metavar="HZ", help="Rate of that source, at most the IMU's.")
     ] = 10.0,
     smooth: Annotated[
         bool,
         typer.Option(
             "--smooth",
             help="Estimate each time from the whole recording, for filters that can be smoothed.",
+        ),
+    ] = False,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow",
+            help="Apply what `strapdown diagnose` finds wrong where the data decide, show what it "
+            "changes, and fuse again.",
         ),
     ] = False,
     diagnosed: Annotated[
@@ -305,6 +315,13 @@ def fuse(
             "--utc", help="A column of ISO 8601 times in solution.csv, of an absolute clock."
         ),
     ] = False,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON,HEIGHT",
+            help="Origin of the positions in track.tum, deg and m.  [default: the first position]",
+        ),
+    ] = None,
     map: MAP = False,
     write: WRITE = None,
     strict: STRICT = False,
@@ -312,6 +329,7 @@ def fuse(
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
     position, track.kml."""
     windows, endings = _windows(hide), _endings(also)
+    files: SolutionFiles = {"utc": utc, "origin": _origin(origin, endings)}
     options: dict[str, Any] = option_values(option)
     run: RunOptions = {
         "vehicle": vehicle,
@@ -328,13 +346,13 @@ def fuse(
     _check_utc(utc, whole)
     save_draft(write, recording, imu, take)
     run["imu"] = named = grade or grade_of(whole)
-    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    part = whole.between(start, stop)
     seen = part.hidden(windows)
     with results_folder(
         out or Path(f"{part.meta.get('name') or recording[0].stem}-{filter}{'-smooth' * smooth}")
     ) as folder:
         run["start"] = begin = _start(seen, named, heading, filter)
-        solution, label = _run(seen, filter, smooth, run)
+        solution, label = (_follow if follow else _run)(seen, filter, smooth, run)
         if windows:
             solution.meta["withheld"] = windows
         summarise(solution)
@@ -345,7 +363,7 @@ def fuse(
             print_outages(solution, whole.reference, windows)
         print(
             _write_solution(
-                solution, folder, endings, utc, sd.report(solution, whole.reference, map=map)
+                solution, folder, endings, files, sd.report(solution, whole.reference, map=map)
             )
         )
     if diagnosed:
@@ -357,8 +375,8 @@ def fuse(
 
 
 def _count(recording: "sd.Recording") -> int:
-    """How many fixes a recording has."""
-    return sum(len(a.t) for a in recording.aidings)
+    """Number of fixes of a recording."""
+    return sum(len(a.t) for a in recording.sources)
 
 
 def _check_utc(utc: bool, recording: "sd.Recording") -> None:
@@ -376,12 +394,48 @@ def _run(
     """(the Solution of a recording, what to call it); with a bar of the progress."""
     call, label = (sd.smooth, f"{filter}, smoothed") if smooth else (sd.fuse, filter)
     with Progress() as progress:
-        run["say"] = progress.say
+        run["notify"] = progress.notify
         return call(recording, filter, progress=progress.track(label), **run), label
 
 
+def _follow(
+    recording: "sd.Recording", filter: str, smooth: bool, run: "RunOptions"
+) -> tuple["sd.Solution", str]:
+    """The same after the advice of `diagnose` was followed; prints what it changed."""
+    from ..installation.follow import follow_with
+
+    make = lambda part, options: _run(part, filter, smooth, options)[0]
+    found = follow_with(recording, make, **run)
+    for line in found.lines:
+        print(line)
+    return found.after, f"{filter}, smoothed" if smooth else filter
+
+
+class SolutionFiles(TypedDict):
+    """Options of `write_solution`; the origin is for those in a local frame."""
+
+    utc: bool
+    origin: tuple[float, ...] | None
+
+
+def _with_protection(solution: "sd.Solution") -> "sd.Solution":
+    """A trusted solution with columns of its protection levels."""
+    from dataclasses import replace
+
+    if not solution.verdict.trusted or solution.trajectory.std is None:
+        return solution
+    levels = solution.protection()
+    print(levels)
+    columns = {**solution.columns, **levels.as_columns()}
+    return replace(solution, columns=columns)
+
+
 def _write_solution(
-    solution: "sd.Solution", folder: Path, endings: Sequence[str], utc: bool, page: "Page"
+    solution: "sd.Solution",
+    folder: Path,
+    endings: Sequence[str],
+    files: SolutionFiles,
+    page: "Page",
 ) -> str:
     """Write the files of a solution, all or none; the line that says which."""
     from ..fileio.files import together
@@ -390,9 +444,11 @@ def _write_solution(
     names += [f"solution.{ending}" for ending in endings if "csv" in ending]
     if solution.has_position:
         names += [f"track.{ending}" for ending in endings if "csv" not in ending]
+    kept = _with_protection(solution)
     with together():
         for name in names:
-            sd.write_solution(solution, folder / name, utc)
+            origin = files["origin"] if name.endswith(".tum") else None
+            sd.write_solution(kept, folder / name, utc=files["utc"], origin=origin)
         save_page(page, folder / "report.html")
     missing = "" if solution.has_position else "; no track, because there is no position"
     return f"wrote {folder}/{', '.join(names)}, report.html{missing}"
@@ -418,9 +474,7 @@ def _start(
         raise sd.DataError(
             f"--heading {heading:g}: it is clockwise from true north in deg, at most 360"
         )
-    return sd.align(
-        recording, sd.grade(imu), heading=radians(heading), position=has_position(find(filter))
-    )
+    return sd.align(recording, imu, heading=radians(heading), position=has_position(find(filter)))
 
 
 @app.command(cls=Command)
@@ -450,9 +504,9 @@ def inspect(
 @app.command(cls=Command)
 def imus() -> None:
     """List the IMU grades with their error terms."""
-    from ..sensor_models.imu import grade, grades
+    from ..sensor_models.imu import imu as imu_spec, imus
 
-    specs = [grade(name) for name in grades()]
+    specs = [imu_spec(name) for name in imus()]
     rows = {key: [spec.datasheet()[key] for spec in specs] for key in specs[0].datasheet()}
     table(
         ("", *(spec.name for spec in specs)),
@@ -501,6 +555,21 @@ def _endings(text: str | None) -> list[str]:
     for each in found:
         check_choice(each, "--also", [ending for ending in ENDINGS if ending not in usual])
     return found
+
+
+def _origin(text: str | None, endings: Sequence[str]) -> tuple[float, ...] | None:
+    """(latitude rad, longitude rad, height m) from "LAT,LON,HEIGHT" in deg and m. Raises DataError."""
+    if text is None:
+        return None
+    if "tum" not in endings:
+        raise sd.DataError("--origin: only track.tum has positions from it; add --also tum")
+    try:
+        latitude, longitude, height = map(float, text.split(","))
+    except ValueError:
+        raise sd.DataError(
+            f"--origin {text!r}: write latitude,longitude,height in deg and m, as 47.63,9.35,400"
+        ) from None
+    return radians(latitude), radians(longitude), height
 
 
 def _windows(text: str | None) -> list[tuple[float, float]]:

@@ -2,7 +2,6 @@
 from a record, and calibrate installation: clocks, lever arms, mounting and scale from a log."""
 
 from contextlib import nullcontext
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -152,7 +151,7 @@ def installation(
 
     options: dict[str, Any] = option_values(option)
     whole, grade = read_given(recording, imu, take)
-    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    part = whole.between(start, stop)
     with results_folder(out) if out else nullcontext(), Progress() as progress:
         found = sd.calibrate_installation(
             part,
@@ -160,7 +159,7 @@ def installation(
             imu=grade or grade_of(whole),
             vehicle=vehicle,
             imu_clock=imu_clock,
-            say=progress.say,
+            notify=progress.notify,
             progress=progress.track("calibrate installation"),
             options=options,
         )

@@ -1,7 +1,6 @@
 """The command compare: filters side by side on the same GNSS outages of one recording."""
 
 from collections.abc import Sequence
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -91,7 +90,7 @@ def compare(
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
     whole, grade = read_given(recording, imu, take, sources)
-    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    part = whole.between(start, stop)
     given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (
         results_folder(
@@ -109,7 +108,7 @@ def compare(
             estimate=estimates(estimate),
             robust=robust_sources(robust),
             adaptive=memories(adaptive),
-            say=progress.say,
+            notify=progress.notify,
             progress=progress.track("compare"),
             **given,
         )
@@ -186,7 +185,7 @@ def show(found: "sd.Comparison") -> None:
 
 
 AXES = ("North", "East", "Down")
-"""Of the table of the outages."""
+"""Axes in the table of the outages."""
 HEAD = (
     "filter",
     "length, s",
@@ -197,7 +196,7 @@ HEAD = (
     "drift, % (median)",
     "heading, deg (median)",
 )
-"""Of the summary."""
+"""Header of the summary."""
 
 
 def _row(row: "pd.Series[Any]") -> tuple[str, ...]:

@@ -22,7 +22,7 @@ def attitude_filters() -> Offered:
 
 
 def kinds(incomplete: str) -> Offered:
-    """Kinds of aiding, also the next one of a list with commas."""
+    """Kinds of measurement, also the next one of a list with commas."""
     from ..aiding import names
 
     return _after_comma(incomplete, [(name, "") for name in names()])
@@ -30,9 +30,9 @@ def kinds(incomplete: str) -> Offered:
 
 def imus() -> Offered:
     """Grades of IMUs."""
-    from ..sensor_models.imu import grades
+    from ..sensor_models.imu import imus
 
-    return [(name, "") for name in grades()]
+    return [(name, "") for name in imus()]
 
 
 def receivers() -> Offered:

@@ -16,7 +16,7 @@ import typer
 
 import strapdown as sd
 
-from ..checks import DataError, check_choice, located
+from ..checks import DataError, check_choice, locate_errors
 from ..data.verdict import Verdict, together
 from ..units.wording import count_text, short
 from . import complete
@@ -268,7 +268,7 @@ def save_draft(
         return
     folder = write.resolve().parent
     number, grade = asked_imu(imu)
-    if grade is not None and sd.grade(grade).name and Path(grade).suffix == ".toml":
+    if grade is not None and sd.imu(grade).name and Path(grade).suffix == ".toml":
         grade = Path(os.path.relpath(grade, folder)).as_posix()
     text = draft(paths, instances(number, take), folder, grade)
     with replacing(write) as part:
@@ -280,7 +280,7 @@ def summarise(solution: "sd.Solution") -> None:
     """Print the summary of a solution without its errors: the verdict first, then notes, start,
     fixes, events, uncertainty at the end."""
     from ..core.loop.contract import DOUBTFUL
-    from ..pages.summary import claimed_sd
+    from ..pages.summary import claimed_std
 
     print_verdicts({"": solution.verdict})
     for note in solution.meta.get("notes", []):
@@ -305,7 +305,7 @@ def summarise(solution: "sd.Solution") -> None:
         print(
             f"doubtful: {doubtful:.4g} s of {solution.t[-1] - solution.t[0]:.4g} s, see the events"
         )
-    print(f"at the end: {uncertainty(claimed_sd(solution)[-1])}")
+    print(f"at the end: {uncertainty(claimed_std(solution)[-1])}")
 
 
 def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
@@ -315,17 +315,17 @@ def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     groups = together(verdicts)
     for names, verdict in groups:
         them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
-        _say(f"verdict{f' on {them}' if len(verdicts) > 1 else ''}: {verdict.line}")
+        _notify(f"verdict{f' on {them}' if len(verdicts) > 1 else ''}: {verdict.line}")
         also = [str(reason) for reason in verdict.reasons[1:]]
         if also and len(verdicts) > 1:
             also = [", ".join(reason.what for reason in verdict.reasons[1:])]
         for text in also:
-            _say(f"  also {text}")
+            _notify(f"  also {text}")
         if verdict.reasons and verdict.untested:
-            _say(f"  not tested: {', '.join(verdict.untested)}")
+            _notify(f"  not tested: {', '.join(map(str, verdict.untested))}")
 
 
-def _say(text: str) -> None:
+def _notify(text: str) -> None:
     """Print a line, on a terminal in lines of its width, the further ones indented."""
     if sys.stdout.isatty():
         text = fill(text, text_width(), subsequent_indent="    ", break_on_hyphens=False)
@@ -351,24 +351,24 @@ def save_page(page: "Page", path: Path) -> None:
     page.save(path)
 
 
-def uncertainty(sd: "Array") -> str:
+def uncertainty(std: "Array") -> str:
     """The standard deviations of one row that a filter claims, as text; those of the gyro bias
     where it claims no position."""
     import numpy as np
 
     parts = [
-        ("position", "m NED", sd[:3]),
-        ("velocity", "m/s", sd[3:6]),
-        ("attitude", "deg", np.degrees(sd[6:9])),
+        ("position", "m NED", std[:3]),
+        ("velocity", "m/s", std[3:6]),
+        ("attitude", "deg", np.degrees(std[6:9])),
     ]
     parts += (
-        [("gyro bias", "deg/h", np.degrees(sd[12:15]) * 3600)]
-        if not np.isfinite(sd[:2]).any()
+        [("gyro bias", "deg/h", np.degrees(std[12:15]) * 3600)]
+        if not np.isfinite(std[:2]).any()
         else []
     )
     return (
         ", ".join(
-            f"{name} sd {triple(values)} {unit}"
+            f"{name} std {triple(values)} {unit}"
             for name, unit, values in parts
             if np.isfinite(values).any()
         )
@@ -379,8 +379,8 @@ def uncertainty(sd: "Array") -> str:
 def print_outages(
     solution: "sd.Solution", reference: "sd.Trajectory", windows: Iterable[tuple[float, float]]
 ) -> None:
-    """How far the solution went while its fixes were withheld, a row per window; says in one
-    line why there is none."""
+    """Print the error that the solution reached while its fixes were withheld, a row per window;
+    says in one line why there is none."""
     from ..evaluation.metrics import outages
 
     rows = []
@@ -408,9 +408,9 @@ def print_outages(
         )
 
 
-def triple(values: "Iterable[float] | None") -> str:
+def triple(values: "Iterable[float]") -> str:
     """Numbers with three digits each, dashes for what is not known, one dash where nothing is."""
-    texts = ["-"] if values is None else [number(float(value)) for value in values]
+    texts = [number(float(value)) for value in values]
     return "-" if set(texts) == {"-"} else " ".join(texts)
 
 
@@ -442,10 +442,10 @@ def print_errors(
         except sd.DataError as error:
             print(f"not scored: {error}")
             continue
-        angles = [None if part is None else np.degrees(part) for part in (r.rph, r.angles)]
+        angles = [np.degrees(part) for part in (r.rph, r.angles)]
         if not heading_held(solution):
             angles = [
-                None if part is None else np.where([known, True, False], part, np.nan)
+                np.where([known, True, False], part, np.nan)
                 for part, known in zip(angles, (True, False))
             ]
         rows.append((name, triple(r.position), triple(r.velocity), *map(triple, angles)))
@@ -517,7 +517,7 @@ class Progress:
         if self.bar is not None:
             self.bar.stop()
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         """A line that is seen at once."""
         if self.bar is None:
             print(text, file=sys.stderr, flush=True)
@@ -548,7 +548,7 @@ def option_values(items: Sequence[str] | None) -> dict[str, float | str]:
 
 
 def estimates(items: Sequence[str] | None) -> "dict[str, Prior] | None":
-    """Return the `estimate` of `fuse` from NAME and NAME=SD, as `standard_deviations` reads them;
+    """Return the `estimate` of `fuse` from NAME and NAME=STD, as `standard_deviations` reads them;
     None where nothing is given. Raises DataError."""
     return standard_deviations(items, "--estimate") if items else None
 
@@ -583,7 +583,7 @@ def memories(items: Sequence[str] | None) -> float | dict[str, float] | None:
 
 def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]":
     """{parameter of the installation: standard deviations by component, SI, or None} of NAME and
-    NAME=SD between commas, in the units of tables; of several components SD is one number, or one
+    NAME=STD between commas, in the units of tables; of several components STD is one number, or one
     each with "/" or blanks between them. "none" alone is none of them. Raises DataError."""
     pieces = [piece.strip() for item in items for piece in item.split(",") if piece.strip()]
     if not pieces:
@@ -606,7 +606,7 @@ def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]"
 def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
     from ..data import calibration_parameters
 
-    words, equals, sd = (part.strip() for part in piece.partition("="))
+    words, equals, std = (part.strip() for part in piece.partition("="))
     name = words.split()[-1] if words else ""
     known = {
         **calibration_parameters.ASKED_OF_IMU,
@@ -617,13 +617,13 @@ def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
     what = known[check_choice(name, option, known)][0]
     if not equals:
         return {words: None}
-    values = _numbers(sd)
+    values = _numbers(std)
     if not values:
         raise DataError(
-            f"{option} {piece!r}: write {words}=SD, a standard deviation"
+            f"{option} {piece!r}: write {words}=STD, a standard deviation"
             f"{what.unit and ' in '}{what.unit}"
         )
-    with located(option):
+    with locate_errors(option):
         of_each = calibration_parameters.prior(
             what, values if len(values) > 1 else values[0], in_tables=True
         )
@@ -663,12 +663,12 @@ def results_folder(path: Path) -> Iterator[Path]:
 
 def grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
     """The IMU that a recording names. Raises DataError."""
-    from ..sensor_models.imu import grades
+    from ..sensor_models.imu import imus
 
     named = recording.meta.get("grade")
     if named is None:
         raise sd.DataError(
-            f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a "
+            f"the recording does not name its IMU: give --imu, one of {', '.join(imus())}, or a "
             f"file that describes it"
         )
     return named

@@ -1,6 +1,5 @@
 """The command diagnose: what of an installation is wrong, from the filter's own runs."""
 
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,7 +39,7 @@ def diagnose(
     """Say what of the installation is wrong: clock offset and lever arm of the GNSS, mounting of
     the IMU, scale of the odometer; what is right; and what the motion does not show."""
     whole, grade = read_given(recording, imu, take, sources)
-    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    part = whole.between(start, stop)
     show(part, filter, grade or grade_of(whole), vehicle, None, option_values(option))
 
 
@@ -60,7 +59,7 @@ def show(
             imu=imu,
             vehicle=vehicle,
             start=start,
-            say=progress.say,
+            notify=progress.notify,
             progress=progress.track("diagnose"),
             options=options,
         )

@@ -75,7 +75,7 @@ def export(
     what = chosen.choose_export(filter, kinds, recording, imu, vehicle, options, waiting)
     with results_folder(out) as folder:
         with Progress() as progress:
-            done = exported.export(what, made_for, folder, progress.say)
+            done = exported.export(what, made_for, folder, progress.notify)
     for note in done.notes:
         print(f"note: {note}")
     print(done.sizes.text)

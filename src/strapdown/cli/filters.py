@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..core.loop.contract import Filter
 
 NAMES = "position", "velocity", "attitude", "accelerometer bias", "gyro bias"
-"""What the 15 error states are, three components each."""
+"""Names of the 15 error states, three components each."""
 OF_PLUGINS = "Of plugins"
 BIAS = (
     "bias: what becomes of the estimate of a bias between fixes; it decays with the time constant of "
@@ -66,7 +66,7 @@ def _list(found: "Sequence[Filter]") -> None:
 
 
 def needs(filter: "Filter") -> list[str]:
-    """Kinds of aiding without which a filter cannot run."""
+    """Kinds of measurement without which a filter cannot run."""
     from ..engine.prepare import has_position
 
     own = ["position"] if has_position(filter) else []
@@ -86,9 +86,9 @@ def _tell(filter: "Filter") -> None:
         "not for": filter.poor_for,
         "family": FAMILIES.get(own, OF_PLUGINS),
         "estimates": ", ".join(_states(filter.estimates)),
-        "without sd": ", ".join(_states(set(filter.estimates) - set(filter.states))),
+        "without std": ", ".join(_states(set(filter.estimates) - set(filter.states))),
         "needs": ", ".join(needs(filter)),
-        "uses": "all kinds of aiding" if filter.uses is None else ", ".join(filter.uses),
+        "uses": "all kinds of measurement" if filter.uses is None else ", ".join(filter.uses),
         "own columns": ", ".join(filter.columns),
         "smoothed": yes(filter.smoother),
         "robust and adaptive sources": yes(filter.weighs),

@@ -95,7 +95,7 @@ def fly(
     from ..fileio.files import together
     from ..flight.asked import SENSORS, Loop, World
     from ..flight.figures import facts, sections
-    from ..flight.fly import fly as flown
+    from ..flight.run_flight import fly as flown
     from ..pages.page import Added
     from ..sensor_models.barometer import Barometer
 
@@ -115,7 +115,7 @@ def fly(
             duration=duration,
             world=World(aircraft, wind=_wind(wind), turbulence=turbulence),
             sensors=sensors,
-            loop=Loop(feedback, prediction, say=progress.say),
+            loop=Loop(feedback, prediction, notify=progress.notify),
             progress=progress.track(filter),
             **_options(option, flown),
         )
@@ -153,7 +153,7 @@ def _options(items: list[str] | None, flown: Callable[..., object]) -> dict[str,
     return values
 
 
-def write_log(flight: "sd.Flight", path: Path) -> None:
+def write_log(flight: "sd.flight.Flight", path: Path) -> None:
     """Write the log of a Flight as CSV, atomically; every column's name has its unit."""
     import pandas as pd
 
@@ -162,12 +162,12 @@ def write_log(flight: "sd.Flight", path: Path) -> None:
     write_table(pd.DataFrame(flight.log), path, 9)
 
 
-def show(flight: "sd.Flight", name: str, windows: Sequence[tuple[float, float]]) -> None:
+def show(flight: "sd.flight.Flight", name: str, windows: Sequence[tuple[float, float]]) -> None:
     """Print what became of a Flight: the filter's errors, the outages, and how the aircraft kept
     to its plan."""
     summarise(flight.solution)
-    print_errors({name: flight.solution}, _truth(flight))
-    print_outages(flight.solution, _truth(flight), windows)
+    print_errors({name: flight.solution}, flight.recording.reference)
+    print_outages(flight.solution, flight.recording.reference, windows)
     for start, stop in windows if flight.solution.has_position else []:
         print(drift(flight, start, stop))
     table(("the aircraft", "rms", "largest", "at the end"), tracking_rows(flight))
@@ -175,13 +175,7 @@ def show(flight: "sd.Flight", name: str, windows: Sequence[tuple[float, float]])
         print(flight.stopped)
 
 
-def _truth(flight: "sd.Flight") -> "sd.Trajectory":
-    truth = flight.recording.reference
-    assert truth is not None  # as of all that is simulated
-    return truth
-
-
-def withheld_outages(flight: "sd.Flight") -> list[tuple[float, float]]:
+def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
     """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix
     may be used again, or to where the flight stopped."""
     t = flight.recording.imu.t
@@ -195,7 +189,7 @@ def withheld_outages(flight: "sd.Flight") -> list[tuple[float, float]]:
     ]
 
 
-def tracking_rows(flight: "sd.Flight") -> list[tuple[str, ...]]:
+def tracking_rows(flight: "sd.flight.Flight") -> list[tuple[str, ...]]:
     """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was
     off its plan, and its controls off their trim."""
     import numpy as np
@@ -219,7 +213,7 @@ def tracking_rows(flight: "sd.Flight") -> list[tuple[str, ...]]:
     return found
 
 
-def drift(flight: "sd.Flight", start: float, stop: float) -> str:
+def drift(flight: "sd.flight.Flight", start: float, stop: float) -> str:
     """A sentence on the horizontal error that an outage added, m and by the distance flown in
     it."""
     import numpy as np
@@ -227,8 +221,7 @@ def drift(flight: "sd.Flight", start: float, stop: float) -> str:
     from ..evaluation.metrics import errors
     from ..geometry.geodesy import displacement
 
-    truth, e = _truth(flight), errors(flight.solution, _truth(flight))
-    assert e.position is not None  # only of solutions with a position
+    truth, e = flight.recording.reference, errors(flight.solution, flight.recording.reference)
     scored = np.flatnonzero((e.t >= start) & (e.t <= stop))
     if len(scored) < 2:
         return f"drift in {start:g}-{stop:g} s: none, the flight ended before"

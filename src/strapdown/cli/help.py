@@ -264,7 +264,7 @@ GROUPS = {
     "alignment target waiting",
     "Aircraft": "aircraft feedback prediction turbulence wind barometer",
     "Runs": "runs seed quick ablations map workers scheduler",
-    "Results": "out also utc write diagnose strict",
+    "Results": "out also utc origin write diagnose strict",
 }
 """{heading: names of options}; those of no heading come last."""
 ENDS = """Exit codes: 0 done; 1 a fault of strapdown itself; 2 bad input; 3 something is wrong or not \
@@ -272,7 +272,7 @@ trusted; 130 interrupted."""
 
 
 FORMATS = "<formats>"
-"""What stands in the help of an argument for the formats that are read."""
+"""Text that stands in the help of an argument for the formats that are read."""
 
 
 def _write_groups(command: Any, ctx: Any, formatter: Any) -> None:

@@ -66,7 +66,7 @@ def simulate(
         sd.write_recording(recording, out)
     for note in recording.meta["notes"]:
         print(f"note: {note}")
-    fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.aidings)
+    fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.sources)
     print(
         f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU "
         f"samples, {fixes or 'no fixes'}, the truth as reference"
@@ -106,7 +106,7 @@ def study(
     installation: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME=SD,...",
+            metavar="NAME=STD,...",
             help="Standard deviations from which each run draws what is wrong with the "
             "installation, in s, m and deg: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02; "
             "clock alone with the prior of `estimate`.",
@@ -138,7 +138,7 @@ def study(
             out,
             workers=workers,
             scheduler=scheduler,
-            say=progress.say,
+            notify=progress.notify,
             progress=progress.track("study"),
         )
     print_summary(campaign.summary)
@@ -257,7 +257,7 @@ def advise(
             quick=quick,
             workers=workers,
             scheduler=scheduler,
-            say=progress.say,
+            notify=progress.notify,
             progress=progress.track("advise"),
             alignment=alignment,
         )
@@ -383,7 +383,7 @@ def reproduce(
         )
     with results_folder(out), Progress() as progress:
         told: dict[str, Callable[[], object]] = {
-            "say": lambda: progress.say,
+            "notify": lambda: progress.notify,
             "progress": lambda: progress.track(name),
         }
         claims = run(out, **given, **{key: made() for key, made in told.items() if key in takes})

@@ -1,7 +1,6 @@
 """The command tune: the noise of the IMU and of each source, told by a recording."""
 
 from contextlib import nullcontext
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -67,7 +66,7 @@ def tune(
     from ..tuning.noise_files import check_absent, check_changeable, imu_file, name_of, sources_file
 
     whole, grade = read_given(recording, imu, take)
-    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    part = whole.between(start, stop)
     named = grade or grade_of(whole)
     folder = out if write else out or Path(f"{name_of(part)}-tune")
     if write:
@@ -82,7 +81,7 @@ def tune(
             imu=named,
             vehicle=vehicle,
             correlated=correlated,
-            say=progress.say,
+            notify=progress.notify,
             progress=progress.track("tune"),
             options=option_values(option),
         )

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, TypeAlias
 from ..checks import DataError, brief, check_choice, check_number
 
 KNOWN = 0.5
-"""Of its prior standard deviation: what is known no better is not observable. The noise of a gyro at
-rest alone brings an arm from 1 m to 0.4 m, though nothing shows it."""
+"""Share of its prior standard deviation: a parameter that is known no better is not observable. The
+noise of a gyro at rest alone brings an arm from 1 m to 0.4 m, though nothing shows it."""
 
 
 class CalibrationParameter(NamedTuple):
@@ -20,7 +20,7 @@ class CalibrationParameter(NamedTuple):
     components: tuple[str, ...]  # "" of the only one
     unit: str  # of tables; "" for none
     factor: float  # from SI to it
-    sd: tuple[float, ...]  # prior by component; 0: no state
+    std: tuple[float, ...]  # prior by component; 0: no state
     most: float  # what is further off than this is no error of an installation
     cause: str  # a key of verdict.CAUSES: what is wrong where it is off
     motions: tuple[str, ...]  # what would show it, or show it better, by component
@@ -29,10 +29,10 @@ class CalibrationParameter(NamedTuple):
     min_doubted: float = 0.0  # a smaller error that the quick look finds is no reason for doubt
     # standard deviation of what was given: one that is hardly seen would else gather false
     # information, because its derivatives are noisy
-    given_sd: float = 0.0
+    given_std: float = 0.0
     # prior of the second estimate, of what the first left; a clock's is no larger because its fixes
     # wait three of them
-    left_sd: float = 0.0
+    left_std: float = 0.0
     key: str = ""  # of recording.toml
     digits: int = 0  # behind the point that are always written there
     place: str = ""  # field of a SourceRow that has the index of its state, or of its components'
@@ -44,10 +44,10 @@ class CalibrationParameter(NamedTuple):
         return "rad" if self.unit == "deg" else self.unit
 
     @property
-    def known_sd(self) -> float:
+    def known_std(self) -> float:
         """The standard deviation from which a component is not observable where nobody gave a
         prior."""
-        return KNOWN * max(self.sd)
+        return KNOWN * max(self.std)
 
     def component(self, axis: int) -> str:
         """A component in words, such as "lever arm forward"."""
@@ -60,8 +60,8 @@ class CalibrationParameter(NamedTuple):
 
 AXES, ANGLES = ("forward", "right", "down"), ("roll", "pitch", "heading")
 MISALIGNED = ("xy", "xz", "yz", "yx", "zx", "zy")
-"""Of axes x, y, z: how much of the second gets into the first; the first three are those of a
-triad that defines the axes itself, to which all attitude refers then."""
+"""Pairs of the axes x, y, z, for the share of the second that gets into the first; the first three
+are those of a triad that defines the axes itself, to which all attitude refers then."""
 TURNS = "turn about all axes, by more than 90 deg and to both sides"
 TILTS = "tilt it to all sides, or accelerate along all axes"
 
@@ -70,14 +70,14 @@ CLOCK = CalibrationParameter(
     components=("",),
     unit="s",
     factor=1.0,
-    sd=(0.1,),
+    std=(0.1,),
     most=2.0,
     cause="clock",
     motions=("accelerate, brake or turn",),
     min_reported=0.02,
     min_doubted=0.02,
-    given_sd=10.0,
-    left_sd=0.1,
+    given_std=10.0,
+    left_std=0.1,
     key="time",
     digits=3,
     place="clock_state",
@@ -88,14 +88,14 @@ LEVER_ARM = CalibrationParameter(
     components=AXES,
     unit="m",
     factor=1.0,
-    sd=(0.5,) * 3,
+    std=(0.5,) * 3,
     most=20.0,
     cause="lever arm",
     motions=(*("turn, to both sides",) * 2, "roll and pitch, as in banked turns"),
     min_reported=0.1,
     min_doubted=0.3,
-    given_sd=1.0,
-    left_sd=1.0,
+    given_std=1.0,
+    left_std=1.0,
     key="lever_arm",
     digits=2,
     place="arm_state",
@@ -105,14 +105,14 @@ MOUNTING = CalibrationParameter(
     components=ANGLES,
     unit="deg",
     factor=math.degrees(1),
-    sd=(0.0, *[math.radians(2.0)] * 2),
+    std=(0.0, *[math.radians(2.0)] * 2),
     most=math.radians(45),
     cause="mounting",
     motions=("drive faster, on slopes", "drive faster", "drive faster"),
     min_reported=math.radians(0.5),
     min_doubted=math.radians(1.0),
-    given_sd=math.radians(20.0),
-    left_sd=math.radians(6.0),
+    given_std=math.radians(20.0),
+    left_std=math.radians(6.0),
     key="mounting",
     digits=3,
     place="mounting_state",
@@ -124,14 +124,14 @@ SCALE = CalibrationParameter(
     components=("",),
     unit="",
     factor=1.0,
-    sd=(0.02,),
+    std=(0.02,),
     most=0.3,
     cause="odometer scale",
     motions=("drive faster",),
     min_reported=0.003,
     min_doubted=0.005,
-    given_sd=0.05,
-    left_sd=0.04,
+    given_std=0.05,
+    left_std=0.04,
     key="scale",
     digits=4,
     place="scale_state",
@@ -142,7 +142,7 @@ GYRO_SCALE = CalibrationParameter(
     components=AXES,
     unit="",
     factor=1.0,
-    sd=(0.01,) * 3,
+    std=(0.01,) * 3,
     most=0.1,
     cause="gyro",
     motions=(TURNS,) * 3,
@@ -157,7 +157,7 @@ GYRO_MISALIGNMENT = CalibrationParameter(
     components=MISALIGNED,
     unit="deg",
     factor=math.degrees(1),
-    sd=(0.01,) * 6,
+    std=(0.01,) * 6,
     most=math.radians(10),
     cause="gyro",
     motions=(TURNS,) * 6,
@@ -165,7 +165,7 @@ GYRO_MISALIGNMENT = CalibrationParameter(
 )
 ACCEL_MISALIGNMENT = GYRO_MISALIGNMENT._replace(
     name="accel-misalignment",
-    sd=(*[0.01] * 3, *[0.0] * 3),
+    std=(*[0.01] * 3, *[0.0] * 3),
     cause="accelerometer",
     motions=(TILTS,) * 6,
     increments=3,
@@ -185,7 +185,7 @@ ASKED_OF_IMU: Known = {name: (each,) for name, each in OF_IMU.items()} | {
     "scale": (GYRO_SCALE, ACCEL_SCALE),
     "misalignment": (GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT),
 }
-"""What can be asked for at the IMU, where a short name stands for both sensors."""
+"""Parameters that can be asked for at the IMU, where a short name stands for both sensors."""
 
 
 def asked_at(names: Sequence[str]) -> Known:
@@ -208,23 +208,23 @@ def requested_priors(value: Any, known: Known) -> dict[str, tuple[float, ...]]:
             f"names with their prior standard deviations"
         )
     found: dict[str, tuple[float, ...]] = {}
-    for name, sd in names.items():
+    for name, std in names.items():
         if name in OF_IMU and name not in known:
             raise DataError(f"{name} is of the IMU; name it in the estimate of [imu]")
         check_choice(name, "a name", known)
-        found |= {what.name: prior(what, sd, in_tables=True) for what in known[name]}
+        found |= {what.name: prior(what, std, in_tables=True) for what in known[name]}
     return found
 
 
-def prior(what: CalibrationParameter, sd: Any, in_tables: bool = False) -> tuple[float, ...]:
+def prior(what: CalibrationParameter, std: Any, in_tables: bool = False) -> tuple[float, ...]:
     """Prior standard deviations by component, SI, from one number for all or one each, SI or
     `in_tables` in the unit of these; for None its own. Raises DataError."""
-    if sd is None:
-        return what.sd
+    if std is None:
+        return what.std
     unit, factor = (what.unit, what.factor) if in_tables else (what.si, 1.0)
     many = len(what.components)
-    one = isinstance(sd, str | dict) or not hasattr(sd, "__iter__")
-    values: tuple[Any, ...] = (sd,) * many if one else tuple(sd)
+    one = isinstance(std, str | dict) or not hasattr(std, "__iter__")
+    values: tuple[Any, ...] = (std,) * many if one else tuple(std)
     if len(values) != many:
         parts = f"components ({', '.join(what.components)})" if many > 1 else "component"
         raise DataError(

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..aiding import find
-from ..checks import DataError, brief
+from ..checks import DataError, check_type
 from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike, File
-from ..units.time_scales import ends, seconds_to, utc
+from ..units.time_scales import Moment, ends, seconds_to, utc
 from .operations import operation
-from .solution import Aiding, Trajectory
-from .value import Value
+from .solution import Source, Trajectory
+from .value import TakenByTime, Value
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,46 +31,114 @@ class RecordingMeta(TypedDict, total=False):
     """Metadata of a recording; each key only where it is known.
 
     Keys that a reader or a user adds under other names are kept.
+
+    Attributes
+    ----------
+    name : str
+        Name of the recording.
+    epoch : str or None
+        UTC of t = 0, ISO 8601, where the clock is absolute.
+    date : str or None
+        Date, ISO 8601, of the geomagnetic model.
+    notes : list[str]
+        What was handled while reading.
+    read : list[str]
+        What was taken from the files, and how.
+    grade : str or dict[str, Any] or ImuSpec or None
+        The IMU: name or file of a grade, or its values.
+    vehicle : str or dict[str, Any] or Vehicle or None
+        The vehicle: its name or its bounds.
+    place : (3,) array
+        Latitude and longitude, rad, and height, m, near the start.
+    temperature : (m, 2) array
+        Times, s, and temperature of the IMU, degC.
+    imu_lever_arm : sequence of float
+        (3,) from the reference point of the vehicle to the IMU, m.
+    imu_mounting : sequence of float
+        (3,) rotation vector from the axes of the case to the body, rad.
+    point : str
+        Point of the vehicle that the reference is of: "imu" or another.
+    estimate : Mapping[str, tuple of float]
+        Parameters of the IMU that become states: priors, SI.
+    guessed_axes : str
+        The axes of the IMU where somebody guessed them and nobody confirmed them.
+    undecided_gyro : str
+        A complaint of the unit of the gyro, which holds unless the vehicle is a
+        multicopter.
+    sensors : dict[str, Any]
+        Description of sensors as files have it.
+    height_columns : dict[str, str]
+        {column: name of the source} of heights in one file.
+    b_a : (n, 3) array
+        True accelerometer bias of a simulated IMU, m/s^2.
+    b_g : (n, 3) array
+        True gyro bias of a simulated IMU, rad/s.
+    b_baro : array
+        True error of a simulated barometer, m.
+    movement : Sequence[sequence of float]
+        Windows (start, stop) of a trial that count, s.
+    position : list[float]
+        What the header of a PSINS file says of the start, SI.
+    velocity : list[float]
+        As position.
+    attitude : list[float]
+        As position.
+    gravity : float
+        As position, m/s^2.
+    installed : dict[str, Any]
+        What its recording.toml says of the installation; not of one changed after reading.
+    aircraft : str
+        Aircraft of a simulated flight.
+    filter_options : dict[str, Any]
+        Options of the filter of a simulated flight.
+    outages : Sequence[tuple[float, float]]
+        Windows without fixes of a simulated flight, s.
+    wind : sequence of float
+        Of a simulated flight, m/s towards north, east, down.
+    told_wind : sequence of float
+        The wind that its filter is told, m/s.
+    turbulence : str
+        Of a simulated flight.
+    earth : str
+        Of a simulated flight: geodetic or flat.
+    feedback : str
+        What its autopilot flies on.
+    prediction : str
+        What its filter is propagated by.
+    seed : int
+        Seed of a simulation.
     """
 
     name: str
-    epoch: str | None  # UTC of t = 0, ISO 8601, where the clock is absolute
+    epoch: str | None
     date: str | None
-    notes: list[str]  # what was handled while reading
-    read: list[str]  # what was taken from the files, and how
-    grade: str | dict[str, Any] | ImuSpec | None  # the IMU: name or file of a grade, or its values
+    notes: list[str]
+    read: list[str]
+    grade: str | dict[str, Any] | ImuSpec | None
     vehicle: str | dict[str, Any] | Vehicle | None
-    place: (
-        Sequence[float] | Array
-    )  # (3,) latitude and longitude, rad, and height, m, near the start
-    temperature: Array  # (m, 2) s and degC of the IMU
-    imu_lever_arm: Sequence[float]  # (3,) from the reference point of the vehicle to the IMU, m
-    imu_mounting: Sequence[float]  # (3,) rotation vector from the axes of the case to the body, rad
-    point: str  # of the vehicle that the reference is of: "imu" or another
-    estimate: Mapping[
-        str, tuple[float, ...]
-    ]  # parameters of the IMU that become states: priors, SI
-    guessed_axes: str  # the axes of the IMU where somebody guessed them and nobody confirmed them
-    # a complaint of the unit of the gyro, which holds unless the vehicle is a multicopter
+    place: Sequence[float] | Array
+    temperature: Array
+    imu_lever_arm: Sequence[float]
+    imu_mounting: Sequence[float]
+    point: str
+    estimate: Mapping[str, tuple[float, ...]]
+    guessed_axes: str
     undecided_gyro: str
-    sensors: dict[str, Any]  # description of sensors as files have it
-    height_columns: dict[str, str]  # {column: name of the source} of heights in one file
-    b_a: Array  # (n, 3) true biases of a simulated IMU, m/s^2
-    b_g: Array  # (n, 3) rad/s
-    b_baro: Array  # true error of a simulated barometer, m
-    movement: Sequence[Sequence[float]]  # s, the windows of a trial that count
-    # of a file of PSINS: what its header says of the start, SI
+    sensors: dict[str, Any]
+    height_columns: dict[str, str]
+    b_a: Array
+    b_g: Array
+    b_baro: Array
+    movement: Sequence[Sequence[float]]
     position: list[float]
     velocity: list[float]
     attitude: list[float]
     gravity: float
-    # what its recording.toml says of the installation; not of one changed after reading
     installed: dict[str, Any]
-    # of a simulated flight
     aircraft: str
     filter_options: dict[str, Any]
-    outages: Sequence[tuple[float, float]]  # s
-    wind: Sequence[float]  # m/s towards north, east, down
+    outages: Sequence[tuple[float, float]]
+    wind: Sequence[float]
     told_wind: Sequence[float]
     turbulence: str
     earth: str
@@ -80,11 +148,23 @@ class RecordingMeta(TypedDict, total=False):
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(Value):
-    """IMU samples, sources of fixes and, where there is one, a reference to score against."""
+class Recording(Value, TakenByTime):
+    """IMU samples, sources of fixes and, where there is one, a reference to score against.
+
+    Attributes
+    ----------
+    imu : Imu
+        Samples of the IMU, increments in body axes.
+    sources : tuple of Source
+        Sources of fixes and constraints.
+    reference : Trajectory or None
+        The truth, or the best that is known; None: none.
+    meta : RecordingMeta
+        Facts of the recording.
+    """
 
     imu: Imu
-    aidings: tuple[Aiding, ...] = ()
+    sources: tuple[Source, ...] = ()
     reference: Trajectory | None = None
     meta: RecordingMeta = field(default_factory=RecordingMeta)
 
@@ -94,7 +174,7 @@ class Recording(Value):
         t: ArrayLike,
         gyro: ArrayLike,
         accel: ArrayLike,
-        aidings: Iterable[Aiding] = (),
+        sources: Iterable[Source] = (),
         reference: Trajectory | None = None,
         kind: str = "rate",
         **meta: Any,
@@ -105,15 +185,15 @@ class Recording(Value):
         Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median
         one. Raises DataError.
         """
-        imu, sources, notes = operation("clean")(t, gyro, accel, aidings, kind, meta.get("vehicle"))
+        imu, cleaned, notes = operation("clean")(t, gyro, accel, sources, kind, meta.get("vehicle"))
         known = cast(RecordingMeta, {"name": "arrays", **meta, "notes": notes})
-        return cls(imu, sources, reference, known)
+        return cls(imu, cleaned, reference, known)
 
     @classmethod
     def from_frames(
         cls,
         imu: pd.DataFrame,
-        aidings: Iterable[Aiding] = (),
+        sources: Iterable[Source] = (),
         reference: Trajectory | None = None,
         kind: str = "rate",
         **meta: Any,
@@ -140,7 +220,7 @@ class Recording(Value):
             _seconds(imu, meta["epoch"]) if dated else imu.index.to_numpy(float),
             gyro,
             accel,
-            aidings=aidings,
+            sources=sources,
             reference=reference,
             kind=kind,
             **meta,
@@ -149,28 +229,18 @@ class Recording(Value):
     def __len__(self) -> int:
         return len(self.imu.t)
 
-    def knowing(self, **facts: Unpack[RecordingMeta]) -> Recording:
+    def with_meta(self, **facts: Unpack[RecordingMeta]) -> Self:
         """The same recording with these facts in its meta."""
         return replace(self, meta={**self.meta, **facts})
 
-    def noting(self, notes: Iterable[str]) -> Recording:
+    def with_notes(self, notes: Iterable[str]) -> Self:
         """The same recording with further notes."""
-        return self.knowing(notes=[*self.meta.get("notes", []), *notes])
+        return self.with_meta(notes=[*self.meta.get("notes", []), *notes])
 
-    def forgetting(self, name: str) -> Recording:
+    def without_meta(self, name: str) -> Self:
         """The same recording without a fact of its meta."""
         left = {key: value for key, value in self.meta.items() if key != name}
         return replace(self, meta=cast(RecordingMeta, left))
-
-    def __getitem__(self, part: slice) -> Recording:
-        """The part of `recording[100:200]`, s, as `between` takes it, with the rows of the reference
-        that cover it; dates do where the clock is absolute. Raises DataError where it is empty."""
-        start, stop = ends(part, self.meta.get("epoch"), "recording")
-        reference = self.reference
-        if reference is not None:
-            first, last = np.searchsorted(reference.t, [start, stop])
-            reference = reference.taking(slice(max(int(first) - 1, 0), int(last) + 1))
-        return replace(self.between(start, stop), reference=reference)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -183,31 +253,46 @@ class Recording(Value):
         epoch = self.meta.get("epoch")
         return None if epoch is None else utc(epoch, self.imu.t)
 
-    def between(self, start: float = -np.inf, stop: float = np.inf) -> Recording:
-        """The part within [start, stop], s."""
-        first, last = np.searchsorted(self.imu.t, [start, stop], side="right")
+    def between(self, start: Moment | None = None, stop: Moment | None = None) -> Self:
+        """Return the part from start to stop, with the rows of the reference that cover it.
+
+        Parameters
+        ----------
+        start, stop : float, str, datetime or numpy.datetime64, optional
+            s of the recording, or dates in UTC where its clock is absolute; open by default.
+
+        Raises
+        ------
+        DataError
+            Where there are no IMU samples, or a date is given without an absolute clock.
+        """
+        begin, end = ends(start, stop, self.meta.get("epoch"), "recording")
+        first, last = np.searchsorted(self.imu.t, [begin, end], side="right")
         if last - first < 2:
             raise DataError(
-                f"no IMU samples between {start:g} and {stop:g} s; the recording covers "
+                f"no IMU samples between {begin:g} and {end:g} s; the recording covers "
                 f"{self.span[0]:.3f} to {self.span[1]:.3f} s"
             )
         return replace(
             self,
             imu=Imu(*(column[first:last] for column in self.imu)),
-            aidings=tuple(a.between(start, np.nextafter(stop, np.inf)) for a in self.aidings),
+            sources=tuple(a.between(begin, end) for a in self.sources),
+            reference=None
+            if self.reference is None
+            else _covering_rows(self.reference, begin, end),
         )
 
     def hidden(
         self, windows: Collection[tuple[float, float]], kinds: Collection[str] | None = None
-    ) -> Recording:
+    ) -> Self:
         """The same recording with the recorded fixes inside `windows` withheld (constraints
         stay, unless `kinds` names them)."""
 
-        def hide(a: Aiding) -> bool:
+        def hide(a: Source) -> bool:
             return a.kind in kinds if kinds else find(a.kind).recorded
 
         return replace(
-            self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings)
+            self, sources=tuple(a.without(windows) if hide(a) else a for a in self.sources)
         )
 
     def save(self, path: File) -> None:
@@ -240,7 +325,22 @@ class Recording(Value):
         return str(operation("card")(self))
 
     def __repr__(self) -> str:
-        return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"
+        return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.sources)})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SimulatedRecording(Recording):
+    """A Recording with its truth: `reference` is always there.
+
+    Attributes
+    ----------
+    imu, sources, meta
+        As of a Recording.
+    reference : Trajectory
+        The truth, with velocity and attitude, at the IMU samples and one interval before the first.
+    """
+
+    reference: Trajectory = field(kw_only=True)
 
 
 def _seconds(table: pd.DataFrame, epoch: str) -> Array:
@@ -251,9 +351,12 @@ def _seconds(table: pd.DataFrame, epoch: str) -> Array:
     return seconds_to(dates[0], epoch, "the index of the table") + after
 
 
+def _covering_rows(reference: Trajectory, start: float, stop: float) -> Trajectory:
+    """The rows of a reference from start to stop, s, and one more on either side."""
+    first, last = np.searchsorted(reference.t, [start, stop])
+    return reference.take(slice(max(int(first) - 1, 0), int(last) + 1))
+
+
 def check_recording(recording: object) -> None:
     """Refuse what is no Recording, such as the path of one. Raises DataError."""
-    if not isinstance(recording, Recording):
-        raise DataError(
-            f"recording is {brief(recording)}; it must be a Recording: read it first with sd.read"
-        )
+    check_type(recording, "recording", Recording, "a Recording: read it first with sd.read")

@@ -1,4 +1,4 @@
-"""The types a user meets: Trajectory, Aiding, Solution, and Recording in recording.py. Inside SI
+"""The types a user meets: Trajectory, Source, Solution, and Recording in recording.py. Inside SI
 and radians; tables are in degrees and say so.
 
 Tables follow the column names of pyins: lat, lon, alt, VN, VE, VD, roll, pitch, heading (deg, m,
@@ -20,10 +20,10 @@ from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa:
 from ..core.mathematics.rotation import quaternion_to_euler
 from ..geometry import geodesy
 from ..typing import Array, ArrayLike, File, Ints, Mask, Vector
-from ..units.time_scales import ends, utc, within
+from ..units.time_scales import Moment, ends, utc, within
 from .operations import operation
-from .value import Value
-from .verdict import NOT_JUDGED, Verdict
+from .value import TakenByTime, Value, read_only
+from .verdict import NOT_JUDGED, RISK, Untested, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from ..evaluation.metrics import Errors
     from ..evaluation.other_instants import Instants
+    from ..evaluation.protection import ProtectionLevels
     from ..installation.states import EstimatedInstallation
     from .recording import Recording
 
@@ -46,17 +47,17 @@ BIAS_COLUMNS = [
     "gyro_bias_y",
     "gyro_bias_z",
 ]
-SD_COLUMNS = [
-    "sd_north",
-    "sd_east",
-    "sd_down",
-    "sd_VN",
-    "sd_VE",
-    "sd_VD",
-    "sd_rotation_north",
-    "sd_rotation_east",
-    "sd_rotation_down",
-    *("sd_" + name for name in BIAS_COLUMNS),
+STD_COLUMNS = [
+    "std_north",
+    "std_east",
+    "std_down",
+    "std_VN",
+    "std_VE",
+    "std_VD",
+    "std_rotation_north",
+    "std_rotation_east",
+    "std_rotation_down",
+    *("std_" + name for name in BIAS_COLUMNS),
 ]
 UNITS = {
     "t": "s",
@@ -69,14 +70,14 @@ UNITS = {
     "roll": "deg",
     "pitch": "deg",
     "heading": "deg",
-    **{name: "m/s^2" if "accel" in name else "deg/h" for name in BIAS_COLUMNS + SD_COLUMNS[9:]},
-    **dict(zip(SD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3)),
+    **{name: "m/s^2" if "accel" in name else "deg/h" for name in BIAS_COLUMNS + STD_COLUMNS[9:]},
+    **dict(zip(STD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3)),
 }
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
-SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
-"""From SI to the units of the `sd_` columns; its last six also to those of the biases."""
-OF_WHOLE = "this part by itself: the verdict is that of the whole run"
-"""What the verdict of a part of a Solution says beside."""
+STD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
+"""From SI to the units of the `std_` columns; its last six also to those of the biases."""
+OF_WHOLE = Untested("this part by itself", "the verdict is that of the whole run")
+"""Remark in the verdict of a part of a Solution."""
 
 
 def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
@@ -91,34 +92,48 @@ def _assume_known(part: Array | None) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(Value):
+class Trajectory(Value, TakenByTime):
     """Position, velocity and attitude over time: truth, reference and solution alike. What is
-    not known is None or NaN."""
+    not known is None or NaN.
 
-    t: Array  # (n,) s
-    # (n, 3) latitude rad, longitude rad, ellipsoidal height m; NaN where only the attitude is known
+    Attributes
+    ----------
+    t : (n,) array
+        Times, s.
+    lla : (n, 3) array
+        Latitude rad, longitude rad, ellipsoidal height m; NaN where only the attitude is
+        known.
+    v_n : (n, 3) array or None
+        Velocity towards north, east and down, m/s.
+    q_nb : (n, 4) array or None
+        Attitude, scalar first, body to navigation frame.
+    std : (n, k) array or None
+        Standard deviations of the first k error states, SI and radians.
+    """
+
+    t: Array
     lla: Array
-    v_n: Array | None = None  # (n, 3) m/s NED
-    q_nb: Array | None = None  # (n, 4) scalar first, body to navigation
-    # (n, k) standard deviations of the first k error states, SI and radians
-    sd: Array | None = None
+    v_n: Array | None = None
+    q_nb: Array | None = None
+    std: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
 
-    def __getitem__(self, part: slice) -> Trajectory:
-        """The rows of `trajectory[100:200]`, s, both ends included. Raises DataError where there are
+    def between(self, start: float | None = None, stop: float | None = None) -> Trajectory:
+        """Return the rows from start to stop, s, both included. Raises DataError where there are
         none."""
-        return self.taking(within(self.t, *ends(part, None, "trajectory"), "trajectory"))
+        return self.take(within(self.t, *ends(start, stop, None, "trajectory"), "trajectory"))
 
-    def taking(self, rows: slice | Mask | Ints) -> Trajectory:
+    def take(self, rows: slice | Mask | Ints) -> Trajectory:
         """These rows of it."""
-        parts = (self.t, self.lla, self.v_n, self.q_nb, self.sd)
+        parts = (self.t, self.lla, self.v_n, self.q_nb, self.std)
         return Trajectory(*(None if part is None else part[rows] for part in parts))  # type: ignore[arg-type]  # t and lla are there
 
-    @cached_property
+    @property
     def rotation(self) -> Rotation:
-        """scipy Rotation (n,) from body to navigation frame."""
+        """scipy Rotation (n,) from body to navigation frame. scipy 1.17 takes no read-only arrays:
+        body velocity is `path.rotation.inv().apply(path.v_n.copy())`."""
         from scipy.spatial.transform import Rotation
 
         return Rotation.from_quat(_assume_known(self.q_nb)[:, [1, 2, 3, 0]])
@@ -127,7 +142,7 @@ class Trajectory(Value):
     def rph(self) -> Array:
         """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is."""
         angles = quaternion_to_euler(_assume_known(self.q_nb))
-        return np.c_[angles[:, :2], angles[:, 2] % (2 * np.pi)]
+        return read_only(np.c_[angles[:, :2], angles[:, 2] % (2 * np.pi)])
 
     def displaced(self, lever_arm: Vector, omega: Array) -> Trajectory:
         """The trajectory of another point of the body: `lever_arm` (3,) m from this one, body;
@@ -138,7 +153,7 @@ class Trajectory(Value):
         turn = self.rotation
         return replace(
             self,
-            lla=geodesy.displace_lla(self.lla, turn.apply(lever_arm)),
+            lla=geodesy.displace_lla(self.lla, turn.apply(np.array(lever_arm, float))),
             v_n=_assume_known(self.v_n) + turn.apply(np.cross(omega, lever_arm)),
         )
 
@@ -179,75 +194,136 @@ class Trajectory(Value):
 
 class Correlated(NamedTuple):
     """Errors of a source that last: first-order Gauss-Markov processes, one per row of its
-    innovation, beside the white ones that its standard deviations are of."""
+    innovation, beside the white ones that its standard deviations are of.
 
-    sd: tuple[float, ...]  # stationary, by row, SI; 0: none
-    time: float  # correlation time, s
-    # whether a filter that can estimates them; else they widen the standard deviations
+    Attributes
+    ----------
+    std : tuple of float
+        Stationary standard deviation by row, SI; 0: none.
+    time : float
+        Correlation time, s.
+    states : bool
+        True: a filter that can estimates them; False: they widen the standard deviations.
+    """
+
+    std: tuple[float, ...]
+    time: float
     states: bool = True
 
 
 @dataclass(frozen=True, eq=False)
-class Aiding(Value):
-    """One source of fixes. `sd` has a column per row of the innovation; a missing component of
-    `y` is NaN."""
+class Source(Value):
+    """One source of fixes. `std` has a column per row of the innovation; a missing component of
+    `y` is NaN.
 
-    kind: str  # a name of `strapdown.aiding.names()`
-    t: Array  # (m,) s
-    y: Array  # (m, components), SI and radians
-    sd: Array  # (m, rows) m, m/s or rad
-    parameters: tuple[float, ...] = ()  # e.g. lever arm from the IMU to the antenna, m, body
-    gate: float | None = None  # bound on the NIS; None: 0.1 % false alarms; inf: no gate
-    name: str = ""  # shown in tables; the kind by default
-    # {parameter of the installation (names of `calibration_parameters`) to estimate: prior standard deviations}
+    Attributes
+    ----------
+    kind : str
+        Kind of measurement, a name of `strapdown.aiding.names()`.
+    t : (m,) array
+        Times of the fixes, s.
+    y : (m, components) array
+        Measured values, SI and radians; NaN where a component is missing.
+    std : (m, rows) array
+        Standard deviations of the rows of the innovation, m, m/s or rad.
+    parameters : tuple of float
+        Such as the lever arm from the IMU to the antenna, m, body axes.
+    gate : float or None
+        Bound on the NIS; None: 0.1 % false alarms; inf: no gate.
+    name : str
+        Name shown in tables; the kind by default.
+    estimate : Mapping[str, tuple of float]
+        {parameter of the installation (names of `calibration_parameters`) to estimate:
+        prior standard deviations}.
+    slip : float
+        Of a constraint across the wheels: side slip, rad per m/s^2 of lateral acceleration;
+        adds to std.
+    correlated : Correlated or None
+        Errors that last; None: none.
+    robust : bool
+        True: a heavy-tailed likelihood in place of the gate.
+    adaptive : float
+        Memory in s with which the noise is followed; 0: it is as given.
+    """
+
+    kind: str
+    t: Array
+    y: Array
+    std: Array
+    parameters: tuple[float, ...] = ()
+    gate: float | None = None
+    name: str = ""
     estimate: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    # of a constraint across the wheels: side slip, rad per m/s^2 of lateral acceleration; adds to sd
     slip: float = 0.0
     correlated: Correlated | None = None
-    robust: bool = False  # a heavy-tailed likelihood in place of the gate
-    adaptive: float = 0.0  # s of memory with which the noise is followed; 0: it is as given
+    robust: bool = False
+    adaptive: float = 0.0
 
-    def between(self, start: float, stop: float) -> Aiding:
-        """The fixes of [start, stop), s."""
-        return self._where((self.t >= start) & (self.t < stop))
+    def between(self, start: float, stop: float) -> Source:
+        """Return the fixes from start to stop, s, both included."""
+        return self._where((self.t >= start) & (self.t <= stop))
 
-    def without(self, windows: Iterable[tuple[float, float]]) -> Aiding:
+    def without(self, windows: Iterable[tuple[float, float]]) -> Source:
         """The fixes outside every (start, stop) window of seconds."""
         keep = np.ones(len(self.t), bool)
         for start, stop in windows:
             keep &= (self.t < start) | (self.t >= stop)
         return self._where(keep)
 
-    def _where(self, keep: Mask) -> Aiding:
-        return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
+    def _where(self, keep: Mask) -> Source:
+        return replace(self, t=self.t[keep], y=self.y[keep], std=self.std[keep])
 
     def _repr_html_(self) -> str:
         return str(operation("card")(self))
 
     def __repr__(self) -> str:
-        return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
+        return f"Source({self.name or self.kind}, {len(self.t)} fixes)"
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations(Value):
-    """The innovations of a solution and the use of each measurement, in time order."""
+    """The innovations of a solution and the use of each measurement, in time order.
 
-    t: Array  # (m,) s
-    source: Ints  # (m,) index into `names`
-    innovation: Array  # (m, 3) m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure
-    nis: Array  # (m,) normalised innovation squared; NaN where the filter does not gate
-    accepted: Mask  # (m,)
-    names: tuple[str, ...] = ()  # of the sources
-    gates: tuple[float, ...] = ()  # of the sources: bounds on the NIS
-    # (m, 3) whitened: N(0, 1) each where the filter is right; NaN without a covariance, None of a file
+    Attributes
+    ----------
+    t : (m,) array
+        Times of the measurements, s.
+    source : (m,) array
+        Index into `names`.
+    innovation : (m, 3) array
+        m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure.
+    nis : (m,) array
+        Normalised innovation squared; NaN where the filter does not gate.
+    accepted : (m,) array
+        True: the filter used it.
+    names : tuple of str
+        Names of the sources.
+    gates : tuple of float
+        Bounds on the NIS of the sources.
+    whitened : (m, 3) array or None
+        Whitened: N(0, 1) each where the filter is right; NaN without a covariance, None of
+        a file.
+    root : (m, 6) array or None
+        Rows of L (00, 10, 11, 20, 21, 22), L L' the covariance of the innovation; as
+        whitened.
+    weight : (m,) array or None
+        Stated variance over that with which it was used: 1 as stated, 0 not used, between
+        them of a robust source; None of a file.
+    followed : (m, 3) array or None
+        Standard deviations that an adaptive source had found, over those stated; else 1.
+        NIS, whitened and root are by them; None of a file.
+    """
+
+    t: Array
+    source: Ints
+    innovation: Array
+    nis: Array
+    accepted: Mask
+    names: tuple[str, ...] = ()
+    gates: tuple[float, ...] = ()
     whitened: Array | None = None
-    # (m, 6) rows of L (00, 10, 11, 20, 21, 22), L L' the covariance of the innovation; as whitened
     root: Array | None = None
-    # (m,) stated variance over that with which it was used: 1 as stated, 0 not used, between them of
-    # a robust source; None of a file
     weight: Array | None = None
-    # (m, 3) standard deviations that an adaptive source had found, over those stated; else 1. NIS,
-    # whitened and root are by them; None of a file
     followed: Array | None = None
 
     def between(self, start: float, stop: float) -> Innovations:
@@ -260,24 +336,52 @@ class Innovations(Value):
 
 
 class Separation(NamedTuple):
-    """How far a filter, which knows the past alone, was from its smoother, row by row: position,
-    velocity and attitude."""
+    """The distance of a filter, which knows the past alone, from its smoother, row by row: position,
+    velocity and attitude.
 
-    size: NDArray[np.float32]  # (n, 3) m, m/s, rad; NaN where nothing can be compared
-    sd: NDArray[np.float32]  # (n, 3) of the difference, its components together
+    Attributes
+    ----------
+    size : (n, 3) array
+        m, m/s, rad; NaN where nothing can be compared.
+    std : (n, 3) array
+        Of the difference, its components together.
+    """
+
+    size: NDArray[np.float32]
+    std: NDArray[np.float32]
 
 
 class Rejected(NamedTuple):
-    """A run of rejected fixes of a source, and why they were probably rejected."""
+    """A run of rejected fixes of a source, and why they were probably rejected.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    start : float
+        Time of the first of them, s.
+    stop : float
+        Time of the last of them, s.
+    number : int
+        How many were rejected.
+    of : int
+        How many fixes the source had meanwhile.
+    cause : str
+        Jump, drift, clock, noise too small, other sources disagree, single outliers or not
+        known.
+    seen : str
+        What was seen, with number and unit.
+    remedy : str
+        What to change.
+    """
 
     source: str
-    start: float  # s, of the first and of the last of them
+    start: float
     stop: float
-    number: int  # rejected
-    of: int  # fixes of the source meanwhile
-    # jump, drift, clock, noise too small, other sources disagree, single outliers or not known
+    number: int
+    of: int
     cause: str
-    seen: str  # what was seen, with number and unit
+    seen: str
     remedy: str
 
     def __str__(self) -> str:
@@ -288,100 +392,174 @@ class Rejected(NamedTuple):
 
 
 class SolutionMeta(TypedDict, total=False):
-    """Metadata of a solution; each key only where it is known."""
+    """Metadata of a solution; each key only where it is known.
+
+    Attributes
+    ----------
+    filter : str
+        Name of the filter.
+    recording : str
+        Name of the recording.
+    epoch : str or None
+        UTC of t = 0, ISO 8601, where the clock is absolute.
+    date : str or None
+        Date of the recording, ISO 8601.
+    notes : list[str]
+        What was handled on the way.
+    read : list[str]
+        What was taken from the files.
+    imu : str
+        Name of the grade.
+    vehicle : str
+        Its name.
+    start : dict[str, Any]
+        Fields of the InitialState.
+    noise : dict[str, float]
+        Fields of the Noise.
+    kinds : dict[str, str]
+        {source: kind}.
+    bias_std : sequence of float or None
+        What the description of the IMU allows, m/s^2 and rad/s.
+    fixes_outside : int
+        Fixes before the start or after the samples.
+    point : str
+        Point of the vehicle that it is of: "imu" or another.
+    withheld : Sequence[tuple[float, float]]
+        Windows without fixes, s.
+    installation : dict[str, Any]
+        Parameters that were states, as given and found.
+    rejected : list[dict[str, Any]]
+        Fields of each Rejected.
+    heights_apart : list[dict[str, Any]]
+        Sources of height that contradict each other.
+    stopped : str
+        Why the run ended early.
+    smoothed : bool
+        True: by `smooth`.
+    filter_against_smoother : dict[str, float]
+        Mean squared difference over its expectation.
+    filter_options : dict[str, Any]
+        Options of the filter's own.
+    verdict : dict[str, Any]
+        `Verdict.as_dict`, of a solution read from a file.
+    """
 
     filter: str
-    recording: str  # its name
-    epoch: str | None  # UTC of t = 0, ISO 8601, where the clock is absolute
+    recording: str
+    epoch: str | None
     date: str | None
-    notes: list[str]  # what was handled on the way
-    read: list[str]  # what was taken from the files
-    imu: str  # name of the grade
-    vehicle: str  # its name
-    start: dict[str, Any]  # fields of the InitialState
-    noise: dict[str, float]  # fields of the Noise
-    kinds: dict[str, str]  # {source: kind}
-    bias_sd: Sequence[float] | None  # what the description of the IMU allows, m/s^2 and rad/s
-    fixes_outside: int  # fixes before the start or after the samples
-    point: str  # of the vehicle that it is of: "imu" or another
-    withheld: Sequence[tuple[float, float]]  # s, windows without fixes
-    installation: dict[str, Any]  # parameters that were states, as given and found
-    rejected: list[dict[str, Any]]  # fields of each Rejected
-    heights_apart: list[dict[str, Any]]  # sources of height that contradict each other
-    stopped: str  # why the run ended early
+    notes: list[str]
+    read: list[str]
+    imu: str
+    vehicle: str
+    start: dict[str, Any]
+    noise: dict[str, float]
+    kinds: dict[str, str]
+    bias_std: Sequence[float] | None
+    fixes_outside: int
+    point: str
+    withheld: Sequence[tuple[float, float]]
+    installation: dict[str, Any]
+    rejected: list[dict[str, Any]]
+    heights_apart: list[dict[str, Any]]
+    stopped: str
     smoothed: bool
-    filter_against_smoother: dict[str, float]  # mean squared difference over its expectation
+    filter_against_smoother: dict[str, float]
     filter_options: dict[str, Any]
-    verdict: dict[str, Any]  # `Verdict.as_dict`, of a solution read from a file
+    verdict: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Value):
-    """The result of a filter on a recording: n rows, SI and radians, in NED."""
+class Solution(Value, TakenByTime):
+    """The result of a filter on a recording: n rows, SI and radians, in NED.
 
-    # with sd of the 15 error states; NaN where the filter estimates or claims none
+    Attributes
+    ----------
+    trajectory : Trajectory
+        Rows with standard deviations of the 15 error states; NaN where the filter estimates
+        or claims none.
+    b_a : (n, 3) array
+        Accelerometer bias, m/s^2; NaN where the filter estimates none.
+    b_g : (n, 3) array
+        Gyro bias, rad/s; NaN where the filter estimates none.
+    status : (n,) array
+        VALID, BRIDGED, INVALID or DOUBTFUL.
+    innovations : Innovations
+        Innovations and the use of each measurement.
+    events : tuple[tuple[float, str], ...]
+        (t in s, text): gaps, re-acquisitions, what else the user must know.
+    columns : dict[str, Array]
+        The filter's extra output columns (n,) by name, which says the unit.
+    covariance : (n, k, k) array or None
+        Error covariance at the same times, where it was asked for.
+    meta : SolutionMeta
+        Facts of the run.
+    recording : Recording or None
+        The sources that the filter used, with their samples; None of a solution read from a
+        file.
+    separation : Separation or None
+        Of a smoothed solution, how far the filter was from it; None of others, and of a
+        file that is no NetCDF.
+    """
+
     trajectory: Trajectory
-    b_a: Array  # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
-    b_g: Array  # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
-    status: NDArray[np.integer[Any]]  # (n,) VALID, BRIDGED, INVALID or DOUBTFUL
+    b_a: Array
+    b_g: Array
+    status: NDArray[np.integer[Any]]
     innovations: Innovations
-    # (t in s, text): gaps, re-acquisitions, what else the user must know
     events: tuple[tuple[float, str], ...] = ()
-    # the filter's extra output columns (n,) by name, which says the unit
     columns: dict[str, Array] = field(default_factory=dict)
-    covariance: Array | None = None  # (n, k, k) at the same times, where it was asked for
+    covariance: Array | None = None
     meta: SolutionMeta = field(default_factory=SolutionMeta)
-    # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
-    # of a smoothed solution; None of others, and of a file that is no NetCDF
     separation: Separation | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.t)
 
-    def between(
-        self, start: float | str | None = None, stop: float | str | None = None
-    ) -> Solution:
-        """Return the rows from start to stop, s or dates, both included, with their fixes and events.
+    def between(self, start: Moment | None = None, stop: Moment | None = None) -> Solution:
+        """Return the rows from start to stop, both included, with their fixes and events.
 
-        Its verdict is that of the whole, and says so. Raises DataError where there are no rows.
+        Its verdict is that of the whole, and says so.
+
+        Parameters
+        ----------
+        start, stop : float, str, datetime or numpy.datetime64, optional
+            s of the recording, or dates in UTC where its clock is absolute; open by default.
+
+        Raises
+        ------
+        DataError
+            Where there are no rows, or a date is given without an absolute clock.
         """
-        return self[start:stop]
-
-    def __getitem__(self, part: slice) -> Solution:
-        """The rows of `solution[100:200]`, s, both ends included, with their fixes and events; dates
-        do where the clock is absolute.
-
-        Its verdict is that of the whole, and says so. Raises DataError where there are no rows.
-        """
-        start, stop = ends(part, self.meta.get("epoch"), "solution")
-        rows = within(self.t, start, stop, "solution")
+        first, last = ends(start, stop, self.meta.get("epoch"), "solution")
+        rows = within(self.t, first, last, "solution")
         untested = (*self.verdict.untested, OF_WHOLE)
         verdict = replace(self.verdict, untested=tuple(dict.fromkeys(untested)))
         meta: SolutionMeta = {**self.meta, "verdict": verdict.as_dict()}
         if "rejected" in meta:
-            meta["rejected"] = _runs_during(meta["rejected"], start, stop)
+            meta["rejected"] = _runs_during(meta["rejected"], first, last)
         if "heights_apart" in meta:
-            meta["heights_apart"] = _runs_during(meta["heights_apart"], start, stop)
+            meta["heights_apart"] = _runs_during(meta["heights_apart"], first, last)
         return replace(
-            self.taking(rows),
-            innovations=self.innovations.between(start, stop),
-            events=tuple(event for event in self.events if start <= event[0] <= stop),
+            self.take(rows),
+            innovations=self.innovations.between(first, last),
+            events=tuple(event for event in self.events if first <= event[0] <= last),
             meta=meta,
         )
 
-    def taking(self, rows: slice | Mask | Ints) -> Solution:
+    def take(self, rows: slice | Mask | Ints) -> Solution:
         """These rows of it, with all fixes and events."""
         apart = self.separation
         return replace(
             self,
-            trajectory=self.trajectory.taking(rows),
+            trajectory=self.trajectory.take(rows),
             b_a=self.b_a[rows],
             b_g=self.b_g[rows],
             status=self.status[rows],
             columns={name: values[rows] for name, values in self.columns.items()},
             covariance=None if self.covariance is None else self.covariance[rows],
-            separation=apart and Separation(apart.size[rows], apart.sd[rows]),
+            separation=apart and Separation(apart.size[rows], apart.std[rows]),
         )
 
     def seconds(self, status: int) -> float:
@@ -389,15 +567,19 @@ class Solution(Value):
         it."""
         return float(np.diff(self.t, prepend=self.t[:1])[self.status == status].sum())
 
-    @cached_property
+    @property
     def verdict(self) -> Verdict:
         """The verdict on whether to trust the solution, with the reasons: computed when asked for,
         or as its file says; "not judged" where a file says nothing."""
         if "verdict" in self.meta:
             return Verdict.from_dict(self.meta["verdict"])
         if self.recording is None:
-            remedy = "its file has no verdict, fuse the recording again"
-            return Verdict(NOT_JUDGED, untested=(remedy,))
+            none = Untested("anything", "its file has no verdict, fuse the recording again")
+            return Verdict(NOT_JUDGED, untested=(none,))
+        return self._judged
+
+    @cached_property
+    def _judged(self) -> Verdict:
         verdict: Verdict = operation("judge")(self)
         return verdict
 
@@ -418,6 +600,33 @@ class Solution(Value):
     def t(self) -> Array:
         """Times of the rows (n,), s."""
         return self.trajectory.t
+
+    @property
+    def lla(self) -> Array:
+        """Latitude and longitude, rad, and ellipsoidal height, m (n, 3); NaN where the filter
+        estimates none."""
+        return self.trajectory.lla
+
+    @property
+    def v_n(self) -> Array:
+        """Velocity towards north, east and down (n, 3), m/s; NaN where the filter estimates none."""
+        return _assume_known(self.trajectory.v_n)
+
+    @property
+    def q_nb(self) -> Array:
+        """Attitude as quaternions (n, 4), scalar first, body to navigation frame."""
+        return _assume_known(self.trajectory.q_nb)
+
+    @property
+    def rph(self) -> Array:
+        """Roll, pitch and heading (n, 3), rad, heading in [0, 2 pi)."""
+        return self.trajectory.rph
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of the 15 error states (n, 15), SI and radians; NaN where the filter
+        claims none."""
+        return _assume_known(self.trajectory.std)
 
     @property
     def utc(self) -> NDArray[np.datetime64] | None:
@@ -449,10 +658,17 @@ class Solution(Value):
         instants: Instants = operation("at")(self, times, lever_arm)
         return instants
 
-    def save(self, path: File, *, utc: bool = False) -> None:
+    def protection(self, risk: float = RISK) -> ProtectionLevels:
+        """Return the protection levels of position and heading at a risk of misleading information:
+        see `evaluation.protection.protection_levels`. Raises DataError."""
+        levels: ProtectionLevels = operation("protection")(self, risk)
+        return levels
+
+    def save(self, path: File, *, utc: bool = False, origin: ArrayLike | None = None) -> None:
         """Write it to a file by the ending of its path, as `write_solution`: .nc, .csv, .csv.gz,
-        .csv.xz, .kml, .gpx, .geojson or .tum. Raises DataError."""
-        operation("save solution")(self, path, utc)
+        .csv.xz, .kml, .gpx, .geojson or .tum, whose positions are from an `origin`. Raises
+        DataError."""
+        operation("save solution")(self, path, utc=utc, origin=origin)
 
     def table(self) -> pd.DataFrame:
         """pandas DataFrame of state, biases, standard deviations and status, units as in
@@ -461,11 +677,11 @@ class Solution(Value):
 
     def as_columns(self) -> dict[str, NDArray[Any]]:
         """The columns of its table by name, (n,) each."""
-        biases = np.c_[self.b_a, self.b_g] * SD_SCALE[9:]
+        biases = np.c_[self.b_a, self.b_g] * STD_SCALE[9:]
         return {
             **self.trajectory.as_columns(),
             **dict(zip(BIAS_COLUMNS, biases.T)),
-            **dict(zip(SD_COLUMNS, (_assume_known(self.trajectory.sd) * SD_SCALE).T)),
+            **dict(zip(STD_COLUMNS, (_assume_known(self.trajectory.std) * STD_SCALE).T)),
             **self.columns,
             "status": self.status,
         }

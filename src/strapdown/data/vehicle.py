@@ -11,12 +11,26 @@ from ..units.constants import STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Bounds of a vehicle, generous ones. Raises DataError where they are none."""
+    """Bounds of a vehicle, generous ones. Raises DataError where they are none.
+
+    Attributes
+    ----------
+    name : str
+        Name, as messages have it.
+    speed : float
+        Largest speed over ground, m/s.
+    acceleration : float
+        Largest specific force of a sample, shocks included, m/s^2.
+    lowest : float
+        Lowest height above the ellipsoid, m.
+    highest : float
+        Largest height above the ellipsoid, m.
+    """
 
     name: str = "own"
-    speed: float = 1000.0  # m/s over ground
-    acceleration: float = 50 * STANDARD_GRAVITY  # m/s^2 of a sample, shocks included
-    lowest: float = -12e3  # m above the ellipsoid
+    speed: float = 1000.0
+    acceleration: float = 50 * STANDARD_GRAVITY
+    lowest: float = -12e3
     highest: float = 100e3
 
     def __str__(self) -> str:
@@ -65,7 +79,7 @@ acceleration."""
 
 
 GivenVehicle = str | Vehicle | Mapping[str, Any]
-"""What names a vehicle: a name, a Vehicle, or its fields, as files keep them."""
+"""A vehicle as a user names it: a name, a Vehicle, or its fields, as files keep them."""
 
 
 def find(vehicle: GivenVehicle | None) -> Vehicle:

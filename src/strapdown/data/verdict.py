@@ -43,15 +43,103 @@ CAUSES = {
 """{cause: words for it}: what can be wrong with a set-up."""
 
 
-class Reason(NamedTuple):
-    """Something that should not be so in a right set-up."""
+POSITION, HEIGHT, VELOCITY = "horizontal position", "height", "velocity"
+TILT, HEADING = "roll and pitch", "heading"
+QUANTITIES = (POSITION, HEIGHT, VELOCITY, TILT, HEADING)
+"""Quantities of a solution that a verdict vouches for, or not."""
+RISK = 1e-3
+"""Risk of misleading information of protection levels, where nobody states another."""
 
-    cause: str  # the probable one, a key of CAUSES
-    # what was seen, with its number and unit, and what was expected: one clause, no full stop
+
+class Untested(NamedTuple):
+    """Something that the data of a recording cannot show.
+
+    Attributes
+    ----------
+    what : str
+        What was not tested, such as "mounting of the IMU".
+    why : str
+        Why the data do not show it: one clause, no full stop.
+    remedy : str
+        What to record next time: one clause in the imperative; empty where nothing helps.
+    rests : tuple of str
+        Those of QUANTITIES that are no better than what was not tested.
+    cause : str
+        A key of CAUSES: what may be wrong unseen; empty where it is no single one.
+    """
+
+    what: str
+    why: str
+    remedy: str = ""
+    rests: tuple[str, ...] = ()
+    cause: str = ""
+
+    @property
+    def seen(self) -> str:
+        """The thing that was not tested, and why."""
+        return f"{self.what}: {self.why}"
+
+    @property
+    def line(self) -> str:
+        """All of it, with what rests on it."""
+        many = len(self.rests) > 1 or TILT in self.rests
+        rest = f" ({', '.join(self.rests)} rest{'' if many else 's'} on it)"
+        return str(self) + (rest if self.rests else "")
+
+    def __str__(self) -> str:
+        return f"{self.seen}; {self.remedy}" if self.remedy else self.seen
+
+
+class SetUpBound(NamedTuple):
+    """The smallest error of a set-up that its recording would have shown.
+
+    Attributes
+    ----------
+    cause : str
+        Of CAUSES: what may be off.
+    what : str
+        The parameter in words, with its source.
+    size : float
+        The smallest error that would have been a reason for doubt, in `unit`.
+    unit : str
+        s, m, deg, or "" of a scale.
+    component : str
+        The axis, such as "forward"; empty of the only one.
+    """
+
+    cause: str
+    what: str
+    size: float
+    unit: str
+    component: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.component}".rstrip() + f": {self.size:.2g} {self.unit}".rstrip()
+
+
+class Reason(NamedTuple):
+    """Something that should not be so in a right set-up.
+
+    Attributes
+    ----------
+    cause : str
+        The probable cause, a key of CAUSES.
+    seen : str
+        What was seen, with its number and unit, and what was expected: one clause, no full
+        stop.
+    remedy : str
+        What to change or to run next: one clause in the imperative.
+    source : str
+        Name of the source of fixes concerned; empty: the IMU, or no single one.
+    weight : float
+        What was seen over what a right set-up shows at most.
+    """
+
+    cause: str
     seen: str
-    remedy: str  # what to change or to run next: one clause in the imperative
-    source: str = ""  # name of the source of fixes concerned; empty: the IMU, or no single one
-    weight: float = 1.0  # what was seen over what a right set-up shows at most
+    remedy: str
+    source: str = ""
+    weight: float = 1.0
 
     @property
     def what(self) -> str:
@@ -70,37 +158,58 @@ class Reason(NamedTuple):
         return f"{self.what}: {self.seen}; {self.remedy}"
 
 
+def rank_reasons(reasons: Iterable[Reason]) -> list[Reason]:
+    """Reasons in the order in which they are said: those that name a cause before those that name
+    none, the weightiest first."""
+    return sorted(reasons, key=lambda reason: (reason.cause == "unknown", -reason.weight))
+
+
 @dataclass(frozen=True)
 class Verdict:
     """The verdict on a result: `word` is one of TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED, or
-    NOT_JUDGED."""
+    NOT_JUDGED.
+
+    Attributes
+    ----------
+    word : str
+        TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED or NOT_JUDGED.
+    reasons : tuple of Reason
+        The weightiest first.
+    untested : tuple of Untested
+        What could not be tested, and why; first what most of the solution rests on.
+    bounds : tuple of SetUpBound
+        How large an error of the set-up may be that this recording would not have shown.
+    """
 
     word: str
-    reasons: tuple[Reason, ...] = ()  # the weightiest first
-    untested: tuple[str, ...] = ()  # what could not be tested, and why
+    reasons: tuple[Reason, ...] = ()
+    untested: tuple[Untested, ...] = ()
+    bounds: tuple[SetUpBound, ...] = ()
 
     @classmethod
     def of(
         cls,
         reasons: Iterable[Reason],
-        untested: Iterable[str] = (),
+        untested: Iterable[Untested] = (),
         symptoms: Iterable[Reason] = (),
+        bounds: Iterable[SetUpBound] = (),
     ) -> Verdict:
         """The verdict that these reasons come to. Symptoms, which may have several causes, stand
         behind reasons that have one."""
-        ranked = tuple(
+        ordered = tuple(
             reason._replace(weight=float(min(reason.weight, HEAVIEST)))
             for group in (reasons, symptoms)
-            for reason in sorted(group, key=lambda reason: -reason.weight)
+            for reason in rank_reasons(group)
         )
         # a cause that shows in several places is one cause
         heaviest: dict[str, float] = {}
-        for reason in ranked:
+        for reason in ordered:
             if reason.weight >= 1.0:
                 heaviest[reason.cause] = max(reason.weight, heaviest.get(reason.cause, 0.0))
         total = sum(heaviest.values())
         word = NOT_TO_BE_TRUSTED if total >= GRAVE else DOUBTFUL if total else TRUSTED
-        return cls(word, ranked, tuple(untested))
+        first = sorted(untested, key=lambda each: -len(each.rests))
+        return cls(word, ordered, tuple(first), tuple(bounds))
 
     @property
     def trusted(self) -> bool:
@@ -108,22 +217,36 @@ class Verdict:
         return self.word == TRUSTED
 
     @property
+    def vouched(self) -> tuple[str, ...]:
+        """Those of QUANTITIES that it vouches for: none unless it is `trusted`, and none that rest on
+        what was not tested."""
+        rests = {quantity for each in self.untested for quantity in each.rests}
+        return tuple(each for each in QUANTITIES if self.trusted and each not in rests)
+
+    @property
     def line(self) -> str:
         """The verdict in one line, with its first reason."""
         if self.reasons and self.word in (DOUBTFUL, NOT_TO_BE_TRUSTED):
             return f"{self.word}: {self.reasons[0]}"
-        return (
-            f"{self.word}; not tested: {', '.join(self.untested)}" if self.untested else self.word
-        )
+        if not self.untested:
+            return self.word
+        return f"{self.word}; not tested: {', '.join(each.seen for each in self.untested)}"
 
     @property
     def lines(self) -> list[str]:
-        """The verdict in lines for people: all reasons, what could not be tested."""
+        """The verdict in lines for people: all reasons, what could not be tested, what smaller errors
+        would not have shown."""
         return [
             self.word,
             *(f"  {number}. {reason}" for number, reason in enumerate(self.reasons, 1)),
-            *(f"  not tested: {text}" for text in self.untested),
+            *(f"  not tested: {each.line}" for each in self.untested),
+            *([f"  smaller errors would not show: {self.bounds_line}"] if self.bounds else []),
         ]
+
+    @property
+    def bounds_line(self) -> str:
+        """The bounds in one line."""
+        return ", ".join(map(str, self.bounds))
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
@@ -139,7 +262,8 @@ class Verdict:
         return {
             "word": self.word,
             "reasons": [reason._asdict() for reason in self.reasons],
-            "untested": list(self.untested),
+            "untested": [each._asdict() for each in self.untested],
+            "bounds": [each._asdict() for each in self.bounds],
         }
 
     @classmethod
@@ -148,7 +272,11 @@ class Verdict:
         if values["word"] not in SEVERITY:
             raise ValueError(f"the verdict {values['word']!r} is none of {', '.join(SEVERITY)}")
         reasons = tuple(Reason(**reason) for reason in values["reasons"])
-        return cls(values["word"], reasons, tuple(values["untested"]))
+        untested = tuple(
+            Untested(**{**each, "rests": tuple(each["rests"])}) for each in values["untested"]
+        )
+        bounds = tuple(SetUpBound(**each) for each in values["bounds"])
+        return cls(values["word"], reasons, untested, bounds)
 
 
 def together(verdicts: Mapping[str, Verdict]) -> list[tuple[list[str], Verdict]]:
@@ -175,9 +303,14 @@ def _merge_verdicts(verdicts: list[Verdict]) -> Verdict:
         for verdict in verdicts
     )
     for reason in (each for first in firsts for each in reversed(first.values())):
-        known = heaviest.setdefault((reason.cause, reason.source), reason)
-        if reason.weight > known.weight:
+        known_reason = heaviest.setdefault((reason.cause, reason.source), reason)
+        if reason.weight > known_reason.weight:
             heaviest[reason.cause, reason.source] = reason
     ranked = list(heaviest.values())  # causes before symptoms, as each has them
-    untested = dict.fromkeys(text for verdict in verdicts for text in verdict.untested)
-    return Verdict(verdicts[0].word, tuple(ranked), tuple(untested))
+    untested = dict.fromkeys(each for verdict in verdicts for each in verdict.untested)
+    bounds: dict[tuple[str, str], SetUpBound] = {}
+    for each in (bound for verdict in verdicts for bound in verdict.bounds):
+        known = bounds.setdefault((each.what, each.component), each)
+        if each.size > known.size:
+            bounds[each.what, each.component] = each
+    return Verdict(verdicts[0].word, tuple(ranked), tuple(untested), tuple(bounds.values()))

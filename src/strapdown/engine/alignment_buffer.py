@@ -10,7 +10,7 @@ from ..alignment.missing_fields import fill_missing
 from ..checks import DataError
 from ..core.loop.contract import Filter, Imu, InitialState
 from ..data.recording import Recording, RecordingMeta
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..preprocessing.plausible import refuse_mistakes
 from ..sensor_models.imu import ImuSpec
 from .arrivals import Sample, UsableFix
@@ -30,7 +30,7 @@ class Gathering:
     def __init__(
         self,
         filter: Filter,
-        aidings: Sequence[Aiding],
+        sources: Sequence[Source],
         spec: ImuSpec | None,
         asked: RunOptions,
         within: float,
@@ -39,8 +39,8 @@ class Gathering:
     ) -> None:
         self.samples: list[Sample] = []
         self.fixes: list[UsableFix] = []
-        self._filter, self._aidings, self._spec = filter, aidings, spec
-        self._given, self._noise, self._say = asked["start"], asked["noise"], asked["say"]
+        self._filter, self._sources, self._spec = filter, sources, spec
+        self._given, self._noise, self._notify = asked["start"], asked["noise"], asked["notify"]
         self._within, self._most, self._meta = within, most, meta
         self._first = self._due = np.inf
 
@@ -84,7 +84,7 @@ class Gathering:
             Imu(*columns),
             tuple(
                 _with_fixes(a, [fix for fix in fixes if fix.source == s])
-                for s, a in enumerate(self._aidings)
+                for s, a in enumerate(self._sources)
             ),
             meta=self._meta,
         )
@@ -102,21 +102,21 @@ class Gathering:
         recording, position = self.recording(), has_position(self._filter)
         if self._given is not None:
             return fill_missing(self._given, recording, self._spec, position)
-        return align_start(recording, self._spec, position, self._noise, self._say)
+        return align_start(recording, self._spec, position, self._noise, self._notify)
 
-    def worth(self, start: InitialState) -> bool:
+    def suffices(self, start: InitialState) -> bool:
         """True where a start need not wait for a better one: its heading is known, or given, or the
         filter estimates no position."""
         return (
             self._given is not None
             or not has_position(self._filter)
-            or bool(start.sd[8] <= DOUBTFUL)
+            or bool(start.std[8] <= DOUBTFUL)
         )
 
 
-def _with_fixes(a: Aiding, fixes: Sequence[UsableFix]) -> Aiding:
-    y, sd = (
+def _with_fixes(a: Source, fixes: Sequence[UsableFix]) -> Source:
+    y, std = (
         np.array([getattr(fix, part)[: each.shape[1]] for fix in fixes]).reshape(-1, each.shape[1])
-        for part, each in (("y", a.y), ("sd", a.sd))
+        for part, each in (("y", a.y), ("std", a.std))
     )
-    return replace(a, t=np.array([fix.t for fix in fixes]), y=y, sd=sd)
+    return replace(a, t=np.array([fix.t for fix in fixes]), y=y, std=std)

@@ -10,7 +10,7 @@ import numpy as np
 from .. import aiding
 from ..checks import DataError, brief, is_number, one_line_repr
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..preprocessing.attitude_record import possible_attitude
 from ..preprocessing.fixes import possible
 from ..preprocessing.imu_samples import MAX_INTERVAL
@@ -22,7 +22,19 @@ MAX_WAITING_FIXES = 1024
 
 
 class Sample(NamedTuple):
-    """One IMU sample of a stream: increments over (t - dt, t], body FRD, rad and m/s."""
+    """One IMU sample of a stream: increments over (t - dt, t], body FRD, rad and m/s.
+
+    Attributes
+    ----------
+    t : float
+        End of the interval, s.
+    dt : float
+        Length of the interval, s.
+    dtheta : tuple[float, float, float]
+        Rotation increment, body axes, rad.
+    dv : tuple[float, float, float]
+        Velocity increment, body axes, m/s.
+    """
 
     t: float
     dt: float
@@ -30,14 +42,26 @@ class Sample(NamedTuple):
     dv: tuple[float, float, float]
 
 
-class Fix(NamedTuple):
-    """One fix of a stream. `source` is the place of its source among the stream's `aidings`; y
-    and sd as in Aiding, NaN where not measured."""
+class Measurement(NamedTuple):
+    """One measurement of a stream.
+
+    Attributes
+    ----------
+    t : float
+        Time at which it holds, s.
+    source : str or int
+        Name of its source among the stream's `sources` (its kind where it has no name), or its
+        place there, counted from 0.
+    y : tuple of float
+        Measured values, SI and radians; NaN where not measured.
+    std : tuple of float
+        Standard deviations of the rows of the innovation, SI.
+    """
 
     t: float
-    source: int
+    source: str | int
     y: tuple[float, ...]
-    sd: tuple[float, ...]
+    std: tuple[float, ...]
 
 
 class UsableFix(NamedTuple):
@@ -46,14 +70,14 @@ class UsableFix(NamedTuple):
     t: float
     source: int
     y: list[float]
-    sd: list[float]
+    std: list[float]
 
 
 def refuse_event(event: object) -> NoReturn:
-    """Raise DataError for what is neither a Sample nor a Fix."""
+    """Raise DataError for what is neither a Sample nor a Measurement."""
     raise DataError(
         f"step is given {brief(event)}; it must be a Sample(t, dt, dtheta, dv) with increments in "
-        f"rad and m/s, or a Fix(t, source, y, sd)"
+        f"rad and m/s, or a Measurement(t, source, y, std)"
     )
 
 
@@ -83,62 +107,79 @@ def _is_vector(value: object) -> bool:
     return array.shape == (3,) and not isinstance(value, str)
 
 
-def checked_aidings(aidings: Sequence[Aiding]) -> tuple[Aiding, ...]:
+def checked_sources(sources: Sequence[Source]) -> tuple[Source, ...]:
     """Return the sources of a stream as a tuple. Raises DataError where they are not a list of
-    Aiding."""
-    if isinstance(aidings, Aiding):
-        raise DataError("aidings is one Aiding; it must be a list of them: aidings=[...]")
-    if isinstance(aidings, str) or not isinstance(aidings, Iterable):
-        raise DataError(f"aidings is {brief(aidings)}; it must be a list of Aiding, [] for none")
-    aidings = tuple(aidings)
-    for i, each in enumerate(aidings):
-        if not isinstance(each, Aiding):
-            raise DataError(f"aidings[{i}] is {brief(each)}; it must be an Aiding")
-    return aidings
+    Source."""
+    if isinstance(sources, Source):
+        raise DataError("sources is one Source; it must be a list of them: sources=[...]")
+    if isinstance(sources, str) or not isinstance(sources, Iterable):
+        raise DataError(f"sources is {brief(sources)}; it must be a list of Source, [] for none")
+    sources = tuple(sources)
+    for i, each in enumerate(sources):
+        if not isinstance(each, Source):
+            raise DataError(f"sources[{i}] is {brief(each)}; it must be a Source")
+    return sources
 
 
 class Sources:
     """The sources of a stream, and what a fix of each must be."""
 
-    def __init__(self, aidings: Sequence[Aiding]) -> None:
-        self._names = [a.name or a.kind for a in aidings]
-        self._kinds = [aiding.find(a.kind) for a in aidings]
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self._names = [a.name or a.kind for a in sources]
+        self._places = {
+            each: k for k, each in enumerate(self._names) if self._names.count(each) == 1
+        }
+        self._kinds = [aiding.find(a.kind) for a in sources]
         self._most = [[_most(q) for q in kind.quantities] for kind in self._kinds]
 
-    def usable(self, fix: Fix) -> UsableFix:
+    def usable(self, fix: Measurement) -> UsableFix:
         """The fix with NaN for what is not finite. Raises DataError for what no source
         delivers."""
         if not is_number(fix.t):
             raise DataError(f"fix: t is {brief(fix.t)}; it must be a number of seconds")
-        count, where = len(self._names), f"fix at {fix.t:.3f} s"
-        if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < count):
-            raise DataError(
-                f"{where}: source is {fix.source!r}; the stream has {count}, counted from 0"
-            )
-        most = self._most[fix.source]
+        where = f"fix at {fix.t:.3f} s"
+        place = self._place(fix.source, where)
+        most = self._most[place]
         width = len(most)
         try:
-            y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.sd]
+            y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.std]
         except (TypeError, ValueError):
             raise DataError(
-                f"{where}: y is {brief(fix.y)} and sd {brief(fix.sd)}; each must be a tuple, "
-                f"source {fix.source} needs {width} number{'s' * (width > 1)}"
+                f"{where}: y is {brief(fix.y)} and std {brief(fix.std)}; each must be a tuple, "
+                f"source {place} needs {width} number{'s' * (width > 1)}"
             ) from None
         if not len(y) == len(deviations) == width:
             raise DataError(
-                f"{where}: y has {len(y)} and sd {len(deviations)} numbers; source {fix.source} "
+                f"{where}: y has {len(y)} and std {len(deviations)} numbers; source {place} "
                 f"needs {width}"
             )
         y = [value if isfinite(value) else nan for value in y]
-        for value, sd, bound in zip(y, deviations, most):
-            if value == value and not 0 < sd < inf:
+        for value, std, bound in zip(y, deviations, most):
+            if value == value and not 0 < std < inf:
                 raise DataError(
-                    f"{where}: standard deviations are {one_line_repr(tuple(fix.sd))}; they must be above zero"
+                    f"{where}: standard deviations are {one_line_repr(tuple(fix.std))}; they must be above zero"
                 )
             if abs(value) > bound:
-                self._refuse(fix.source, y, where)
+                self._refuse(place, y, where)
         padding = [nan] * (3 - width)
-        return UsableFix(fix.t, int(fix.source), y + padding, deviations + padding)
+        return UsableFix(fix.t, place, y + padding, deviations + padding)
+
+    def _place(self, source: str | int, where: str) -> int:
+        """Return the place of a source among those of the stream. Raises DataError."""
+        if isinstance(source, str):
+            if source in self._places:
+                return self._places[source]
+            many = self._names.count(source)
+            remedy = f"{many} have that name: give its place" if many else self._names_text()
+        elif isinstance(source, int | np.integer) and 0 <= source < len(self._names):
+            return int(source)
+        else:
+            remedy = self._names_text()
+        raise DataError(f"{where}: source is {source!r}; {remedy}")
+
+    def _names_text(self) -> str:
+        count = len(self._names)
+        return f"the stream has {count}, counted from 0: {', '.join(self._names) or 'none'}"
 
     def _refuse(self, source: int, y: list[float], where: str) -> None:
         """Raise DataError where a component is beyond what it can be."""

@@ -47,15 +47,24 @@ def fuse(
         Called with the fraction done; True shows a bar with the time left, in a notebook or on a
         terminal.
 
+    Returns
+    -------
+    Solution
+        A row for each n-th sample after the start, with innovations, events and verdict.
+
     Raises
     ------
     DataError
         Where anything given is out of range, or the filter cannot run on this recording.
 
+    References
+    ----------
+    Groves (2013), chapter 14; each filter names its own source.
+
     Examples
     --------
     >>> import strapdown as sd
-    >>> recording = sd.simulate(sd.sim.trajectory.demo_flight(), 60.0, "tactical", seed=1)
+    >>> recording = sd.simulate("car", duration=60.0, seed=1)
     >>> solution = sd.fuse(recording, "closed-loop", imu="tactical")
     """
     run = begin(recording, filter, run_options(**asked))
@@ -68,7 +77,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
     check_recording(recording)
     recording = with_weights(recording, asked["robust"], asked["adaptive"])
     if asked["vehicle"] is not None:  # so that all runs of it know it
-        recording = recording.knowing(vehicle=find_vehicle(asked["vehicle"]))
+        recording = recording.with_meta(vehicle=find_vehicle(asked["vehicle"]))
     recording = with_estimates(recording, asked["estimate"])
     imu, start = asked["imu"], asked["start"]
     whole = isinstance(start, InitialState) and not missing_fields(start)
@@ -79,7 +88,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
     if "estimate" not in recording.meta:
         axes, said = of_grade(filter, spec)
         if said:
-            recording = recording.noting(said).knowing(estimate=axes)
+            recording = recording.with_notes(said).with_meta(estimate=axes)
     if start is not None:  # before an AHRS or anything else takes it for one
         check_start(start, noise, missing_fields(start) if isinstance(start, InitialState) else ())
     known: RunOptions = {
@@ -89,11 +98,11 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
         "start": start if whole else None,
     }
     recording, made = with_ahrs(recording, filter, known)
-    check_needs(filter, recording.aidings)
+    check_needs(filter, recording.sources)
     if start is None or not whole:
         assert spec is not None  # it was needed above
         start = (
-            align_start(recording, spec, has_position(filter), asked["noise"], asked["say"])
+            align_start(recording, spec, has_position(filter), asked["noise"], asked["notify"])
             if start is None
             else fill_missing(start, recording, spec, has_position(filter))
         )

@@ -13,7 +13,7 @@ from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MAX_NIS, MAX_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
-from ..data.solution import Aiding, Rejected
+from ..data.solution import Rejected, Source
 from ..data.vehicle import Vehicle
 from ..typing import Array
 from ..units import quantities
@@ -57,17 +57,17 @@ NED = ("north", "east", "down")
 class Events:
     """The events of a run of `filter` with these sources on this vehicle: `take` empties the log of its cursor."""
 
-    def __init__(self, filter: Filter, aidings: Sequence[Aiding], vehicle: Vehicle) -> None:
+    def __init__(self, filter: Filter, sources: Sequence[Source], vehicle: Vehicle) -> None:
         self.rows: list[LogRow] = []
         self.vehicle = vehicle
-        self._filter, self._aidings = filter, aidings
+        self._filter, self._sources = filter, sources
         self.because: dict[int, str] = {}  # by code: what the words of that event add
         self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # as `look_at` found them
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
-        self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
-        self._begin = np.full(len(aidings), np.inf)  # s, the first fix that was tested, by source
+        self._known = np.full(len(sources), -np.inf)  # s, until when, by source
+        self._begin = np.full(len(sources), np.inf)  # s, the first fix that was tested, by source
 
     def take(self, cursor: Cursor) -> None:
         """Take over what the log holds, and empty it."""
@@ -82,13 +82,13 @@ class Events:
             first, last = t[some[0]], t[some[-1]]
             self._fold(log_row(first, last, code, 0, len(some), values[some].max()))
 
-    def look_at(self, fixes: Any, sd: Array, before: float = -np.inf) -> None:
+    def look_at(self, fixes: Any, std: Array, before: float = -np.inf) -> None:
         """Find the runs of rejections in what the loop wrote of fixes, a table of FixRow with their
         standard deviations (m, 3); those that begin before that time (s) are kept for good."""
         tested = fixes[np.isfinite(fixes["nis"])]
         np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
-        found = runs.find(WindowFixes(fixes, sd, self._known, self._begin), self._aidings)
-        self.rejected = rejection_texts(runs.join_runs(self._runs, found), self._aidings)
+        found = runs.find(WindowFixes(fixes, std, self._known, self._begin), self._sources)
+        self.rejected = rejection_texts(runs.join_runs(self._runs, found), self._sources)
         kept = [run for run in found if run.start < before]
         self._runs = runs.join_runs(self._runs, kept)
         for run in kept:
@@ -98,24 +98,24 @@ class Events:
         """Write what happens outside the loop; whether it is new and no more of the same."""
         return self._fold(log_row(t, t, code, which, 1, value))
 
-    def begun(self, cursor: Cursor, since: int) -> list[LogRow]:
+    def new_rows(self, cursor: Cursor, since: int) -> list[LogRow]:
         """The rows of the log from number `since` on that go on with nothing; it keeps them."""
         begun = []
         for k in range(since, int(cursor.state[0].logged)):
             row, before = cursor.log[k], cursor.log[:k]
-            alike = self._alike(row)
+            alike = self._rows_like(row)
             there = int(((before["code"] == row.code) & (before["which"] == row.which)).sum())
             if there + len(alike) < MAX_OF_A_KIND and (there or not _goes_on(alike, row)):
                 begun.append(copy_row(row))
         return begun
 
-    def _alike(self, row: LogRow) -> list[LogRow]:
+    def _rows_like(self, row: LogRow) -> list[LogRow]:
         return self._counts.setdefault((row.code, row.which), [])
 
     def _fold(self, row: LogRow) -> bool:
         """Take over a row, as one more or as part of the last one of its kind; whether it is one
         more."""
-        alike = self._alike(row)
+        alike = self._rows_like(row)
         if len(alike) == MAX_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
             return False
@@ -136,20 +136,20 @@ class Events:
 
     def name(self, s: int) -> str:
         """The source as tables show it."""
-        return self._aidings[s].name or self._aidings[s].kind
+        return self._sources[s].name or self._sources[s].kind
 
     def component(self, which: int) -> str:
         """Source and component of a mean: "position north"."""
         s, i = divmod(which, 3)
-        kind = self._aidings[s].kind
+        kind = self._sources[s].kind
         width = len(aiding.find(kind).quantities)
         return f"{self.name(s)} {NED[i]}" if width == 3 else self.name(s)
 
-    def apart(self, which: int) -> tuple[int, int, bool]:
+    def contradiction(self, which: int) -> tuple[int, int, bool]:
         """Return, for two heights that contradict each other, the source excluded, the source used,
         and whether the data decide which is wrong."""
         pair, told = divmod(which, 2)
-        return *divmod(pair, len(self._aidings)), bool(told)
+        return *divmod(pair, len(self._sources)), bool(told)
 
     @property
     def heights_apart(self) -> list[dict[str, Any]]:
@@ -165,12 +165,12 @@ class Events:
             }
             for row in self.rows
             if row.code == Code.HEIGHT_APART
-            for wrong, other, told in [self.apart(int(row.which))]
+            for wrong, other, told in [self.contradiction(int(row.which))]
         ]
 
     def size(self, s: int, value: float) -> str:
         """An innovation of source `s` with its unit."""
-        unit, shown = quantities.shown_unit(aiding.find(self._aidings[s].kind).quantities[0])
+        unit, shown = quantities.shown_unit(aiding.find(self._sources[s].kind).quantities[0])
         return f"{value * shown:.3g} {unit}"
 
     @property
@@ -224,7 +224,7 @@ def _gap(events: Events, row: LogRow, value: float, what: str) -> str:
 
 
 def _times(row: LogRow) -> str:
-    """How often and until when, of what happened more than once."""
+    """The number of times and the last time, of what happened more than once."""
     if row.count == 1:
         return ""
     return f" ({row.count:.0f} times until {row.until:.1f} s)"
@@ -291,7 +291,7 @@ def _mean_off(events: Events, row: LogRow, which: int, value: float) -> str:
 
 
 def _height_apart(events: Events, row: LogRow, which: int, value: float) -> str:
-    wrong, other, told = events.apart(which)
+    wrong, other, told = events.contradiction(which)
     why = (
         "vertical velocity or a third source contradicts it"
         if told
@@ -403,4 +403,4 @@ WORDS: dict[int, Words] = {
     ),
     Said.STOPPED: lambda e, row, s, value: e.because[Said.STOPPED].removeprefix("stream "),
 }
-"""How each code of the log is said."""
+"""Functions that put each code of the log into words."""

@@ -9,8 +9,9 @@ from ..checks import DataError
 from ..core.compile.records import Table
 from ..core.loop.contract import BA, BG, POS, STATES, VEL, Filter
 from ..core.loop.tables import FixRow
-from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, SD, Q, T, V
-from ..data.solution import Aiding, Innovations, Solution, SolutionMeta, Trajectory
+from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, STD, Q, T, V
+from ..data.solution import Innovations, Solution, SolutionMeta, Source, Trajectory
+from ..data.value import read_only
 from ..typing import Array
 from .installation import parameter_meta
 from .prepare import Run, augmented_states
@@ -22,7 +23,7 @@ def solution(run: Run) -> Solution:
     recording, filter, fixes = run.recording, run.filter, run.fixes
     cursor, out = run.cursor, run.out
     nav, used = out.nav[: cursor.state[0].out], out.fix[: cursor.state[0].fix]
-    run.events.look_at(used, fixes.sd[: len(used)])
+    run.events.look_at(used, fixes.std[: len(used)])
     events, meta = run.events.all, _meta(run, used)
     if cursor.state[0].fault:
         t = float(run.samples.t[cursor.state[0].row])
@@ -32,18 +33,19 @@ def solution(run: Run) -> Solution:
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
     _forget_unknown(filter, nav)
+    nav = read_only(nav)
     columns = _columns(run, nav)
     if filter.diagnose:
         events += filter.diagnose(nav[:, T], nav[:, LLA:V], columns)
     return Solution(
         _trajectory(run, nav),
         nav[:, BIASES : BIASES + 3],
-        nav[:, BIASES + 3 : SD],
+        nav[:, BIASES + 3 : STD],
         nav[:, ROW_STATUS].astype(np.int8),
-        innovations(used, recording.aidings, fixes.sources["gate"]),
+        innovations(used, recording.sources, fixes.sources["gate"]),
         tuple(sorted(events)),
         columns,
-        out.covariance[: len(nav)] if len(out.covariance) else None,
+        read_only(out.covariance[: len(nav)]) if len(out.covariance) else None,
         meta,
         recording,
     )
@@ -58,11 +60,11 @@ def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
         "notes": list(recording.meta.get("notes", [])),
         "imu": spec.name if spec else "",
         "vehicle": run.events.vehicle.name,
-        "bias_sd": list(map(float, spec.bias_sd())) if spec else None,
+        "bias_std": list(map(float, spec.bias_std())) if spec else None,
         "start": run.start._asdict(),
         "noise": run.noise._asdict(),
-        "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),
-        "kinds": {a.name or a.kind: a.kind for a in recording.aidings},
+        "fixes_outside": sum(len(a.t) for a in recording.sources) - len(used),
+        "kinds": {a.name or a.kind: a.kind for a in recording.sources},
         "date": recording.meta.get("date"),
         "point": recording.meta.get("point", "imu"),
     }
@@ -83,28 +85,28 @@ def _forget_unknown(filter: Filter, nav: Array) -> None:
     for first, states in ((LLA, POS), (V, VEL), (BIASES, BA), (BIASES + 3, BG)):
         unknown = [first + i for i in range(3) if states.start + i not in filter.estimates]
         nav[:, unknown] = np.nan
-    nav[:, [SD + i for i in range(STATES) if i not in filter.states]] = np.nan
+    nav[:, [STD + i for i in range(STATES) if i not in filter.states]] = np.nan
 
 
 def _trajectory(run: Run, nav: Array) -> Trajectory:
     """Position, velocity and attitude of the point that the recording names."""
     made = Trajectory(
-        nav[:, T], nav[:, LLA:V], nav[:, V:Q], nav[:, Q:BIASES], nav[:, SD:ROW_STATUS]
+        nav[:, T], nav[:, LLA:V], nav[:, V:Q], nav[:, Q:BIASES], nav[:, STD:ROW_STATUS]
     )
     if run.recording.meta.get("point") != "reference":
         return made
     rows = np.searchsorted(run.samples.t, made.t)
     rate = run.samples.dtheta[rows] / run.samples.dt[rows, None]
     arm = np.asarray(run.recording.meta["imu_lever_arm"])
-    return made.displaced(-arm, rate - nav[:, BIASES + 3 : SD])
+    return made.displaced(-arm, rate - nav[:, BIASES + 3 : STD])
 
 
 def _columns(run: Run, nav: Array) -> dict[str, Array]:
     """The filter's own columns, and parameters that were states with their deviations, by name."""
-    own = augmented_states(run.recording.aidings, run.recording.meta.get("estimate"))
+    own = augmented_states(run.recording.sources, run.recording.meta.get("estimate"))
     names = [(name, 1.0) for name in run.filter.columns]
     names += [(each.name, each.factor) for each in own]
-    names += [(f"sd of {each.name}", each.factor) for each in own]
+    names += [(f"std of {each.name}", each.factor) for each in own]
     return {name: nav[:, NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)}
 
 
@@ -117,7 +119,7 @@ def stop_message(t: float) -> str:
 
 
 def innovations(
-    used: Table[FixRow], aidings: Sequence[Aiding], gates: Iterable[float]
+    used: Table[FixRow], sources: Sequence[Source], gates: Iterable[float]
 ) -> Innovations:
     """Innovations from the fix rows that `run` wrote."""
     of = {name: np.ascontiguousarray(used[name]) for name in used.dtype.names}
@@ -127,7 +129,7 @@ def innovations(
         of["innovation"],
         of["nis"],
         of["use"] > 0,
-        tuple(a.name or a.kind for a in aidings),
+        tuple(a.name or a.kind for a in sources),
         tuple(float(gate) for gate in gates),
         of["whitened"],
         of["root"],

@@ -16,13 +16,13 @@ from .. import filters
 from ..alignment.course_heading import MOVING
 from ..alignment.first_fixes import source
 from ..alignment.initial import align, starts_around
-from ..alignment.initial_heading import UNKNOWN_SD, HeadingFound
+from ..alignment.initial_heading import UNKNOWN_STD, HeadingFound
 from ..alignment.rest import rests
 from ..core.loop.contract import InitialState, Noise
 from ..data.recording import Recording
 from ..geometry.geodesy import wrap
 from ..sensor_models.imu import ImuSpec
-from ..typing import Array, Say
+from ..typing import Array, Notify
 from .options import run_options
 from .prepare import Run, ready
 
@@ -40,8 +40,8 @@ TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one hea
 DECIDED = np.radians(20.0)  # standard deviation below which it is found
 MAX_ROUNDS = 5
 OUTLIER = 100.0  # NIS from which on a fix is one for every heading
-MIN_SD = np.radians(1.0)
-FIXED_SD = np.radians(0.1)  # of a heading that is held as known
+MIN_STD = np.radians(1.0)
+FIXED_STD = np.radians(0.1)  # of a heading that is held as known
 
 
 def align_start(
@@ -49,7 +49,7 @@ def align_start(
     imu: ImuSpec,
     position: bool = True,
     noise: Noise | None = None,
-    say: Say | None = None,
+    notify: Notify | None = None,
 ) -> InitialState:
     """The InitialState that `align` finds; for a filter of positions, where that heading is unknown or
     that of a slow course, the one that the fixes decide for.
@@ -67,8 +67,8 @@ def align_start(
     fixes = source(part, "position")
     if fixes is None or fixes.t[-1] <= begin:
         return start
-    part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
-    found = _decide_heading(_Trials(part, begin, imu, noise or imu.noise(), say), start)
+    part = replace(part, sources=tuple(replace(a, gate=OUTLIER) for a in part.sources))
+    found = _decide_heading(_Trials(part, begin, imu, noise or imu.noise(), notify), start)
     return starts_around(recording, imu, start.t, [found])[0]
 
 
@@ -76,8 +76,8 @@ def _doubtful(start: InitialState) -> bool:
     """True where the heading is unknown, or from the course of a slow vehicle, which may be carried
     by hand."""
     if "heading from the course" not in start.note:
-        return not start.sd[8] < UNKNOWN_SD
-    return bool(start.sd[8] > DOUBTFUL or np.hypot(start.v[0], start.v[1]) < MOVING)
+        return not start.std[8] < UNKNOWN_STD
+    return bool(start.std[8] > DOUBTFUL or np.hypot(start.v_n[0], start.v_n[1]) < MOVING)
 
 
 class _Trials(NamedTuple):
@@ -87,12 +87,12 @@ class _Trials(NamedTuple):
     begin: float  # s
     imu: ImuSpec
     noise: Noise
-    say: Say | None
+    notify: Notify | None
 
     def runs(self, headings: NDArray[np.floating[Any]]) -> list[Run]:
         """Runs from these headings (rad), held as known: from a doubtful one a linear filter draws
         knowledge that is not in its fixes."""
-        founds = [HeadingFound(float(wrap(heading)), FIXED_SD, "") for heading in headings]
+        founds = [HeadingFound(float(wrap(heading)), FIXED_STD, "") for heading in headings]
         every = len(self.recording.imu.t)
         closed_loop = filters.find("closed-loop")
         return [
@@ -102,7 +102,7 @@ class _Trials(NamedTuple):
                 start,
                 self.noise,
                 self.imu,
-                run_options(every=every, say=self.say),
+                run_options(every=every, notify=self.notify),
             )
             for start in starts_around(self.recording, self.imu, self.begin, founds)
         ]
@@ -121,7 +121,7 @@ class _Peak(NamedTuple):
     """Heading and its standard deviation, rad."""
 
     heading: float
-    sd: float
+    std: float
 
 
 def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
@@ -140,29 +140,29 @@ def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
         weights: Array = np.where(alive, np.exp(-0.5 * (sums - sums[alive].min()) / scale), 0.0)
         mean, spread = _mean(headings, weights)
         peak = _refine_peak(trials, mean, row) if spread < TOGETHER else None
-        if peak and peak.sd < DECIDED:
+        if peak and peak.std < DECIDED:
             note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
             return HeadingFound(
-                peak.heading, peak.sd, f"heading {_degrees(peak.heading)} deg {note}"
+                peak.heading, peak.std, f"heading {_degrees(peak.heading)} deg {note}"
             )
         if row == end:
             break
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
-        return HeadingFound(0.0, UNKNOWN_SD, f"heading unknown, {tried} none could be followed")
-    from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
+        return HeadingFound(0.0, UNKNOWN_STD, f"heading unknown, {tried} none could be followed")
+    from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.std[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
-    sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
+    std = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_STD)
     words = (
         f"heading {_degrees(mean)} deg is the likeliest"
-        if sd < LIKELIEST
+        if std < LIKELIEST
         else (
             f"heading {_degrees(mean)} deg is a guess, none stands out"
-            if sd < UNKNOWN_SD
+            if std < UNKNOWN_STD
             else "heading unknown, none stands out"
         )
     )
-    return HeadingFound(mean, sd, f"{words} {tried}")
+    return HeadingFound(mean, std, f"{words} {tried}")
 
 
 def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:
@@ -190,11 +190,11 @@ def _refine_peak(trials: _Trials, heading: float, row: int) -> _Peak | None:
             continue
         near = slice(least - 1, least + 2)
         curvature, slope, _ = np.polyfit(offsets[near], sums[near] / scale, 2)
-        best, sd = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
+        best, std = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
         heading += best
-        if sd > 0.5 * width:
-            return _Peak(float(wrap(heading)), max(float(sd), MIN_SD))
-        width = sd
+        if std > 0.5 * width:
+            return _Peak(float(wrap(heading)), max(float(std), MIN_STD))
+        width = std
     return None
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from .. import aiding, filters
-from ..checks import DataError, brief, check_choice, located
+from ..checks import DataError, brief, check_choice, locate_errors
 from ..core.compile.records import rows
 from ..core.loop.contract import (
     POS,
@@ -30,21 +30,21 @@ from ..data.calibration_parameters import (
     CalibrationParameter,
 )
 from ..data.recording import Recording
-from ..data.solution import Aiding, SolutionMeta
+from ..data.solution import SolutionMeta, Source
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 
 IMU = "imu"
-"""What names the IMU where a source could stand."""
+"""Name of the IMU where a source could stand."""
 WAIT, MAX_WAIT = 3.0, 1.0
 """A fix whose clock is a state waits WAIT prior standard deviations, but at most MAX_WAIT s:
 later than it holds, with any probable offset."""
 
 Prior: TypeAlias = float | Sequence[float] | None
 Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]
-"""What to estimate: names, "clock" of all sources that have one, "position clock" of the source of
+"""Parameters to estimate: names, "clock" of all sources that have one, "position clock" of the source of
 that name or kind, "imu gyro-scale", "imu scale" of both sensors; or {name: prior standard deviation, SI, one or one per
 component}."""
 OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
@@ -57,8 +57,8 @@ class StateParameter(NamedTuple):
 
     of: CalibrationParameter
     component: int
-    sources: tuple[int, ...]  # of the aidings; of the IMU's all that see it
-    sd: float  # prior, SI
+    sources: tuple[int, ...]  # of the sources; of the IMU's all that see it
+    std: float  # prior, SI
     owner: str  # name of the first source, or "imu"
 
     @property
@@ -73,17 +73,17 @@ def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording
     it names itself; as it is for None. Raises DataError."""
     if estimate is None:
         return recording
-    aidings, of_imu = asked_of(recording.aidings, estimate)
-    asked = replace(recording, aidings=aidings).forgetting("estimate")
+    sources, of_imu = asked_of(recording.sources, estimate)
+    asked = replace(recording, sources=sources).without_meta("estimate")
     # what is asked of sources leaves the IMU to its grade
-    return asked.knowing(estimate=of_imu) if of_imu or not estimate else asked
+    return asked.with_meta(estimate=of_imu) if of_imu or not estimate else asked
 
 
 def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
     """Return the scale and misalignment errors that the grade of an IMU states, as states, and
     notes on them. Used where no parameter of the IMU was asked for or excluded: a filter that
     leaves them out is less certain than it says."""
-    axes = {} if spec is None else spec.axes_sd()
+    axes = {} if spec is None else spec.axes_std()
     if not axes:
         return {}, []
     stated = ", ".join(name.replace("-", " ") for name in axes)
@@ -96,17 +96,17 @@ def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
     ]
 
 
-def without_estimates(aidings: Iterable[Aiding]) -> tuple[Aiding, ...]:
+def without_estimates(sources: Iterable[Source]) -> tuple[Source, ...]:
     """These sources with nothing to estimate."""
-    return tuple(replace(a, estimate={}) for a in aidings)
+    return tuple(replace(a, estimate={}) for a in sources)
 
 
-def asked_of(sources: Iterable[Aiding], estimate: Estimate) -> tuple[tuple[Aiding, ...], OfImu]:
+def asked_of(sources: Iterable[Source], estimate: Estimate) -> tuple[tuple[Source, ...], OfImu]:
     """(sources with what of them is to be estimated, what of the IMU). Raises DataError."""
-    aidings = list(without_estimates(sources))
+    marked = list(without_estimates(sources))
     of_imu: dict[str, tuple[float, ...]] = {}
     known = dict.fromkeys([*calibration_parameters.OF_SOURCE, *calibration_parameters.ASKED_OF_IMU])
-    for words, sd in _requested_priors(estimate).items():
+    for words, std in _requested_priors(estimate).items():
         *owner, name = words.split()
         check_choice(name, "estimate", known)
         whose = " ".join(owner)
@@ -117,27 +117,29 @@ def asked_of(sources: Iterable[Aiding], estimate: Estimate) -> tuple[tuple[Aidin
             of_it and name in calibration_parameters.ASKED_OF_IMU
         ):
             of_imu |= {
-                what.name: _prior(what, sd) for what in calibration_parameters.ASKED_OF_IMU[name]
+                what.name: _prior(what, std) for what in calibration_parameters.ASKED_OF_IMU[name]
             }
             continue
-        prior = _prior(calibration_parameters.OF_SOURCE[name], sd)
-        for i in _asked_at(aidings, name, whose):
-            aidings[i] = replace(aidings[i], estimate={**aidings[i].estimate, name: prior})
-    return tuple(aidings), of_imu
+        prior = _prior(calibration_parameters.OF_SOURCE[name], std)
+        for i in _asked_at(marked, name, whose):
+            marked[i] = replace(marked[i], estimate={**marked[i].estimate, name: prior})
+    return tuple(marked), of_imu
 
 
-def _asked_at(aidings: Sequence[Aiding], name: str, whose: str) -> list[int]:
+def _asked_at(sources: Sequence[Source], name: str, whose: str) -> list[int]:
     """The sources that have the parameter `name`: all, or those of the name `whose` or, where none
     has it, of that kind, in upper or lower case. Raises DataError."""
-    having = [i for i, a in enumerate(aidings) if name in aiding.find(a.kind).estimable]
+    having = [
+        i for i, a in enumerate(sources) if name in aiding.find(a.kind).calibration_parameters
+    ]
     if not having:
         raise DataError(f"estimate: no source of the recording has a {name} to estimate")
     if not whose:
         return having
-    named = [i for i in having if (aidings[i].name or "").lower() == whose.lower()]
-    found = named or [i for i in having if aidings[i].kind == whose.lower()]
+    named = [i for i in having if (sources[i].name or "").lower() == whose.lower()]
+    found = named or [i for i in having if sources[i].kind == whose.lower()]
     if not found:
-        names = ", ".join(aidings[i].name or aidings[i].kind for i in having)
+        names = ", ".join(sources[i].name or sources[i].kind for i in having)
         raise DataError(f"estimate: {whose} has no {name} to estimate; these have: {names}")
     return found
 
@@ -157,25 +159,25 @@ def _requested_priors(estimate: Estimate) -> dict[str, Prior]:
     return dict(estimate) if isinstance(estimate, Mapping) else dict.fromkeys(names)
 
 
-def _prior(what: CalibrationParameter, sd: Prior) -> tuple[float, ...]:
-    with located("estimate"):
-        return calibration_parameters.prior(what, sd)
+def _prior(what: CalibrationParameter, std: Prior) -> tuple[float, ...]:
+    with locate_errors("estimate"):
+        return calibration_parameters.prior(what, std)
 
 
 def parameters(
-    aidings: Sequence[Aiding], of_imu: Mapping[str, tuple[float, ...]]
+    sources: Sequence[Source], of_imu: Mapping[str, tuple[float, ...]]
 ) -> list[StateParameter]:
     """The parameters that are states, in their order. Sources of position and velocity with the
     same lever arm are one antenna: what both ask for is one state."""
     found: list[StateParameter] = []
     for name, what in calibration_parameters.OF_SOURCE.items():
         done: set[int] = set()
-        for i, a in enumerate(aidings):
+        for i, a in enumerate(sources):
             if name not in a.estimate or i in done:
                 continue
             together = [
                 j
-                for j, other in enumerate(aidings)
+                for j, other in enumerate(sources)
                 if j == i or (name in other.estimate and _same_antenna(a, other))
             ]
             done |= set(together)
@@ -183,21 +185,23 @@ def parameters(
     for name, what in calibration_parameters.OF_IMU.items():
         if name in of_imu:
             seeing = tuple(
-                i for i, a in enumerate(aidings) if name in aiding.find(a.kind).estimable
+                i
+                for i, a in enumerate(sources)
+                if name in aiding.find(a.kind).calibration_parameters
             )
             found += _components(what, of_imu[name], seeing, IMU)
     return found
 
 
 def _components(
-    what: CalibrationParameter, sd: Sequence[float], sources: tuple[int, ...], owner: str
+    what: CalibrationParameter, std: Sequence[float], sources: tuple[int, ...], owner: str
 ) -> list[StateParameter]:
     return [
-        StateParameter(what, k, sources, value, owner) for k, value in enumerate(sd) if value > 0
+        StateParameter(what, k, sources, value, owner) for k, value in enumerate(std) if value > 0
     ]
 
 
-def _same_antenna(a: Aiding, b: Aiding) -> bool:
+def _same_antenna(a: Source, b: Source) -> bool:
     gnss = ("position", "velocity")
     return a.kind in gnss and b.kind in gnss and tuple(a.parameters) == tuple(b.parameters)
 
@@ -205,12 +209,12 @@ def _same_antenna(a: Aiding, b: Aiding) -> bool:
 def parameter_meta(recording: Recording, P: Array) -> SolutionMeta:
     """Return the metadata of the parameters that were states, as plain values: each as given and
     its prior, SI, and their correlations by the last covariance P. {} without any."""
-    found = parameters(recording.aidings, recording.meta.get("estimate") or {})
+    found = parameters(recording.sources, recording.meta.get("estimate") or {})
     if not found:
         return {}
-    names = [a.name or a.kind for a in recording.aidings]
+    names = [a.name or a.kind for a in recording.sources]
     block = P[-len(found) :, -len(found) :]
-    sd = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    std = np.sqrt(np.maximum(np.diag(block), 1e-300))
     return {
         "installation": {
             "parameters": [
@@ -221,26 +225,26 @@ def parameter_meta(recording: Recording, P: Array) -> SolutionMeta:
                     "sources": [names[s] for s in each.sources],
                     "of_imu": each.owner == IMU,
                     "given": as_given(recording, each.of, each.component, each.sources),
-                    "prior": float(each.sd),
-                    "beside": [names[i] for i in _of_right_clock(recording.aidings, each)],
+                    "prior": float(each.std),
+                    "beside": [names[i] for i in _of_right_clock(recording.sources, each)],
                 }
                 for each in found
             ],
             # that of a simulation is the truth
             "reference": recording.reference is not None and "b_g" not in recording.meta,
             "mounting": recording.meta.get("imu_mounting", [0.0] * 3),  # roll, pitch, heading
-            "correlation": np.nan_to_num(block / np.outer(sd, sd)).tolist(),
+            "correlation": np.nan_to_num(block / np.outer(std, std)).tolist(),
         }
     }
 
 
-def _of_right_clock(aidings: Sequence[Aiding], parameter: StateParameter) -> list[int]:
+def _of_right_clock(sources: Sequence[Source], parameter: StateParameter) -> list[int]:
     """The sources of the antenna of a clock that is estimated whose own clock is none."""
     if parameter.of is not CLOCK:
         return []
-    own = aidings[parameter.sources[0]]
+    own = sources[parameter.sources[0]]
     return [
-        i for i, a in enumerate(aidings) if _same_antenna(own, a) and CLOCK.name not in a.estimate
+        i for i, a in enumerate(sources) if _same_antenna(own, a) and CLOCK.name not in a.estimate
     ]
 
 
@@ -251,7 +255,7 @@ def as_given(
     the reference point of the vehicle, a mounting as roll, pitch, heading."""
     if of is LEVER_ARM:
         of_imu = recording.meta.get("imu_lever_arm", [0.0] * 3)
-        return float(lever_arm_of(recording.aidings[sources[0]])[component] + of_imu[component])
+        return float(lever_arm_of(recording.sources[sources[0]])[component] + of_imu[component])
     if of is MOUNTING:
         return float(recording.meta.get("imu_mounting", [0.0] * 3)[component])
     return 1.0 if of is SCALE else 0.0
@@ -267,11 +271,11 @@ def check_estimates(filter: Filter, found: Sequence[StateParameter]) -> None:
         )
 
 
-def delays(aidings: Sequence[Aiding], of_imu: OfImu) -> list[float]:
+def delays(sources: Sequence[Source], of_imu: OfImu) -> list[float]:
     """s that a fix of each source waits before it is used."""
-    sources = rows(SourceRow, len(aidings))
-    place(sources, parameters(aidings, of_imu), STATES)
-    return list(sources["delay"].tolist())
+    table = rows(SourceRow, len(sources))
+    place(table, parameters(sources, of_imu), STATES)
+    return list(table["delay"].tolist())
 
 
 def coupling_rows(found: Sequence[StateParameter], first: int) -> Any:
@@ -342,5 +346,5 @@ def place(sources: Any, found: Sequence[StateParameter], first: int) -> None:
             states[parameter.component] = first + k
             sources[s].estimated = 1
             if parameter.of is CLOCK:
-                sources[s].delay = min(WAIT * parameter.sd, MAX_WAIT)
+                sources[s].delay = min(WAIT * parameter.std, MAX_WAIT)
     sources["turn"] = np.eye(3)

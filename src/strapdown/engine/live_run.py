@@ -28,10 +28,11 @@ from ..core.loop.log import LOG_FULL, LogRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.rotation import quaternion_to_euler
 from ..data.recording import Recording, RecordingMeta
-from ..data.solution import Aiding, Solution, Trajectory
+from ..data.solution import Solution, Source, Trajectory
+from ..data.value import read_only
 from ..data.vehicle import Vehicle
 from ..sensor_models.imu import ImuSpec
-from ..typing import Array, Say
+from ..typing import Array, Notify
 from .arrivals import MAX_WAITING_FIXES, Sample, UsableFix
 from .events import Events
 from .finish import solution, stop_message
@@ -53,7 +54,7 @@ class SetUp(NamedTuple):
     noise: Noise
     spec: ImuSpec | None
     options: dict[str, Any]  # the filter's own
-    aidings: tuple[Aiding, ...]  # the sources that it uses
+    sources: tuple[Source, ...]  # the sources that it uses
     vehicle: Vehicle
     of_imu: OfImu  # what of the IMU is estimated
 
@@ -73,14 +74,14 @@ class _Room:
     ) -> None:
         most = rows + MAX_WAITING_FIXES
         self.imu = Imu(np.empty(rows), np.empty(rows), np.empty((rows, 3)), np.empty((rows, 3)))
-        self.fixes = merge(of.aidings, of_imu=of.of_imu)._replace(
+        self.fixes = merge(of.sources, of_imu=of.of_imu)._replace(
             t=np.empty(most),
             source=np.zeros(most, np.int64),
             y=np.empty((most, 3)),
-            sd=np.empty((most, 3)),
+            std=np.empty((most, 3)),
         )
         # of the fixes as they came: they may wait, and the loop raises those below the floor
-        self.stamp, self.sd = np.empty(most), np.empty((most, 3))
+        self.stamp, self.std = np.empty(most), np.empty((most, 3))
         self.waits = self.fixes.sources["delay"].tolist()
         self.out = new_output(of.filter, belief, rows, covariance, most)
         self.run = bind_kernel(
@@ -94,9 +95,9 @@ class _Room:
         """Write fixes into the rows from `k` on."""
         into = self.fixes
         for fix in fixes:
-            t, source, into.y[k], sd = fix
+            t, source, into.y[k], std = fix
             into.t[k], into.source[k], self.stamp[k] = t + self.waits[source], source, t
-            into.sd[k] = self.sd[k] = sd
+            into.std[k] = self.std[k] = std
             k += 1
         self.state[FIXES] = k
 
@@ -114,25 +115,25 @@ class LiveRun:
         start: InitialState,
         rows: int,
         covariance: bool = False,
-        say: Say | None = None,
+        notify: Notify | None = None,
         events: Events | None = None,
     ) -> None:
-        filter, noise, spec, options, aidings, vehicle, of_imu = set_up
+        filter, noise, spec, options, sources, vehicle, of_imu = set_up
         self.filter, self.start, self.spec, self.options = filter, start, spec, options
-        self.aidings = tuple(a._where(np.zeros(len(a.t), bool)) for a in aidings)
-        self.belief = new_belief(filter, start, noise, options, self.aidings, of_imu)
-        self.noise = noise = filter.assumed(noise, options)
+        self.sources = tuple(a._where(np.zeros(len(a.t), bool)) for a in sources)
+        self.belief = new_belief(filter, start, noise, options, self.sources, of_imu)
+        self.noise = noise = filter.with_bias_model(noise, options)
         self.cursor = new_cursor(
-            filter, start.t, self.aidings, limits(spec, noise, vehicle), of_imu
+            filter, start.t, self.sources, limits(spec, noise, vehicle), of_imu
         )
-        needed = stages_of(filter, self.aidings, of_imu)
-        self.kernels = prepare(filter, [a.kind for a in self.aidings], say, needed)
-        self.events = events or Events(filter, self.aidings, vehicle)
+        needed = stages_of(filter, self.sources, of_imu)
+        self.kernels = prepare(filter, [a.kind for a in self.sources], notify, needed)
+        self.events = events or Events(filter, self.sources, vehicle)
         self.seen = 0  # rows of the log that were looked at
         # s, since when fixes of a source have been rejected that nothing was said of; what was told
         self._refusing: dict[int, float] = {}
         self._told: set[tuple[str, float]] = set()
-        used = set_up._replace(noise=noise, aidings=self.aidings)
+        used = set_up._replace(noise=noise, sources=self.sources)
         self._room = _Room(used, self.kernels, self.belief, self.cursor, rows, covariance)
         self._ahead = _Room(used, self.kernels, self.belief, self.cursor, 1)
         self._rows = rows
@@ -168,14 +169,14 @@ class LiveRun:
         try:
             room.run()
         except Exception as error:
-            blame(error, self.filter, self.aidings)
+            blame(error, self.filter, self.sources)
             raise
         if state[FAULT]:
             raise DataError(f"stream {stop_message(sample[0])}")
 
     @property
     def t(self) -> float:
-        """Time of the belief, s."""
+        """Time of the filter state, s."""
         return float(self.cursor.state[0].t)
 
     @property
@@ -190,21 +191,21 @@ class LiveRun:
 
     def new_events(self) -> list[LogRow]:
         """Rows of the log that began since the last call."""
-        begun = self.events.begun(self.cursor, self.seen)
+        begun = self.events.new_rows(self.cursor, self.seen)
         if self.cursor.state[0].logged >= LOG_FULL:
             self.events.take(self.cursor)
         self.seen = int(self.cursor.state[0].logged)
         return begun
 
-    def told(self) -> Events:
+    def all_events(self) -> Events:
         """All events so far."""
         self.events.take(self.cursor)
         self.seen = 0
         fix = int(self.cursor.state[0].fix)
-        self.events.look_at(self._room.out.fix[:fix], self._room.fixes.sd[:fix])
+        self.events.look_at(self._room.out.fix[:fix], self._room.fixes.std[:fix])
         return self.events
 
-    def refused(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
+    def new_rejections(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
         """Take in the `fixes` newest measurements, and return the events of rejections that began
         TELL s ago or earlier, of all where the stream is `over`. Each is reported once."""
         rows, refusing = self._room.out.fix, self._refusing
@@ -218,7 +219,9 @@ class LiveRun:
             return []
         for s in due:
             del refusing[s]
-        new = [run for run in self.told().rejected if (run.source, run.start) not in self._told]
+        new = [
+            run for run in self.all_events().rejected if (run.source, run.start) not in self._told
+        ]
         self._told |= {(run.source, run.start) for run in new}
         return [(run.start, str(run)) for run in new]
 
@@ -227,7 +230,7 @@ class LiveRun:
     def _forget(self) -> None:
         """Leave the older half of what is kept; the start moves to where the rest begins."""
         state, room = self.cursor.state[0], self._room
-        imu, fixes, sd, out = room.imu, room.fixes, room.sd, room.out
+        imu, fixes, std, out = room.imu, room.fixes, room.std, room.out
         row, fix = int(state.row), int(state.fix)
         end = imu.t[row // 2 - 1] if row == self._rows else -inf
         end = max(end, fixes.t[fix // 2] if fix >= self._rows else -inf) + loop.SAME_TIME
@@ -235,9 +238,9 @@ class LiveRun:
         first = max(int(np.searchsorted(imu.t[:row], end, side="right")), 1)
         first_fix = int(np.searchsorted(fixes.t[:fix], imu.t[first - 1] + loop.SAME_TIME, "right"))
         self.start = start_at(out.nav[first - 1])
-        self.events.look_at(out.fix[:fix], fixes.sd[:fix], float(imu.t[first - 1]))
+        self.events.look_at(out.fix[:fix], fixes.std[:fix], float(imu.t[first - 1]))
         by_sample: list[Any] = [*imu, out.nav]
-        by_fix: list[Any] = [fixes.t, fixes.source, fixes.y, fixes.sd, room.stamp, sd, out.fix]
+        by_fix: list[Any] = [fixes.t, fixes.source, fixes.y, fixes.std, room.stamp, std, out.fix]
         for column in [*by_sample, out.covariance] if len(out.covariance) else by_sample:
             column[: row - first] = column[first:row].copy()
         for column in by_fix:
@@ -249,19 +252,19 @@ class LiveRun:
     def samples(self) -> Imu:
         """Those that are kept."""
         row = int(self.cursor.state[0].row + self.cursor.state[0].fault)
-        return Imu(*(column[:row].copy() for column in self._room.imu))
+        return Imu(*(read_only(column[:row].copy()) for column in self._room.imu))
 
     def recording(self, meta: RecordingMeta) -> Recording:
         """The samples and fixes that are kept."""
-        fixes, stamp, sd = self._room.fixes, self._room.stamp, self._room.sd
+        fixes, stamp, std = self._room.fixes, self._room.stamp, self._room.std
         kept = slice(0, int(self.cursor.state[0].fixes))
-        aidings = []
-        for s, a in enumerate(self.aidings):
+        sources = []
+        for s, a in enumerate(self.sources):
             mine, width = np.flatnonzero(fixes.source[kept] == s), a.y.shape[1]
-            aidings.append(
-                replace(a, t=stamp[mine], y=fixes.y[mine, :width], sd=sd[mine, : a.sd.shape[1]])
+            sources.append(
+                replace(a, t=stamp[mine], y=fixes.y[mine, :width], std=std[mine, : a.std.shape[1]])
             )
-        return Recording(self.samples, tuple(aidings), meta=meta)
+        return Recording(self.samples, tuple(sources), meta=meta)
 
     def solution(self, every: int, meta: RecordingMeta) -> Solution:
         """The Solution of what is kept, each n-th row of it and the last."""
@@ -274,7 +277,7 @@ class LiveRun:
         )
         cursor = self.cursor._replace(state=self.cursor.state.copy())
         cursor.state[0].out = len(out.nav)
-        self.told()
+        self.all_events()
         recording = self.recording(meta)
         return solution(
             Run(
@@ -298,8 +301,8 @@ class LiveRun:
     def newest(self, looking: bool = False) -> Trajectory:
         """The newest row as a Solution has it; `looking`: that of the last `look`."""
         row = self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.state[OUT] - 1]
-        sd = row[None, solution_row.SD : solution_row.ROW_STATUS].copy()
-        sd[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
+        std = row[None, solution_row.STD : solution_row.ROW_STATUS].copy()
+        std[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
         parts = (
             solution_row.T,
             solution_row.LLA,
@@ -308,7 +311,7 @@ class LiveRun:
             solution_row.BIASES,
         )
         lla, v, q = (row[None, a:b].copy() for a, b in zip(parts[1:], parts[2:]))
-        return Trajectory(row[:1].copy(), lla, v, q, sd)
+        return Trajectory(row[:1].copy(), lla, v, q, std)
 
     def snapshot(self) -> list[Any]:
         """Copies of all that a step changes but what is kept."""
@@ -324,7 +327,7 @@ class LiveRun:
         return [*self.belief, *self.cursor]
 
     def copy(self) -> FilterState:
-        """The belief in arrays of its own."""
+        """The filter state in arrays of its own."""
         return FilterState(*(column.copy() for column in self.belief))
 
 
@@ -339,6 +342,6 @@ def start_at(row: Array) -> InitialState:
         rph_now,
         row[solution_row.BIASES : solution_row.ROW_STATUS],
     ].tolist()
-    lla, v, rph, ba, bg = (tuple(parts[k : k + 3]) for k in range(0, 15, 3))
+    lla, v, rph, b_a, b_g = (tuple(parts[k : k + 3]) for k in range(0, 15, 3))
     note = f"what the filter knew at {t:.2f} s"
-    return InitialState(t, lla, v, rph, ba, bg, tuple(parts[15:]), note)
+    return InitialState(t, lla, v, rph, b_a, b_g, tuple(parts[15:]), note)

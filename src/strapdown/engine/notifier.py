@@ -16,7 +16,7 @@ DROPPED = ("before the start", "late", "twice", "not finite", BEYOND)
 """Why a sample or a fix is not used."""
 
 
-class Telling:
+class Notifier:
     """Hands `events` over to `on_event`, which may be None, or raise: then it is not called again."""
 
     def __init__(self, events: Events, on_event: OnEvent | None) -> None:
@@ -42,9 +42,9 @@ class Telling:
 
     def add(self, rows: Sequence[LogRow]) -> None:
         """Events that began, to be told with the next `tell`."""
-        self.say([(float(row.t), self.events.text(row)) for row in rows if self.listens])
+        self.notify([(float(row.t), self.events.text(row)) for row in rows if self.listens])
 
-    def say(self, news: Sequence[tuple[float, str]]) -> None:
+    def notify(self, news: Sequence[tuple[float, str]]) -> None:
         """The same of events (t in s, text) in words."""
         if self.listens:
             self._news += news

@@ -6,18 +6,25 @@ from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, getdoc, signature
 from textwrap import wrap
-from typing import Any, Final, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack, cast
+from typing import (
+    Any,
+    Final,
+    NamedTuple,
+    TypedDict,
+    TypeVar,
+    Unpack,
+    cast,
+    get_type_hints,
+)
 
 from ..checks import DataError, check_flag, check_number
 from ..core.loop.contract import Filter, InitialState, Noise
 from ..data.vehicle import GivenVehicle
-from ..sensor_models.imu import ImuSpec
-from ..typing import File, Say
+from ..sensor_models.imu import GivenImu
+from ..typing import Notify
 from .installation import Estimate
 from .source_weights import Adaptive, Robust
 
-GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
-"""What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
 AHRS_RATE = 10.0
 """Hz of the attitude of an AHRS, where no rate is asked for."""
 Call = TypeVar("Call", bound=Callable[..., Any])
@@ -29,7 +36,7 @@ class SetUpOptions(TypedDict, total=False):
     imu: GivenImu | None
     start: InitialState | None
     vehicle: GivenVehicle | None
-    say: Say | None
+    notify: Notify | None
 
 
 class SourceOptions(SetUpOptions, total=False):
@@ -78,7 +85,7 @@ OPTIONS: Final[dict[str, Option]] = {
         "Beyond what this vehicle can do nothing is believed; default: what "
         "the recording names, else any.",
     ),
-    "say": Option(None, "callable", "Called with a line of text where something takes seconds."),
+    "notify": Option(None, "callable", "Called with a line of text where something takes seconds."),
     "noise": Option(None, "Noise", "Noise densities in place of those of the IMU."),
     "estimate": Option(
         None,
@@ -131,44 +138,45 @@ def takes(record: type, options: Mapping[str, Option] = OPTIONS) -> Callable[[Ca
     """Make the signature, the documentation and the refusals of a function, whose last parameter is
     `**given: Unpack[record]`, those of the options of `record`, a TypedDict. Of a class it is its
     constructor."""
-    table = {name: options[name] for name in options if name in record.__annotations__}
+    types = get_type_hints(record)
+    table = {name: options[name] for name in options if name in types}
+    shared = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=option.default, annotation=types[name])
+        for name, option in table.items()
+    ]
 
-    def taking(call: Call) -> Call:
+    def decorate(call: Call) -> Call:
         if isinstance(call, type):
-            call.__init__ = _with_option_check(call.__init__, call.__name__, table)  # type: ignore[misc]
+            call.__init__ = _with_option_check(call.__init__, call.__name__, table, shared)  # type: ignore[misc]
             call.__doc__ = _option_doc(call, table)
             return call
-        return cast(Call, _with_option_check(call, call.__name__, table))
+        return cast(Call, _with_option_check(call, call.__name__, table, shared))
 
-    return taking
+    return decorate
 
 
 def _with_option_check(
-    call: Callable[..., Any], name: str, table: Mapping[str, Option]
+    call: Callable[..., Any], name: str, table: Mapping[str, Option], shared: list[Parameter]
 ) -> Callable[..., Any]:
     """The function, which refuses options that it does not have."""
     own = list(signature(call).parameters.values())[:-1]
     known = {each.name for each in own} | set(table)
 
     @wraps(call)
-    def checked(*args: Any, **given: Any) -> Any:
+    def call_checked(*args: Any, **given: Any) -> Any:
         if not given.keys() <= known:
             raise DataError(
-                _unknown(name, next(each for each in given if each not in known), known)
+                _unknown_option(name, next(each for each in given if each not in known), known)
             )
         return call(*args, **given)
 
-    shared = [
-        Parameter(each, Parameter.KEYWORD_ONLY, default=option.default)
-        for each, option in table.items()
-    ]
-    checked.__signature__ = signature(call).replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
+    call_checked.__signature__ = signature(call).replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
     if call.__name__ != "__init__":  # a class documents them itself
-        checked.__doc__ = _option_doc(call, table)
-    return checked
+        call_checked.__doc__ = _option_doc(call, table)
+    return call_checked
 
 
-def _unknown(name: str, option: str, known: set[str]) -> str:
+def _unknown_option(name: str, option: str, known: set[str]) -> str:
     if near := get_close_matches(option, known, 1, cutoff=0.8):
         return f"{name} has no option {option!r}; did you mean {near[0]!r}?"
     if "options" in known:

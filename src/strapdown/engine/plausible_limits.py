@@ -11,7 +11,7 @@ from .. import aiding
 from ..core.compile.records import rows
 from ..core.loop.contract import Noise
 from ..core.loop.cursor import Limits
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.vehicle import Vehicle
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
@@ -36,10 +36,10 @@ def limits(spec: ImuSpec | None, noise: Noise, vehicle: Vehicle) -> Any:
     return table
 
 
-def floors(aidings: Sequence[Aiding]) -> Array:
+def floors(sources: Sequence[Source]) -> Array:
     """Least standard deviations (sources, 3) of the rows of each source."""
-    found = np.zeros((len(aidings), 3))
-    for row, a in zip(found, aidings):
-        least = [quantities.REGISTRY.find(q).min_sd for q in aiding.find(a.kind).quantities]
+    found = np.zeros((len(sources), 3))
+    for row, a in zip(found, sources):
+        least = [quantities.REGISTRY.find(q).min_std for q in aiding.find(a.kind).quantities]
         row[: len(least)] = least
     return found

@@ -30,7 +30,7 @@ from ..core.loop.contract import (
     Imu,
     InitialState,
     Kernels,
-    Measurement,
+    MeasurementModel,
     Noise,
     Output,
     SourceRow,
@@ -44,17 +44,17 @@ from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
 from ..plugins import one_line
-from ..sensor_models.imu import ImuSpec, grade, grades
-from ..typing import Array, ArrayLike, Progress, Say
+from ..sensor_models.imu import GivenImu, ImuSpec, required_imu
+from ..typing import Array, ArrayLike, Notify, Progress
 from ..units import quantities
 from ..units.constants import MAX_PAUSE
 from . import installation
 from .events import Events
 from .installation import OfImu
-from .options import GivenImu, RunOptions
+from .options import RunOptions
 from .plausible_limits import floors, limits
 from .source_noise import correlated_rows, place_noise, weighable, with_correlated_errors
 
@@ -65,11 +65,11 @@ GATES = {1: 10.828, 2: 13.816, 3: 16.266}
 MAX_ANGLES = {"lla": np.array([np.pi / 2, 2 * np.pi]), "rph": np.full(3, MAX_HEADING)}
 """rad: latitude and longitude; roll, pitch and heading."""
 MAX_OF_START = {
-    "v": (1e4, "m/s: is it in mm/s?"),
-    "ba": (5.0, "m/s^2: is gravity in it, or is it in mg?"),
-    "bg": (1.0, "rad/s: is it in deg/s or deg/h?"),
+    "v_n": (1e4, "m/s: is it in mm/s?"),
+    "b_a": (5.0, "m/s^2: is gravity in it, or is it in mg?"),
+    "b_g": (1.0, "rad/s: is it in deg/s or deg/h?"),
 }
-"""What a component of a start can be, generously, and what is probably wrong beyond it."""
+"""Generous bounds on the components of a start, and what is probably wrong beyond them."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
 MAX_SLIP = 0.1
@@ -79,16 +79,16 @@ MAX_SLIP = 0.1
 def prepare(
     filter: str | Filter,
     kinds: Iterable[str],
-    say: Say | None = None,
+    notify: Notify | None = None,
     needed: stages.Needed = stages.NONE,
 ) -> Kernels:
     """Compile (or load from the cache) the kernels of `filter`, of the `kinds` of measurements and of
-    the stages that they need. Calls `say` where that takes seconds."""
+    the stages that they need. Calls `notify` where that takes seconds."""
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
     observers = [sensor.observe for sensor in sensors]
-    compile_together([*slow, *needed.kernels, *observers], filter.name, say)
+    compile_together([*slow, *needed.kernels, *observers], filter.name, notify)
     for kernel in slow:
         filters.compile_filter_kernel(filter, kernel)
     for sensor in sensors:
@@ -100,82 +100,82 @@ def prepare(
 
 
 def stages_of(
-    filter: Filter, aidings: Sequence[Aiding], of_imu: OfImu | None = None
+    filter: Filter, sources: Sequence[Source], of_imu: OfImu | None = None
 ) -> stages.Needed:
     """The stages of any run of `filter` on these sources. of_imu: what of the IMU is estimated."""
     none = records.rows(Limits, 1)
-    cursor = new_cursor(filter, 0.0, aidings, none, of_imu)
-    return stages.needed(merge(aidings, of_imu=of_imu), cursor)
+    cursor = new_cursor(filter, 0.0, sources, none, of_imu)
+    return stages.needed_stages(merge(sources, of_imu=of_imu), cursor)
 
 
 @contextmanager
-def blamed_at_run(filter: Filter, aidings: Sequence[Aiding]) -> Iterator[None]:
+def blamed_at_run(filter: Filter, sources: Sequence[Source]) -> Iterator[None]:
     """Where a kernel of a plugin raises: a DataError of one line that names the plugins in use."""
     try:
         yield
     except Exception as error:
-        blame(error, filter, aidings)
+        blame(error, filter, sources)
         raise
 
 
-def blame(error: Exception, filter: Filter, aidings: Sequence[Aiding]) -> None:
+def blame(error: Exception, filter: Filter, sources: Sequence[Source]) -> None:
     """Raise what a kernel raised as a DataError that names the plugins in use; nothing without
     any."""
     used = [filters.REGISTRY.brought_by(filter.name)]
-    used += [aiding.REGISTRY.brought_by(a.kind) for a in aidings]
+    used += [aiding.REGISTRY.brought_by(a.kind) for a in sources]
     if names := dict.fromkeys(plugin.name for plugin in used if plugin):
         raise DataError(
             f"plugin {', '.join(names)}: a kernel fails while it runs ({one_line(error)})"
         ) from error
 
 
-def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | None = None) -> Fixes:
+def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | None = None) -> Fixes:
     """All fixes later than `after` (s) in the order in which they are used (Fixes), simultaneous
-    ones in the order of `aidings`. of_imu: what of the IMU is estimated."""
-    count, states = len(aidings), STATES
-    sources, kinds = records.rows(SourceRow, count), [a.kind for a in aidings]
-    for s, a in enumerate(aidings):
-        sensor, source = aiding.find(a.kind), sources[s]
-        source.kind, source.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
-        source.parameters[: len(a.parameters)] = a.parameters
-        source.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
+    ones in the order of `sources`. of_imu: what of the IMU is estimated."""
+    count, states = len(sources), STATES
+    table, kinds = records.rows(SourceRow, count), [a.kind for a in sources]
+    for s, a in enumerate(sources):
+        sensor, row = aiding.find(a.kind), table[s]
+        row.kind, row.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
+        row.parameters[: len(a.parameters)] = a.parameters
+        row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:
-            source.walk, source.first_state = sensor.state_walk, states
-            source.states = len(sensor.states)
+            row.walk, row.first_state = sensor.state_walk, states
+            row.states = len(sensor.states)
             states += len(sensor.states)
-        source.slip = checked_slip(a, sensor)
-        states += place_noise(source, a, states)
-    installation.place(sources, installation.parameters(aidings, of_imu or {}), states)
-    t, order = used_in_order(aidings, after, sources["delay"])
-    source = np.repeat(np.arange(count), [len(a.t) for a in aidings])
+        row.slip = checked_slip(a, sensor)
+        states += place_noise(row, a, states)
+    installation.place(table, installation.parameters(sources, of_imu or {}), states)
+    t, order = used_in_order(sources, after, table["delay"])
+    source_of_fix = np.repeat(np.arange(count), [len(a.t) for a in sources])
     return Fixes(
         t,
-        source[order].astype(np.int64),
-        rows_of(aidings, "y")[order],
-        rows_of(aidings, "sd")[order],
-        sources,
+        source_of_fix[order].astype(np.int64),
+        rows_of(sources, "y")[order],
+        rows_of(sources, "std")[order],
+        table,
     )
 
 
 def used_in_order(
-    aidings: Sequence[Aiding], after: float, delay: Array
+    sources: Sequence[Source], after: float, delay: Array
 ) -> tuple[Array, NDArray[np.intp]]:
     """(times (m,) s at which the fixes later than `after` are used, their places among all fixes of
     all sources, one source behind the other); `delay` (s) of each source."""
-    t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
+    t = np.concatenate([np.asarray(a.t, float) for a in sources] or [np.empty(0)])
     later = t > after
-    t += np.repeat(delay, [len(a.t) for a in aidings])
+    t += np.repeat(delay, [len(a.t) for a in sources])
     order = np.argsort(t, kind="stable")
     order = order[later[order]]
     return t[order], order
 
 
-def rows_of(aidings: Sequence[Aiding], part: str) -> Array:
-    """ "y" or "sd" of all fixes (m, 3), one source behind the other."""
-    return np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])
+def rows_of(sources: Sequence[Source], part: str) -> Array:
+    """ "y" or "std" of all fixes (m, 3), one source behind the other."""
+    return np.concatenate([_three_columns(getattr(a, part)) for a in sources] or [np.empty((0, 3))])
 
 
-def checked_slip(a: Aiding, sensor: Measurement) -> float:
+def checked_slip(a: Source, sensor: MeasurementModel) -> float:
     """Its side slip. Raises DataError for none that tyres have, or where its kind takes none."""
     what = f"{a.name or a.kind}: slip"
     if a.slip and not sensor.slips:
@@ -183,7 +183,7 @@ def checked_slip(a: Aiding, sensor: Measurement) -> float:
     return check_number(a.slip, what, "rad per m/s^2", least=0, most=MAX_SLIP)
 
 
-def axes_of_rows(sensor: Measurement) -> tuple[str, ...]:
+def axes_of_rows(sensor: MeasurementModel) -> tuple[str, ...]:
     """Names of the three rows of an innovation."""
     body = sensor.vector == "b" or sensor.name == "attitude"
     return ("forward", "right", "down") if body else ("north", "east", "down")
@@ -193,29 +193,29 @@ class AugmentedState(NamedTuple):
     """A state beyond the fifteenth."""
 
     name: str  # with its unit
-    sd: float  # initial standard deviation, SI
+    std: float  # initial standard deviation, SI
     factor: float = 1.0  # from SI to its unit
 
 
 def augmented_states(
-    aidings: Sequence[Aiding], of_imu: OfImu | None = None
+    sources: Sequence[Source], of_imu: OfImu | None = None
 ) -> list[AugmentedState]:
     """Return the augmented states, in their order: those of these sources, then the estimated
     parameters of the installation. Raises DataError."""
     states: list[AugmentedState] = []
-    for a in aidings:
+    for a in sources:
         sensor, name = aiding.find(a.kind), a.name or a.kind
-        states += [AugmentedState(f"{name} {each}", sensor.state_sd) for each in sensor.states]
+        states += [AugmentedState(f"{name} {each}", sensor.state_std) for each in sensor.states]
         states += [
-            AugmentedState(f"{name} correlated error{axis} [{unit}]", a.correlated.sd[i], shown)
+            AugmentedState(f"{name} correlated error{axis} [{unit}]", a.correlated.std[i], shown)
             for i in correlated_rows(a)
             if a.correlated is not None
             for unit, shown in [quantities.shown_unit(sensor.quantities[i])]
-            for axis in [f" {axes_of_rows(sensor)[i]}" if np.shape(a.sd)[1] > 1 else ""]
+            for axis in [f" {axes_of_rows(sensor)[i]}" if np.shape(a.std)[1] > 1 else ""]
         ]
     states += [
-        AugmentedState(each.name, each.sd, each.of.factor)
-        for each in installation.parameters(aidings, of_imu or {})
+        AugmentedState(each.name, each.std, each.of.factor)
+        for each in installation.parameters(sources, of_imu or {})
     ]
     if len(states) > MAX_STATES - STATES:
         raise DataError(
@@ -226,25 +226,25 @@ def augmented_states(
     return states
 
 
-def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
+def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...], list[str]]:
     """(the sources that `filter` can use, notes about the others and about having none)."""
-    aidings, widened = with_correlated_errors(filter, aidings)
-    fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
-    others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
+    sources, widened = with_correlated_errors(filter, sources)
+    fits = [filter.uses is None or a.kind in filter.uses for a in sources]
+    others = dict.fromkeys(a.name or a.kind for a, fit in zip(sources, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
-    aidings, said = weighable(filter, aidings)
+    sources, said = weighable(filter, sources)
     notes += widened + said
-    return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
+    return tuple(a for a, fit in zip(sources, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
 
 
 def check_needs(
-    filter: Filter, aidings: Iterable[Aiding], remedy: str = "add a source of that kind"
+    filter: Filter, sources: Iterable[Source], remedy: str = "add a source of that kind"
 ) -> None:
-    """Raise DataError where `filter` needs a kind of aiding that none of these sources is;
+    """Raise DataError where `filter` needs a kind of measurement that none of these sources is;
     `remedy` is what to do then."""
-    kinds = {a.kind for a in aidings}
+    kinds = {a.kind for a in sources}
     if missing := [kind for kind in filter.needs if kind not in kinds]:
         raise DataError(
             f"{filter.name} needs {' and '.join(missing)} aiding, and there is none: {remedy}"
@@ -262,35 +262,35 @@ def _three_columns(values: ArrayLike) -> Array:
 def new_cursor(
     filter: Filter,
     t: float,
-    aidings: Sequence[Aiding],
+    sources: Sequence[Source],
     limits: Table[Limits],
     of_imu: OfImu | None = None,
 ) -> Cursor:
     """A Cursor at time `t` before the first sample, for these sources; `limits` as
     `engine.limits.limits` gives them. of_imu: what of the IMU is estimated."""
-    sources, parameters = len(aidings), installation.parameters(aidings, of_imu or {})
-    first = STATES + len(augmented_states(aidings, of_imu)) - len(parameters)
+    count, parameters = len(sources), installation.parameters(sources, of_imu or {})
+    first = STATES + len(augmented_states(sources, of_imu)) - len(parameters)
 
     cursor = Cursor(
         records.rows(LoopState, 1),
         records.rows(Work, 1),
         limits,
         records.rows(Axis, 6),
-        records.rows(Books, sources),
+        records.rows(Books, count),
         records.rows(LogRow, LOG_ROWS),
-        new_recent(t, any("clock" in a.estimate for a in aidings)),
+        new_recent(t, any("clock" in a.estimate for a in sources)),
         installation.coupling_rows(parameters, first),
     )
     state, books = cursor.state[0], cursor.books
     state.t, state.cause, state.climb_at, state.latest = float(t), -np.inf, -np.inf, 1
     if has_position(filter):
-        state.heights = sum(a.kind in HEIGHTS for a in aidings)
+        state.heights = sum(a.kind in HEIGHTS for a in sources)
     state.every, state.positioned = 1, has_position(filter)
     state.condition = -1 if filter.condition is None else filter.condition
     doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
     state.doubtful_conditions = sum(1 << k for k in doubtful)
     cursor.axes["step"] = np.inf
-    books["floor"] = floors(aidings)
+    books["floor"] = floors(sources)
     books["last"] = books["last_used"] = books["followed_at"] = float(t)
     books["tested"] = books["level_at"] = -np.inf
     books["factor"] = 1.0
@@ -325,7 +325,7 @@ class Run(NamedTuple):
     def advance(self, rows: int, out: Output | None = None) -> None:
         """Go on to the end of the sample before row `rows`; writes into `out`, or its own."""
         state = self.cursor.state[0]
-        with blamed_at_run(self.filter, self.recording.aidings):
+        with blamed_at_run(self.filter, self.recording.sources):
             while state.row < rows and not state.fault:
                 state.stop = rows  # the loop stops earlier where its log is full
                 loop.run(
@@ -365,22 +365,22 @@ def ready(
     noise: Noise,
     spec: ImuSpec | None,
     asked: RunOptions,
-    made: Aiding | None = None,
+    made: Source | None = None,
 ) -> Run:
-    """The Run of `filter` before its first sample; `made` is the one of the recording's aidings
+    """The Run of `filter` before its first sample; `made` is the one of the recording's sources
     that an AHRS made, whose rows up to the start are left out. Raises DataError."""
-    aidings, notes = usable(
+    sources, notes = usable(
         filter,
         tuple(
-            a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.aidings
+            a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.sources
         ),
     )
-    options, said = configure_options(filter, asked["options"] or {}, aidings)
+    options, said = configure_options(filter, asked["options"] or {}, sources)
     notes += said
     of_imu = recording.meta.get("estimate")
-    belief = new_belief(filter, start, noise, options, aidings, of_imu)
-    noise = filter.assumed(noise, options)
-    samples = Imu(*(np.require(column, float, ["C", "W"]) for column in recording.imu))
+    belief = new_belief(filter, start, noise, options, sources, of_imu)
+    noise = filter.with_bias_model(noise, options)
+    samples = Imu(*(np.require(column, float, "C") for column in recording.imu))
     first, rows = (
         int(np.searchsorted(samples.t, start.t + loop.SAME_TIME, side="right")),
         len(samples.t),
@@ -396,17 +396,19 @@ def ready(
             f"sample; "
             f"the longest gap is {MAX_PAUSE:.0f} s"
         )
-    fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
+    fixes = merge(sources, start.t + loop.SAME_TIME, of_imu)
     vehicle = find_vehicle(asked["vehicle"] or recording.meta.get("vehicle"))
     if "undecided_gyro" in recording.meta and not vehicle.by_thrust:
         raise DataError(recording.meta["undecided_gyro"])
-    cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle), of_imu)
-    kernels = prepare(filter, [a.kind for a in aidings], asked["say"], stages.needed(fixes, cursor))
+    cursor = new_cursor(filter, start.t, sources, limits(spec, noise, vehicle), of_imu)
+    kernels = prepare(
+        filter, [a.kind for a in sources], asked["notify"], stages.needed_stages(fixes, cursor)
+    )
     state, every = cursor.state[0], asked["every"]
     state.row, state.fixes, state.every = first, len(fixes.t), every
     state.phase = (rows - 1) % every
     kept = -(-(rows - first) // every)
-    used = replace(recording, aidings=aidings).noting(notes)
+    used = replace(recording, sources=sources).with_notes(notes)
     out = new_output(filter, belief, kept, asked["covariance"], len(fixes.t))
     return Run(
         used,
@@ -422,7 +424,7 @@ def ready(
         out,
         first,
         options,
-        Events(filter, aidings, vehicle),
+        Events(filter, sources, vehicle),
     )
 
 
@@ -436,7 +438,7 @@ def new_output(
 ) -> Output:
     """Return an empty Output for these numbers of rows and fixes, with covariances or without, and
     with a record of that number of calls for the smoother."""
-    width = solution_row.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
+    width = solution_row.NAV_WIDTH + len(filter.columns) + 2 * belief.augmented.size
     recorded = filter.smoother.width(len(belief.P)) if record and filter.smoother else 0
     return Output(
         np.empty((rows, width)),
@@ -455,14 +457,11 @@ def assumed_noise(
 ) -> tuple[Noise, ImuSpec | None]:
     """The Noise to assume and the ImuSpec it comes from; None where the caller gave a noise and
     the spec is not `needed`. `without`: what to say first where there is none."""
-    if imu is None and (noise is None or needed):
-        raise DataError(
-            f"{without}give imu=, one of {', '.join(grades())}, or a file that describes it"
-        )
-    spec = None if imu is None else grade(imu)
+    left_out = imu is None and noise is not None and not needed
+    spec = None if left_out else required_imu(imu, without)
     try:
         if noise is None:
-            assert spec is not None  # refused above
+            assert spec is not None  # required above
             return spec.noise(), spec
         if not isinstance(noise, Noise):
             raise TypeError
@@ -504,8 +503,8 @@ def check_start(start: InitialState, noise: Noise, missing: Collection[str] = ()
         if name in missing:
             continue
         _check_part(name, getattr(start, name), size)
-    if "sd" not in missing and min(start.sd) < 0:
-        raise DataError(f"start: sd has {min(start.sd):g}; standard deviations must be 0 or more")
+    if "std" not in missing and min(start.std) < 0:
+        raise DataError(f"start: std has {min(start.std):g}; standard deviations must be 0 or more")
     if "lla" not in missing and abs(start.lla[0]) > LATITUDE_LIMIT:
         raise DataError(
             f"start: latitude is {np.degrees(start.lla[0]):.6g} deg; results hold up to "
@@ -523,16 +522,18 @@ def new_belief(
     start: InitialState,
     noise: Noise,
     options: dict[str, Any],
-    aidings: Sequence[Aiding],
+    sources: Sequence[Source],
     of_imu: OfImu | None = None,
 ) -> FilterState:
-    """The belief that `filter` begins with on these sources; raises DataError for a start, a
+    """The FilterState that `filter` begins with on these sources; raises DataError for a start, a
     noise or an option that it cannot use."""
     check_start(start, noise)
     check_options(filter, options)
-    found = installation.parameters(aidings, of_imu or {})
+    found = installation.parameters(sources, of_imu or {})
     installation.check_estimates(filter, found)
-    start = start._replace(sd=(*start.sd, *(each.sd for each in augmented_states(aidings, of_imu))))
+    start = start._replace(
+        std=(*start.std, *(each.std for each in augmented_states(sources, of_imu)))
+    )
     try:
         belief = filter.begin(start, noise, **options)
     except (TypeError, ValueError) as error:
@@ -543,21 +544,21 @@ def new_belief(
                 f"plugin {plugin.name}: start of the Filter {filter.name!r} fails ({error})"
             ) from error
         raise
-    installation.correlate(belief.P, start, found, [a.kind for a in aidings])
+    installation.correlate(belief.P, start, found, [a.kind for a in sources])
     if start.motion:
-        _correlate_start(belief.P, aidings)
+        _correlate_start(belief.P, sources)
     return belief
 
 
-def _correlate_start(P: Array, aidings: Sequence[Aiding]) -> None:
+def _correlate_start(P: Array, sources: Sequence[Source]) -> None:
     """Add to P at a start that was made of the first fixes what these err by with the correlated
     errors of their source: true - estimate has these less."""
-    sources = merge(aidings).sources
+    table = merge(sources).sources
     for kind, first in (("position", POS.start), ("velocity", VEL.start)):
-        s = next((s for s, a in enumerate(aidings) if a.kind == kind), None)
+        s = next((s for s, a in enumerate(sources) if a.kind == kind), None)
         for i in range(3 if s is not None else 0):
-            source = sources[s or 0]
-            variance, state = source.correlated_sd[i] ** 2, source.correlated_state[i]
+            row = table[s or 0]
+            variance, state = row.correlated_std[i] ** 2, row.correlated_state[i]
             P[first + i, first + i] += variance
             if state > 0:
                 P[first + i, state] -= variance
@@ -565,13 +566,13 @@ def _correlate_start(P: Array, aidings: Sequence[Aiding]) -> None:
 
 
 def configure_options(
-    filter: Filter, options: dict[str, Any], aidings: Sequence[Aiding]
+    filter: Filter, options: dict[str, Any], sources: Sequence[Source]
 ) -> tuple[dict[str, Any], list[str]]:
     """(options of `filter` with those that these sources decide, notes on them). Raises
     DataError where it has no such option or cannot run on them."""
     check_options(filter, options)
     try:
-        return filter.configure(options, aidings) if filter.configure else (options, [])
+        return filter.configure(options, sources) if filter.configure else (options, [])
     except ValueError as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
 

@@ -31,7 +31,7 @@ NOT_IN_LANES = {
 
 def why_alone(run: Run) -> str:
     """Why runs like this one go one by one; "" where they can go side by side."""
-    kinds = [aiding.find(a.kind) for a in run.recording.aidings]
+    kinds = [aiding.find(a.kind) for a in run.recording.sources]
     alone = [sensor.name for sensor in kinds if not sensor.lanes]
     if not COMPILED:
         return "kernels are not compiled"
@@ -75,16 +75,16 @@ class RunBatch:
         nothing against. Raises ValueError where the fixes of the recordings differ in more than what
         was measured."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
-        own = tuple(each.sd for each in augmented_states(first.recording.aidings))
+        own = tuple(each.std for each in augmented_states(first.recording.sources))
         beliefs = [
-            filter.begin(start._replace(sd=(*start.sd, *own)), first.noise, **first.options)
+            filter.begin(start._replace(std=(*start.std, *own)), first.noise, **first.options)
             for start in starts
         ]
         self.filter = filter
         self.belief = FilterState(*(alongside(parts) for parts in zip(*beliefs)))
         y = alongside(_readings(filter, recordings, first))
-        sd = np.maximum(fixes.sd, cursor.books["floor"][fixes.source])
-        self.fixes = fixes._replace(y=y, sd=sd)
+        std = np.maximum(fixes.std, cursor.books["floor"][fixes.source])
+        self.fixes = fixes._replace(y=y, std=std)
         self.noise, self._samples = first.noise, first.samples
         (state,) = table = rows(LaneState, 1)
         before = cursor.state[0]
@@ -115,7 +115,7 @@ class RunBatch:
         `stop`; `increments` (block, 6, LANES) has those from `first` on, and is filled anew for
         each call."""
         predict, correct, observers, keep = self._kernels
-        go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
+        go = lane_loop.run_lanes.bind(  # type: ignore[attr-defined]
             predict,
             correct,
             observers,
@@ -171,7 +171,7 @@ def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
 
 
 def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, int]:
-    kinds = [a.kind for a in first.recording.aidings]
+    kinds = [a.kind for a in first.recording.sources]
     predict, correct, *observe, keep, _ = map(address, kernels(filter, kinds, keep))
     observers = np.zeros_like(first.kernels.observers)
     observers[[aiding.number(kind) for kind in kinds]] = observe
@@ -181,16 +181,16 @@ def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, in
 def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> list[Array]:
     """y of the fixes of each recording, in the order of the first run. Raises ValueError where one
     has others."""
-    mine, after = first.recording.aidings, first.start.t + SAME_TIME
+    mine, after = first.recording.sources, first.start.t + SAME_TIME
     _, order = used_in_order(mine, after, first.fixes.sources["delay"])
     found = []
     for recording in recordings:
-        aidings = usable(filter, recording.aidings)[0]
-        if [a.kind for a in aidings] != [b.kind for b in mine] or not all(
-            np.array_equal(a.t, b.t) and np.array_equal(a.sd, b.sd) for a, b in zip(aidings, mine)
+        sources = usable(filter, recording.sources)[0]
+        if [a.kind for a in sources] != [b.kind for b in mine] or not all(
+            np.array_equal(a.t, b.t) and np.array_equal(a.std, b.std) for a, b in zip(sources, mine)
         ):
             raise ValueError("runs side by side need fixes of the same times and deviations")
-        found.append(rows_of(aidings, "y")[order])
+        found.append(rows_of(sources, "y")[order])
     return found
 
 

@@ -76,11 +76,11 @@ class Sums(NamedTuple):
     information: Array  # (BLOCKS, m, m)
     score: Array  # (BLOCKS, m)
 
-    def mapped(self, basis: Array) -> "Sums":
+    def map_basis(self, basis: Array) -> "Sums":
         """Those of fewer constants phi, theta = basis (m, q) phi."""
         return Sums(basis.T @ self.information @ basis, self.score @ basis)
 
-    def moved(self, step: Array) -> "Sums":
+    def shift(self, step: Array) -> "Sums":
         """Those of the constants that are left when theta is taken as `step` (m,)."""
         return Sums(self.information, self.score - self.information @ step)
 
@@ -100,7 +100,7 @@ def begin_sensitive(recording: Recording, filter: Filter, asked: RunOptions) -> 
     check_sensitive(filter)
     run = begin(recording, filter, {**asked, "estimate": {}})
     kernels: list[Any] = [loop.run, save_step, run_sensitivity]
-    compile_together(kernels, "the diagnosis", asked["say"])
+    compile_together(kernels, "the diagnosis", asked["notify"])
     for kernel in kernels:
         compile_kernel(kernel)
     return run
@@ -207,7 +207,7 @@ class _Forces:
 
 
 class SensitivityFit(NamedTuple):
-    """How well a Run fits its fixes."""
+    """The fit of a Run to its fixes."""
 
     cost: float  # mean of their NIS, `MAX_NIS` at most each; that of a run that broke off
     fixes: int  # that were measured
@@ -234,4 +234,4 @@ def fit(run: Run) -> SensitivityFit:
 
 def acceleration_at(run: Run, t: float) -> Array:
     """Specific force (3,) around a time, m/s^2, body, without the biases of the start."""
-    return _Forces(run.samples).mean(np.array([t]))[0] - np.asarray(run.start.ba)
+    return _Forces(run.samples).mean(np.array([t]))[0] - np.asarray(run.start.b_a)

@@ -81,10 +81,28 @@ def smooth(
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
+    Returns
+    -------
+    Solution
+        As `fuse` gives it, each row from the whole record.
+
     Raises
     ------
     DataError
         As of `fuse`, and for a filter that cannot be smoothed.
+
+    References
+    ----------
+    Bierman (1973), "Fixed interval smoothing with discrete measurements", International Journal of
+    Control 18(1).
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> recording = sd.simulate("car", 60.0, seed=1)
+    >>> smoothed, filtered = sd.smooth(recording), sd.fuse(recording)
+    >>> bool((smoothed.std[:, :3].mean(axis=0) < filtered.std[:, :3].mean(axis=0)).all())
+    True
     """
     filter = filters.find(filter)
     if filter.smoother is None:
@@ -98,7 +116,7 @@ def smooth(
         filter.smoother.adjoint_step,
         filter.smoother.save_step,
     ]
-    compile_together(kernels, "the smoother", given["say"])
+    compile_together(kernels, "the smoother", given["notify"])
     for kernel in kernels:
         compile_kernel(kernel)
     differences = both_ways(run, listener(progress))
@@ -172,7 +190,7 @@ def _backwards(
 
     `keeping` says which rows there are: those whose number by the first is the second.
     """
-    events = Events(run.filter, run.recording.aidings, run.events.vehicle)
+    events = Events(run.filter, run.recording.sources, run.events.vehicle)
     run = run._replace(events=events)  # all is said already
     n, pairs = len(run.belief.P), list(zip(kept, kept[1:]))
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
@@ -232,7 +250,7 @@ def _leave_out_considered(run: Run, room: Output, rows: int, nav: Array) -> None
     P = room.covariance[:rows]
     P -= considered(room.record[room.mark[:rows] - 1])  # a row follows the last of its calls
     variance = np.diagonal(P, axis1=1, axis2=2)[:, :STATES]
-    nav[:, solution_row.SD : solution_row.SD + STATES] = np.sqrt(np.maximum(variance, 0.0))
+    nav[:, solution_row.STD : solution_row.STD + STATES] = np.sqrt(np.maximum(variance, 0.0))
 
 
 class Differences:
@@ -260,7 +278,7 @@ class Differences:
             filtered[:, solution_row.Q : solution_row.BIASES],
             smoothed[:, solution_row.Q : solution_row.BIASES],
         )
-        first, last = solution_row.SD, solution_row.SD + 9
+        first, last = solution_row.STD, solution_row.STD + 9
         before, after = filtered[:, first:last] ** 2, smoothed[:, first:last] ** 2
         apart = np.c_[position, velocity, turn] ** 2
         with np.errstate(invalid="ignore", divide="ignore"):

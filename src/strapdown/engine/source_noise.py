@@ -1,5 +1,5 @@
-"""How the errors of sources are followed in a run: correlated, robust, adaptive. What is refused, what a
-filter cannot do, and the numbers that its loop gets."""
+"""Models of the errors of sources that are followed in a run: correlated, robust, adaptive. What is
+refused, what a filter cannot do, and the numbers that its loop gets."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -11,69 +11,69 @@ from ..core.loop.contract import (
     Filter,
     SourceRow,
 )
-from ..data.solution import Aiding, Correlated
+from ..data.solution import Correlated, Source
 from ..units.constants import MAX_TIME_CONSTANT
 
 
-def place_noise(source: SourceRow, a: Aiding, first: int) -> int:
+def place_noise(source: SourceRow, a: Source, first: int) -> int:
     """Write into a source how its errors are followed; the states of its correlated ones begin with
     `first`. Returns how many they are."""
     source.robust, source.memory, source.kept = a.robust, a.adaptive, 1.0
     if a.correlated is None:
         return 0
-    sd = np.asarray(a.correlated.sd)
-    source.correlation_time, source.correlated_sd[: len(sd)] = a.correlated.time, sd
+    std = np.asarray(a.correlated.std)
+    source.correlation_time, source.correlated_std[: len(std)] = a.correlated.time, std
     rows = correlated_rows(a)
     for k, i in enumerate(rows):
         source.correlated_state[i] = first + k
     return len(rows)
 
 
-def correlated_rows(a: Aiding) -> list[int]:
+def correlated_rows(a: Source) -> list[int]:
     """The rows of a source whose correlated errors are states."""
     if a.correlated is None or not a.correlated.states:
         return []
-    return [i for i, sd in enumerate(a.correlated.sd) if sd > 0]
+    return [i for i, std in enumerate(a.correlated.std) if std > 0]
 
 
-def checked_noise(a: Aiding) -> Aiding:
+def checked_noise(a: Source) -> Source:
     """A source whose `correlated`, `robust` and `adaptive` can be. Raises DataError."""
-    what, many = a.name or a.kind, np.shape(a.sd)[1] if np.ndim(a.sd) == 2 else 1
+    what, many = a.name or a.kind, np.shape(a.std)[1] if np.ndim(a.std) == 2 else 1
     check_flag(a.robust, f"{what}: robust")
     check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=MAX_TIME_CONSTANT)
     if a.correlated is not None:
         if not isinstance(a.correlated, Correlated):
             raise DataError(
-                f"{what}: correlated is {brief(a.correlated)}; it must be a Correlated, sd and time"
+                f"{what}: correlated is {brief(a.correlated)}; it must be a Correlated, std and time"
             )
-        sd, time, states = a.correlated
+        std, time, states = a.correlated
         check_number(time, f"{what}: time of its correlated errors", "s", above=0, most=1e6)
         check_flag(states, f"{what}: states of its correlated errors")
-        errors = f"{what}: sd of its correlated errors"
-        check_array(sd, errors, (many,), least=0, most=1e6, what="numbers, SI, by row")
-        if not any(sd):
-            raise DataError(f"{errors} is {tuple(sd)}; one must be above 0")
+        errors = f"{what}: std of its correlated errors"
+        check_array(std, errors, (many,), least=0, most=1e6, what="numbers, SI, by row")
+        if not any(std):
+            raise DataError(f"{errors} is {tuple(std)}; one must be above 0")
     return a
 
 
-def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aiding], list[str]]:
+def weighable(filter: Filter, sources: Sequence[Source]) -> tuple[Sequence[Source], list[str]]:
     """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
     note about that."""
-    names = dict.fromkeys(a.name or a.kind for a in aidings if a.robust or a.adaptive)
+    names = dict.fromkeys(a.name or a.kind for a in sources if a.robust or a.adaptive)
     if filter.weighs or not names:
-        return aidings, []
-    return [replace(a, robust=False, adaptive=0.0) for a in aidings], [
+        return sources, []
+    return [replace(a, robust=False, adaptive=0.0) for a in sources], [
         f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
         f"{', '.join(names)} are left out, its gate stays"
     ]
 
 
 def with_correlated_errors(
-    filter: Filter, aidings: Iterable[Aiding]
-) -> tuple[tuple[Aiding, ...], list[str]]:
+    filter: Filter, sources: Iterable[Source]
+) -> tuple[tuple[Source, ...], list[str]]:
     """(these sources with their correlated errors as states only where `filter` can have them,
     notes about the others). Raises DataError for such that cannot be."""
-    found, changed = [checked_noise(a) for a in aidings], dict[str, None]()
+    found, changed = [checked_noise(a) for a in sources], dict[str, None]()
     for k, a in enumerate(found):
         used = filter.uses is None or a.kind in filter.uses
         if used and not filter.installation and a.correlated is not None and a.correlated.states:

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 from ..checks import DataError, brief, check_number
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
 
 Robust: TypeAlias = bool | str | Iterable[str]
 """True of all sources, False of none, or their names or kinds."""
@@ -20,15 +20,15 @@ def with_weights(
     """Return the recording with its sources as `apply_weights` makes them. Raises DataError."""
     if robust is None and adaptive is None:
         return recording
-    return replace(recording, aidings=apply_weights(recording.aidings, robust, adaptive))
+    return replace(recording, sources=apply_weights(recording.sources, robust, adaptive))
 
 
 def apply_weights(
-    aidings: Iterable[Aiding], robust: Robust | None, adaptive: Adaptive | None
-) -> tuple[Aiding, ...]:
+    sources: Iterable[Source], robust: Robust | None, adaptive: Adaptive | None
+) -> tuple[Source, ...]:
     """Return the sources with these of them robust or adaptive in place of what they say themselves;
     as they are for None. Raises DataError."""
-    made = list(aidings)
+    made = list(sources)
     if robust is not None:
         chosen = _robust(made, robust)
         made = [replace(a, robust=i in chosen) for i, a in enumerate(made)]
@@ -38,11 +38,11 @@ def apply_weights(
     return tuple(made)
 
 
-def _robust(aidings: list[Aiding], robust: Robust) -> set[int]:
+def _robust(sources: list[Source], robust: Robust) -> set[int]:
     if isinstance(robust, bool):
-        return set(range(len(aidings))) if robust else set()
+        return set(range(len(sources))) if robust else set()
     names: list[Any] = [robust] if isinstance(robust, str) else _name_list(robust)
-    return {i for name in names for i in _source_indices(aidings, name, "robust")}
+    return {i for name in names for i in _source_indices(sources, name, "robust")}
 
 
 def _name_list(robust: Any) -> list[Any]:
@@ -54,14 +54,14 @@ def _name_list(robust: Any) -> list[Any]:
         ) from None
 
 
-def _adaptive(aidings: list[Aiding], adaptive: Adaptive) -> dict[int, float]:
+def _adaptive(sources: list[Source], adaptive: Adaptive) -> dict[int, float]:
     if not isinstance(adaptive, Mapping):
         memory = _memory(adaptive, "adaptive")
-        return {i: memory for i in range(len(aidings))}
+        return {i: memory for i in range(len(sources))}
     return {
         i: _memory(memory, f"adaptive of {name}")
         for name, memory in adaptive.items()
-        for i in _source_indices(aidings, name, "adaptive")
+        for i in _source_indices(sources, name, "adaptive")
     }
 
 
@@ -69,12 +69,12 @@ def _memory(value: Any, what: str) -> float:
     return check_number(value, what, "s", least=0, most=1e6)
 
 
-def _source_indices(aidings: list[Aiding], name: Any, option: str) -> list[int]:
+def _source_indices(sources: list[Source], name: Any, option: str) -> list[int]:
     """The sources of this name or, where none has it, of this kind. Raises DataError."""
     word = str(name).lower()
-    named = [i for i, a in enumerate(aidings) if a.name.lower() == word]
-    found = named or [i for i, a in enumerate(aidings) if a.kind == word]
+    named = [i for i, a in enumerate(sources) if a.name.lower() == word]
+    found = named or [i for i, a in enumerate(sources) if a.kind == word]
     if not found:
-        names = ", ".join(dict.fromkeys(a.name or a.kind for a in aidings)) or "none"
+        names = ", ".join(dict.fromkeys(a.name or a.kind for a in sources)) or "none"
         raise DataError(f"{option}: no source {brief(name)}; the recording has {names}")
     return found

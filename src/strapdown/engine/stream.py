@@ -14,8 +14,8 @@ from ..alignment.missing_fields import missing_fields
 from ..checks import DataError, check_number
 from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
 from ..core.loop.loop import SAME_TIME
-from ..data.recording import RecordingMeta
-from ..data.solution import Aiding, Solution
+from ..data.recording import Recording, RecordingMeta
+from ..data.solution import Solution, Source
 from ..data.vehicle import Vehicle, find as find_vehicle
 from ..data.verdict import Verdict
 from ..preprocessing.imu_samples import MAX_INTERVAL
@@ -26,11 +26,11 @@ from . import events as words
 from .alignment_buffer import Gathering
 from .arrivals import (
     MAX_WAITING_FIXES,
-    Fix as Fix,
+    Measurement as Measurement,
     Sample as Sample,
     Sources,
     UsableFix,
-    checked_aidings,
+    checked_sources,
     refuse_event,
     refuse_sample,
 )
@@ -46,7 +46,7 @@ from .installation import (
     without_estimates,
 )
 from .live_run import LiveRun, SetUp
-from .notifier import BEYOND, OnEvent, Telling
+from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
 from .prepare import (
     assumed_noise,
@@ -76,7 +76,7 @@ LOOKS = (10.0, 60.0, inf)
 
 @takes(RunOptions)
 class Stream:
-    """A filter live: samples and fixes as they come, and after each of them the filter's belief.
+    """A filter live: samples and fixes as they come, and after each of them the filter's state.
 
     Samples wait `lag` seconds for late events, then all is used in time order; what comes later
     still is dropped, counted and said. Before the start nothing is late for a fix. The result is
@@ -89,14 +89,14 @@ class Stream:
 
     Without a whole start it is found from the first samples and fixes, which are used again from
     there on. A look is taken every 10 s; a start whose heading is known is taken at once, any other
-    `align_within` s (of samples) after the first sample. Until then the belief is NaN, the status
+    `align_within` s (of samples) after the first sample. Until then the state is NaN, the status
     INVALID.
 
     Parameters
     ----------
     filter : str or Filter
         Name of one of the filters, or one of your own.
-    aidings : sequence of Aiding
+    sources : sequence of Source
         Their kind, parameters and gate describe the sources; their fixes are not used.
     lag : float
         s that samples wait.
@@ -118,7 +118,7 @@ class Stream:
         self,
         filter: str | Filter,
         *,
-        aidings: Sequence[Aiding] = (),
+        sources: Sequence[Source] = (),
         lag: float = 0.0,
         on_event: OnEvent | None = None,
         align_within: float = 60.0,
@@ -127,21 +127,21 @@ class Stream:
     ) -> None:
         self._asked = asked = run_options(**given)
         _check(lag, align_within, history, asked["covariance"])
-        aidings = apply_weights(checked_aidings(aidings), asked["robust"], asked["adaptive"])
-        aidings, of_imu = _with_estimates(aidings, asked["estimate"])
+        sources = apply_weights(checked_sources(sources), asked["robust"], asked["adaptive"])
+        sources, of_imu = _with_estimates(sources, asked["estimate"])
         start, vehicle = asked["start"], asked["vehicle"]
         whole = isinstance(start, InitialState) and not missing_fields(start)
         self.noise, self._spec = assumed_noise(
             asked["imu"], asked["noise"], needed=not whole, without=""
         )
         self._filter = filter = filters.find(filter)
-        aidings, widened = with_correlated_errors(filter, aidings)
+        sources, widened = with_correlated_errors(filter, sources)
         self._ahrs: _Ahrs | None = None
-        first = choose_ahrs(filter, {a.kind for a in aidings}, asked["ahrs"], asked["ahrs_rate"])
+        first = choose_ahrs(filter, {a.kind for a in sources}, asked["ahrs"], asked["ahrs_rate"])
         if first:
             stream = Stream(
                 first,
-                aidings=without_estimates(a for a in aidings if a.kind != "attitude"),
+                sources=without_estimates(a for a in sources if a.kind != "attitude"),
                 lag=lag,
                 on_event=self._hear,
                 align_within=align_within,
@@ -150,52 +150,52 @@ class Stream:
                 imu=asked["imu"],
                 noise=asked["noise"],
                 vehicle=vehicle,
-                say=asked["say"],
+                notify=asked["notify"],
             )
-            aidings = self._follow(stream, aidings, asked["ahrs_rate"])
+            sources = self._follow(stream, sources, asked["ahrs_rate"])
         self.notes = (self._ahrs.notes if self._ahrs else []) + widened
         if asked["estimate"] is None or (asked["estimate"] and not of_imu):
             of_imu, said = of_grade(filter, self._spec)
             self.notes += said
         self._vehicle, self._rows, self.lag = find_vehicle(vehicle), history, lag
-        self._serve(aidings, of_imu)
+        self._serve(sources, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
-        self._telling = Telling(_events(filter, self._used, self._vehicle, first), on_event)
+        self._notifier = Notifier(_events(filter, self._used, self._vehicle, first), on_event)
         self._nothing_yet()
         if start is not None:
             check_start(
                 start, self.noise, missing_fields(start) if isinstance(start, InitialState) else ()
             )
         check_options(filter, asked["options"] or {})
-        self._make_ready(aidings, tries=start is None and self._spec is not None)
+        self._make_ready(sources, tries=start is None and self._spec is not None)
         self._gathered = Gathering(
-            filter, aidings, self._spec, asked, align_within, history, self._meta
+            filter, sources, self._spec, asked, align_within, history, self._meta
         )
         if start is not None and whole:
             self.begin(start)
 
-    def _follow(self, ahrs: "Stream", aidings: Sequence[Aiding], rate: float) -> tuple[Aiding, ...]:
+    def _follow(self, ahrs: "Stream", sources: Sequence[Source], rate: float) -> tuple[Source, ...]:
         """The sources, with the attitudes of the stream of an AHRS."""
-        self._ahrs = _Ahrs(ahrs, aidings, rate)
+        self._ahrs = _Ahrs(ahrs, sources, rate)
         ahrs._row = self._take_attitude
-        return (*aidings, self._ahrs.made)
+        return (*sources, self._ahrs.made)
 
-    def _serve(self, aidings: Sequence[Aiding], of_imu: OfImu) -> None:
+    def _serve(self, sources: Sequence[Source], of_imu: OfImu) -> None:
         """Take these sources, and what of the IMU is estimated. Raises DataError."""
-        of_ahrs = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in aidings]
-        left = [a for a, elsewhere in zip(aidings, of_ahrs) if not elsewhere]
+        of_ahrs = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in sources]
+        left = [a for a, elsewhere in zip(sources, of_ahrs) if not elsewhere]
         self._used, _ = usable(self._filter, left)
         check_needs(self._filter, left)
         check_estimates(self._filter, parameters(self._used, of_imu))
         augmented_states(self._used, of_imu)  # refuses too many
-        self._of_imu, self._sources, self._elsewhere = of_imu, Sources(aidings), of_ahrs
+        self._of_imu, self._sources, self._elsewhere = of_imu, Sources(sources), of_ahrs
         # among those that the filter can use
         self._places = [
-            next((i for i, b in enumerate(self._used) if b is a), None) for a in aidings
+            next((i for i, b in enumerate(self._used) if b is a), None) for a in sources
         ]
         waits = delays(self._used, of_imu)
         self._waits = [0.0 if place is None else waits[place] for place in self._places]
-        self._before: list[UsableFix | None] = [None] * len(aidings)  # the last fix used, by source
+        self._before: list[UsableFix | None] = [None] * len(sources)  # the last fix used, by source
 
     def _nothing_yet(self) -> None:
         """Begin without samples and fixes."""
@@ -211,17 +211,17 @@ class Stream:
         self.belief = _nothing_known()
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
 
-    def _make_ready(self, aidings: Sequence[Aiding], tries: bool) -> None:
+    def _make_ready(self, sources: Sequence[Source], tries: bool) -> None:
         """Compile or load all kernels that a step may need, those of the headings that a start
         `tries` among them: no sample shall wait for them."""
         kinds = [a.kind for a in self._used]
         needed = stages_of(self._filter, self._used, self._of_imu)
-        prepare(self._filter, kinds, self._asked["say"], needed)
+        prepare(self._filter, kinds, self._asked["notify"], needed)
         if tries and has_position(self._filter):
             closed_loop = filters.find("closed-loop")
-            used, _ = usable(closed_loop, aidings)
+            used, _ = usable(closed_loop, sources)
             needed = stages_of(closed_loop, used)
-            prepare(closed_loop, [a.kind for a in used], self._asked["say"], needed)
+            prepare(closed_loop, [a.kind for a in used], self._asked["notify"], needed)
 
     # ---- the start
 
@@ -238,15 +238,15 @@ class Stream:
     def align(self) -> InitialState:
         """The InitialState that the samples and fixes so far tell, for `begin`; of a stream that has
         started the one it has. Raises DataError where they tell none."""
-        return self._found() if self._live is None else self._live.start
+        return self._find_start() if self._live is None else self._live.start
 
-    def _found(self) -> InitialState:
+    def _find_start(self) -> InitialState:
         """Return the start from the buffered data. Raises DataError, on the clock where that is why
         they lack a position."""
         try:
             return self._gathered.start()
         except DataError:
-            events = self._telling.events
+            events = self._notifier.events
             for row in events.rows:
                 ahead = row.code == words.Said.FIXES_AHEAD
                 if ahead and self._used[int(row.which)].kind == "position":
@@ -259,10 +259,10 @@ class Stream:
         if self._live is not None:
             raise DataError(f"the stream has started at {self._began:.3f} s; begin a new one")
         start = start or self.align()
-        aidings = self._used
-        if self._gathered.samples and not any(len(a.t) for a in aidings):
-            aidings = usable(self._filter, self._gathered.recording().aidings)[0]
-        options, notes = configure_options(self._filter, self._asked["options"] or {}, aidings)
+        sources = self._used
+        if self._gathered.samples and not any(len(a.t) for a in sources):
+            sources = usable(self._filter, self._gathered.recording().sources)[0]
+        options, notes = configure_options(self._filter, self._asked["options"] or {}, sources)
         self.notes += notes
         live = LiveRun(
             SetUp(
@@ -277,8 +277,8 @@ class Stream:
             start,
             self._rows,
             self._asked["covariance"],
-            self._asked["say"],
-            self._telling.events,
+            self._asked["notify"],
+            self._notifier.events,
         )
         samples, self._gathered.samples = self._gathered.samples, []
         fixes, self._gathered.fixes = self._gathered.fixes, []
@@ -301,7 +301,7 @@ class Stream:
                 self._advance(live, sample, fixes[:count])
                 del fixes[:count]
             else:
-                self._telling.drop("before the start", 0, None, sample.t)
+                self._notifier.drop("before the start", 0, None, sample.t)
         return self.belief
 
     def _gather(self, sample: Sample, fixes: list[UsableFix]) -> None:
@@ -315,31 +315,31 @@ class Stream:
         except DataError as error:
             self._stop(sample[0], str(error))
         try:
-            start = self._found()
+            start = self._find_start()
         except DataError as error:
             if gathered.late:
-                self._telling.note(words.Said.NO_START, 0, sample[0], because=str(error))
+                self._notifier.note(words.Said.NO_START, 0, sample[0], because=str(error))
             return
-        if not gathered.worth(start):
+        if not gathered.suffices(start):
             if not gathered.late:
                 return
-            self._telling.note(words.Said.POOR_START, 0, sample[0], because=start.note)
+            self._notifier.note(words.Said.POOR_START, 0, sample[0], because=start.note)
         self.begin(start)
 
     # ---- going on
 
-    def step(self, event: Sample | Fix) -> FilterState:
-        """Take a Sample or a Fix, use what has waited long enough, and return the belief
+    def step(self, event: Sample | Measurement) -> FilterState:
+        """Take a Sample or a Measurement, use what has waited long enough, and return the filter state
         (updated in place). Raises DataError for what is neither, which changes nothing, and
         where the stream stopped."""
         if isinstance(event, Sample):
             self._take_sample(event)
-        elif isinstance(event, Fix):
+        elif isinstance(event, Measurement):
             self._take_fix(event)
         else:
             refuse_event(event)
-        if self._telling.waits:
-            self._telling.tell(self._when(self.t))
+        if self._notifier.waits:
+            self._notifier.tell(self._event_time(self.t))
         return self.belief
 
     def _take_sample(self, event: Sample) -> None:
@@ -350,7 +350,7 @@ class Stream:
         except (TypeError, ValueError):
             refuse_sample(event)
         if not finite:
-            self._telling.drop("not finite", words.Said.SAMPLES_NOT_FINITE, 0, self._when(t))
+            self._notifier.drop("not finite", words.Said.SAMPLES_NOT_FINITE, 0, self._event_time(t))
         elif not possible:
             refuse_sample(event)
         elif not t > self._late:
@@ -372,15 +372,17 @@ class Stream:
                 heappush(self._samples, (t, self._number, event))
                 self._use(self.newest - self.lag)
 
-    def _take_fix(self, event: Fix) -> None:
+    def _take_fix(self, event: Measurement) -> None:
         fix = self._sources.usable(event)
         place = self._places[fix.source]
         if self._ahrs is not None:
-            self._feed(self._ahrs, event)
+            self._feed(self._ahrs, event._replace(source=fix.source))
         if place is None and (self._live is not None or self._elsewhere[fix.source]):
             return
         if not isfinite(fix.t) or not any(map(isfinite, fix.y)):
-            self._telling.drop("not finite", words.Said.FIXES_NOT_FINITE, place, self._when(fix.t))
+            self._notifier.drop(
+                "not finite", words.Said.FIXES_NOT_FINITE, place, self._event_time(fix.t)
+            )
         elif self._live is None and self._due_at(fix) <= self._late + SAME_TIME:
             if self._is_new(fix):
                 self._gathered.fixes.append(fix)
@@ -404,18 +406,18 @@ class Stream:
         """Say where a fix is far ahead of the samples, once there are any."""
         ahead, place = fix.t - self.newest, self._places[fix.source]
         if ahead > max(AHEAD, self.lag) and self.newest > self._began and place is not None:
-            self._telling.note(words.Said.FIXES_AHEAD, place, self.newest, ahead)
+            self._notifier.note(words.Said.FIXES_AHEAD, place, self.newest, ahead)
 
-    def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
+    def _feed(self, ahrs: "_Ahrs", event: Sample | Measurement) -> None:
         if text := ahrs.take(event):
-            self._telling.note(words.Said.AHRS_STOPPED, 0, event.t, because=text)
+            self._notifier.note(words.Said.AHRS_STOPPED, 0, event.t, because=text)
 
     def _hear(self, t: float, text: str) -> None:
         """Pass on what the AHRS says of itself; what it says of samples and fixes the filter does
         too."""
         assert self._ahrs is not None  # whose this is
-        if (said := f"{self._ahrs.made.name}: {text}") in self._telling.events.of_ahrs:
-            self._telling.note(words.Said.AHRS_SAYS, self._telling.events.of_ahrs.index(said), t)
+        if (said := f"{self._ahrs.made.name}: {text}") in self._notifier.events.of_ahrs:
+            self._notifier.note(words.Said.AHRS_SAYS, self._notifier.events.of_ahrs.index(said), t)
 
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
         """Queue the attitude of the AHRS after its newest sample as a measurement."""
@@ -423,7 +425,7 @@ class Stream:
         fix = self._ahrs.fix(live, inner._looking)
         if not inner._looking and (silent := live.t - self._ahrs.valid) > SILENT:
             name = self._ahrs.made.name
-            self._telling.note(words.Said.AHRS_SILENT, 0, live.t, silent, because=name)
+            self._notifier.note(words.Said.AHRS_SILENT, 0, live.t, silent, because=name)
         if fix is None:
             return
         self._number += 1
@@ -446,13 +448,15 @@ class Stream:
         if self._stopped:
             raise DataError(self._stopped)
         waiting, live = self._waiting, self._live
-        fixes = self._due(sample[0]) if waiting and waiting[0][0] <= sample[0] + SAME_TIME else []
+        fixes = (
+            self._take_due(sample[0]) if waiting and waiting[0][0] <= sample[0] + SAME_TIME else []
+        )
         if live is None:
             self._gather(sample, fixes)
         else:
             self._advance(live, sample, fixes)
 
-    def _due(self, t: float) -> list[UsableFix]:
+    def _take_due(self, t: float) -> list[UsableFix]:
         """The fixes up to `t`, each once."""
         fixes, waiting = [], self._waiting
         while waiting and waiting[0][0] <= t + SAME_TIME:
@@ -486,9 +490,9 @@ class Stream:
             except DataError as error:
                 self._stop(t, str(error))
             if said:
-                self._telling.add(live.new_events())
-            if fixes and self._telling.listens:
-                self._telling.say(live.refused(len(fixes)))
+                self._notifier.add(live.new_events())
+            if fixes and self._notifier.listens:
+                self._notifier.notify(live.new_rejections(len(fixes)))
             if self._row is not None:
                 self._row(self, live)
             if t >= self._look_at:
@@ -505,13 +509,13 @@ class Stream:
     def _stop(self, t: float, text: str) -> NoReturn:
         """Raise DataError, now and at all samples that follow."""
         self._stopped = text
-        self._telling.note(words.Said.STOPPED, 0, t, because=text)
-        self._telling.tell(self._when(self.t))
+        self._notifier.note(words.Said.STOPPED, 0, t, because=text)
+        self._notifier.tell(self._event_time(self.t))
         raise DataError(text)
 
     @property
     def now(self) -> FilterState:
-        """The belief at the newest sample: a copy, propagated through what still waits."""
+        """The filter state at the newest sample: a copy, propagated through what still waits."""
         with self._ahead() as live:
             if live is None:
                 return self.belief
@@ -541,25 +545,25 @@ class Stream:
             self._late, self._late_fix = late
 
     def finish(self) -> FilterState:
-        """Use all that waits and return the belief; one that has not started does so. Raises
+        """Use all that waits and return the filter state; one that has not started does so. Raises
         DataError where there is nothing to start from."""
         if self._ahrs is not None and not self._ahrs.stream._stopped:
             self._ahrs.stream.finish()
         self._use(inf)
         beyond = [row[-1] for row in self._waiting if self._places[row[-1].source] is not None]
-        self._telling.dropped_by[BEYOND] = len(beyond)
+        self._notifier.dropped_by[BEYOND] = len(beyond)
         for fix in beyond:
             self._compare_clocks(fix)
         if self._live is None:
             self.begin()
-        if self._live is not None and self._telling.listens:
-            self._telling.say(self._live.refused(0, over=True))
-        self._telling.tell(self._when(self.t))
+        if self._live is not None and self._notifier.listens:
+            self._notifier.notify(self._live.new_rejections(0, over=True))
+        self._notifier.tell(self._event_time(self.t))
         return self.belief
 
     # ---- what it says
 
-    def _when(self, t: float) -> float:
+    def _event_time(self, t: float) -> float:
         """Return a time for an event: `t`, or the newest one where `t` is not finite."""
         return t if isfinite(t) else self.newest if isfinite(self.newest) else 0.0
 
@@ -567,41 +571,41 @@ class Stream:
         if self._looking:
             return
         if t <= self._began + SAME_TIME:
-            self._telling.drop("before the start", 0, None, t)
+            self._notifier.drop("before the start", 0, None, t)
         elif t == self._late:
-            self._telling.drop("twice", words.Said.SAMPLES_TWICE, 0, t)
+            self._notifier.drop("twice", words.Said.SAMPLES_TWICE, 0, t)
         else:
-            self._telling.drop("late", words.Said.SAMPLES_LATE, 0, t, self._late - t)
+            self._notifier.drop("late", words.Said.SAMPLES_LATE, 0, t, self._late - t)
 
     def _drop_fix(self, fix: UsableFix) -> None:
         if self._looking:
             return
         before, place = self._before[fix.source], self._places[fix.source]
         if fix.t <= self._began + SAME_TIME:
-            self._telling.drop("before the start", 0, None, fix.t)
+            self._notifier.drop("before the start", 0, None, fix.t)
         elif before is not None and fix[:3] == before[:3]:
-            self._telling.drop("twice", words.Said.FIXES_TWICE, place, fix.t)
+            self._notifier.drop("twice", words.Said.FIXES_TWICE, place, fix.t)
         else:
-            self._telling.drop("late", words.Said.FIXES_LATE, place, fix.t, self._late - fix.t)
+            self._notifier.drop("late", words.Said.FIXES_LATE, place, fix.t, self._late - fix.t)
 
     @property
     def events(self) -> list[tuple[float, str]]:
         """[(t, text)] of what a user must know, as of a Solution."""
-        return (self._live.told() if self._live else self._telling.events).all
+        return (self._live.all_events() if self._live else self._notifier.events).all
 
     @property
     def dropped_by(self) -> dict[str, int]:
-        """How many samples and fixes were not used, by the reason."""
-        return dict(self._telling.dropped_by)
+        """Numbers of samples and fixes that were not used, by the reason."""
+        return dict(self._notifier.dropped_by)
 
     @property
     def dropped(self) -> int:
-        """How many samples and fixes were not used; `dropped_by` says why."""
-        return sum(self._telling.dropped_by.values())
+        """Number of samples and fixes that were not used; `dropped_by` says why."""
+        return sum(self._notifier.dropped_by.values())
 
     @property
     def t(self) -> float:
-        """Time of the belief, s; NaN before the start."""
+        """Time of the filter state, s; NaN before the start."""
         return self._live.t if self._live else nan
 
     @property
@@ -621,9 +625,18 @@ class Stream:
     def solution(self) -> Solution:
         """The Solution of the history, as `fuse` gives it. Raises DataError before the first
         sample is used."""
+        return self._used_live().solution(self._asked["every"], {**self._meta, "notes": self.notes})
+
+    def _used_live(self) -> LiveRun:
         if self._live is None or not self._live.cursor.state[0].row:
             raise DataError("the stream has used no sample yet; there is no solution")
-        return self._live.solution(self._asked["every"], {**self._meta, "notes": self.notes})
+        return self._live
+
+    @property
+    def recording(self) -> Recording:
+        """The Recording of the history: samples, and fixes of the sources that the filter can use.
+        Raises DataError before the first sample is used."""
+        return self._used_live().recording({**self._meta, "notes": self.notes})
 
     @property
     def verdict(self) -> Verdict:
@@ -632,14 +645,14 @@ class Stream:
 
 
 def _with_estimates(
-    aidings: tuple[Aiding, ...], estimate: Estimate | None
-) -> tuple[tuple[Aiding, ...], OfImu]:
+    sources: tuple[Source, ...], estimate: Estimate | None
+) -> tuple[tuple[Source, ...], OfImu]:
     """The sources, and parameters of the IMU, with what is to be estimated. Raises DataError."""
-    return (aidings, {}) if estimate is None else asked_of(aidings, estimate)
+    return (sources, {}) if estimate is None else asked_of(sources, estimate)
 
 
 def _events(
-    filter: Filter, used: Sequence[Aiding], vehicle: Vehicle, ahrs: Filter | None
+    filter: Filter, used: Sequence[Source], vehicle: Vehicle, ahrs: Filter | None
 ) -> Events:
     """The events of a stream, with the conditions of the AHRS beside it."""
     found = Events(filter, used, vehicle)
@@ -670,15 +683,15 @@ class _Ahrs:
     """The stream of an AHRS beside another stream, which uses its attitudes as measurements. It is
     never behind that stream."""
 
-    def __init__(self, stream: Stream, aidings: Sequence[Aiding], rate: float) -> None:
+    def __init__(self, stream: Stream, sources: Sequence[Source], rate: float) -> None:
         self.stream, self._rate, self._every, self._count = stream, rate, 0, 0
         filter = stream._filter
         self.valid = inf  # time of its last valid row, or of its first one
-        self._taken = taken_by(filter, aidings)
-        self._replaced = [a for a in aidings if a.kind == "attitude"]
-        self._source, own = len(aidings), [a for a in aidings if a.kind != "attitude"]
-        self._places = [next((i for i, b in enumerate(own) if b is a), None) for a in aidings]
-        self.made = Aiding(
+        self._taken = taken_by(filter, sources)
+        self._replaced = [a for a in sources if a.kind == "attitude"]
+        self._source, own = len(sources), [a for a in sources if a.kind != "attitude"]
+        self._places = [next((i for i, b in enumerate(own) if b is a), None) for a in sources]
+        self.made = Source(
             "attitude", np.empty(0), np.empty((0, 3)), np.empty((0, 3)), name=filter.name
         )
 
@@ -689,13 +702,14 @@ class _Ahrs:
         notes[0] += whose(self._taken, self._replaced)
         return notes
 
-    def has_for_itself(self, a: Aiding) -> bool:
+    def has_for_itself(self, a: Source) -> bool:
         """True where only the AHRS gets this source, or its attitudes replace it."""
         return a is not self.made and (a.kind == "attitude" or any(a is b for b in self._taken))
 
-    def take(self, event: Sample | Fix) -> str:
+    def take(self, event: Sample | Measurement) -> str:
         """Give the AHRS a sample or a fix of the stream; what is to be said of that, once."""
-        if isinstance(event, Fix):
+        if isinstance(event, Measurement):
+            assert isinstance(event.source, int)  # the stream has looked its name up
             place = self._places[event.source]
             if place is None:
                 return ""
@@ -725,8 +739,8 @@ class _Ahrs:
         if self._count % self._every or live.status != VALID:
             return None
         path = live.newest(looking)
-        y, sd = attitudes(live.filter, path, bool(self._taken))
-        return UsableFix(float(path.t[0]), self._source, y[0].tolist(), sd[0].tolist())
+        y, std = attitudes(live.filter, path, bool(self._taken))
+        return UsableFix(float(path.t[0]), self._source, y[0].tolist(), std[0].tolist())
 
     @contextmanager
     def ahead(self) -> Iterator[None]:
@@ -740,11 +754,11 @@ class _Ahrs:
 
 
 def _nothing_known() -> FilterState:
-    def unknown(*shape: int) -> Array:
+    def nans(*shape: int) -> Array:
         return np.full(shape, nan)
 
-    three = (unknown(3) for _ in range(7))
-    lla, v, ba, bg, omega, f, _ = three
+    three = (nans(3) for _ in range(7))
+    lla, v, b_a, b_g, omega, f, _ = three
     return FilterState(
-        lla, v, unknown(3, 3), ba, bg, unknown(STATES, STATES), omega, f, unknown(0), unknown(0)
+        lla, v, nans(3, 3), b_a, b_g, nans(STATES, STATES), omega, f, nans(0), nans(0)
     )

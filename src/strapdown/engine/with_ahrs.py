@@ -18,7 +18,7 @@ from ..alignment.initial import align
 from ..checks import DataError
 from ..core.loop.contract import ATT, VALID, Filter, Imu, InitialState
 from ..data.recording import Recording
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..preprocessing.stationary import motionless
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
@@ -47,24 +47,24 @@ REMEDY = (
 
 def with_ahrs(
     recording: Recording, filter: Filter, asked: RunOptions
-) -> tuple[Recording, Aiding | None]:
-    """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the
+) -> tuple[Recording, Source | None]:
+    """(Recording for `filter`, Source of the AHRS that ran first, or None): the attitude that the
     filter needs is among the sources.
 
     What measures the heading goes to the AHRS and not to the filter once more. A note says what ran.
     Raises DataError where there is no attitude and nothing to make it of, where the AHRS that was
     asked for cannot be used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
     """
-    measured = {a.kind for a in recording.aidings if len(a.t)}
+    measured = {a.kind for a in recording.sources if len(a.t)}
     first = choose_ahrs(filter, measured, asked["ahrs"], asked["ahrs_rate"])
     if first is None:
         return recording, None
     made, notes = source(recording, first, asked)
-    taken = taken_by(first, recording.aidings)
-    replaced = [a for a in recording.aidings if a.kind == "attitude"]
+    taken = taken_by(first, recording.sources)
+    replaced = [a for a in recording.sources if a.kind == "attitude"]
     notes[0] += whose(taken, replaced)
-    left = [a for a in recording.aidings if not any(a is each for each in taken + replaced)]
-    return replace(recording, aidings=(*left, made)).noting(notes), made
+    left = [a for a in recording.sources if not any(a is each for each in taken + replaced)]
+    return replace(recording, sources=(*left, made)).with_notes(notes), made
 
 
 def choose_ahrs(
@@ -95,7 +95,7 @@ def choose_ahrs(
     return first
 
 
-def whose(taken: Sequence[Aiding], replaced: Sequence[Aiding]) -> str:
+def whose(taken: Sequence[Source], replaced: Sequence[Source]) -> str:
     """Return the words of a note on the sources that only the AHRS uses, and those that it
     replaces."""
     text = f", which alone uses {_names(taken)}" if taken else ""
@@ -119,30 +119,30 @@ def notes_on(ahrs: Filter, rate: float, aided: bool) -> list[str]:
     return notes
 
 
-def taken_by(ahrs: Filter, aidings: Iterable[Aiding]) -> list[Aiding]:
+def taken_by(ahrs: Filter, sources: Iterable[Source]) -> list[Source]:
     """The sources that the AHRS has for itself: those of the heading that it uses."""
     return [
-        a for a in aidings if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
+        a for a in sources if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
     ]
 
 
 def attitudes(ahrs: Filter, path: Trajectory, aided: bool) -> tuple[Array, Array]:
-    """(y, sd) of the attitudes that an AHRS gave; `aided`: whether it measures the heading. One
+    """(y, std) of the attitudes that an AHRS gave; `aided`: whether it measures the heading. One
     that is not estimated, or drifts without saying so, is NaN."""
     y = path.rph.copy()
-    sd = deviations(path) if ahrs.states else np.tile(ASSUMED, (len(y), 1))
+    std = deviations(path) if ahrs.states else np.tile(ASSUMED, (len(y), 1))
     if not aided and ATT.stop - 1 not in ahrs.states:
-        y[:, 2] = sd[:, 2] = np.nan
-    return y, sd
+        y[:, 2] = std[:, 2] = np.nan
+    return y, std
 
 
-def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Aiding, list[str]]:
-    """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` at every n-th
+def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Source, list[str]]:
+    """(Source of kind `attitude`, notes): the solution of the attitude filter `ahrs` at every n-th
     IMU sample, n the whole number that comes nearest to the rate that is asked for.
 
     Rows that are not VALID are left out. Where the start that is asked for knows the heading better
     than alignment does, the AHRS begins with that. y: roll, pitch, heading, NaN where the filter
-    does not estimate a heading; sd: claimed by it, else `ASSUMED`. Raises DataError.
+    does not estimate a heading; std: claimed by it, else `ASSUMED`. Raises DataError.
     """
     rate, imu, noise = asked["ahrs_rate"], asked["imu"], asked["noise"]
     own = 1 / float(np.median(recording.imu.dt))
@@ -151,21 +151,21 @@ def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Aidin
     every = round(own / rate)
     seen = replace(
         recording,
-        aidings=without_estimates(a for a in recording.aidings if a.kind != "attitude"),
-    ).knowing(notes=[], estimate={})
+        sources=without_estimates(a for a in recording.sources if a.kind != "attitude"),
+    ).with_meta(notes=[], estimate={})
     assumed, spec = assumed_noise(
         seen.meta.get("grade") if imu is None else imu, noise, needed=True
     )
     assert spec is not None  # it was needed
     begin = _start(seen, spec, asked["start"])
-    check_needs(ahrs, seen.aidings)
-    run = ready(seen, ahrs, begin, assumed, spec, run_options(every=every, say=asked["say"]))
+    check_needs(ahrs, seen.sources)
+    run = ready(seen, ahrs, begin, assumed, spec, run_options(every=every, notify=asked["notify"]))
     run.complete()
     solution = solution_of(run)
     keep = solution.status == VALID
-    aided = bool(taken_by(ahrs, [a for a in seen.aidings if len(a.t)]))
-    path = solution.trajectory.taking(keep)
-    y, sd = attitudes(ahrs, path, aided)
+    aided = bool(taken_by(ahrs, [a for a in seen.sources if len(a.t)]))
+    path = solution.trajectory.take(keep)
+    y, std = attitudes(ahrs, path, aided)
     notes = notes_on(ahrs, own / every, aided)
     said = [condition.text for condition in ahrs.conditions]
     notes += [f"{ahrs.name}: {text}" for _, text in solution.events if text in said]
@@ -177,7 +177,7 @@ def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Aidin
     notes += _silence(ahrs, path.t, solution.t, own / every)
     notes += _motion(ahrs, begin, recording.imu)
     notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
-    return Aiding("attitude", path.t, y, sd, name=ahrs.name), notes
+    return Source("attitude", path.t, y, std, name=ahrs.name), notes
 
 
 def deviations(path: Trajectory) -> Array:
@@ -187,8 +187,8 @@ def deviations(path: Trajectory) -> Array:
     The correlation of the errors about north and east, which is not published, is left out; where
     both are alike it is none.
     """
-    assert path.sd is not None
-    north, east, down = path.sd[:, ATT].T
+    assert path.std is not None
+    north, east, down = path.std[:, ATT].T
     heading = path.rph[:, 2]
     c, s = np.cos(heading), np.sin(heading)
     return np.c_[np.hypot(c * north, s * east), np.hypot(s * north, c * east), down]
@@ -250,22 +250,22 @@ def _check(ahrs: Filter, filter: Filter) -> None:
 
 
 def _start(recording: Recording, spec: ImuSpec, given: InitialState | None) -> InitialState:
-    """The InitialState of the AHRS: where the record begins, or at the `given` Start of the other
+    """The InitialState of the AHRS: where the record begins, or at the `given` one of the other
     filter where that knows the heading better."""
     start = align(recording, spec, position=False)
     if (
         given is None
-        or given.sd[8] >= start.sd[8]
+        or given.std[8] >= start.std[8]
         or not recording.span[0] <= given.t < recording.span[1]
     ):
         return start
     return align(
-        recording, spec, heading=given.rph[2], heading_sd=given.sd[8], at=given.t, position=False
+        recording, spec, heading=given.rph[2], heading_std=given.std[8], at=given.t, position=False
     )
 
 
-def _names(aidings: Iterable[Aiding]) -> str:
-    return " and ".join(dict.fromkeys(a.name or a.kind for a in aidings))
+def _names(sources: Iterable[Source]) -> str:
+    return " and ".join(dict.fromkeys(a.name or a.kind for a in sources))
 
 
 def _degrees(values: Sequence[float] | Array) -> str:

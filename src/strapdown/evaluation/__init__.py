@@ -1,2 +1,2 @@
-"""How good a solution is: errors against a reference, consistency with its own claims, the bound
+"""Quality of a solution: errors against a reference, consistency with its own claims, the bound
 of what is possible."""

@@ -215,19 +215,19 @@ def paired_comparison(a: ArrayLike, b: ArrayLike, probability: float = 0.95) -> 
     return Paired(*_mean(a[both] - b[both], probability), int((a < b)[both].sum()), int(both.sum()))
 
 
-def coverage(error: ArrayLike, sd: ArrayLike, sigmas: Sequence[float] = (1, 2, 3)) -> Array:
+def coverage(error: ArrayLike, std: ArrayLike, sigmas: Sequence[float] = (1, 2, 3)) -> Array:
     """Return the share (len(sigmas), k) of the errors (..., k) within these multiples of their
     standard deviations (..., k); NaN are left out.
 
     Of a Gaussian error 0.683, 0.954 and 0.997 are within 1, 2 and 3.
     """
-    error, sd = np.broadcast_arrays(np.abs(np.asarray(error, float)), np.asarray(sd, float))
-    error, sd = (values.reshape(-1, values.shape[-1]) for values in (error, sd))
-    known = ~np.isnan(error) & ~np.isnan(sd)
+    error, std = np.broadcast_arrays(np.abs(np.asarray(error, float)), np.asarray(std, float))
+    error, std = (values.reshape(-1, values.shape[-1]) for values in (error, std))
+    known = ~np.isnan(error) & ~np.isnan(std)
     count = known.sum(axis=0)
     return np.array(
         [
-            ((error <= sigma * sd) & known).sum(axis=0) / np.where(count, count, np.nan)
+            ((error <= sigma * std) & known).sum(axis=0) / np.where(count, count, np.nan)
             for sigma in sigmas
         ]
     )
@@ -335,7 +335,7 @@ def state_errors(solution: Solution, recording: Recording) -> Array:
             "recording"
         )
     e = metrics.errors(solution, recording.reference)
-    if e.velocity is None or e.attitude is None:
+    if not (metrics.any_known(e.velocity) and metrics.any_known(e.attitude)):
         raise DataError(
             "the recording's reference has no velocity or attitude; use a simulated recording"
         )
@@ -382,7 +382,7 @@ def _augmented_states(solution: Solution) -> list[AugmentedState]:
             "the solution comes from a file and does not know its states beyond the fifteenth; "
             "fuse the recording again"
         )
-    return augmented_states(solution.recording.aidings, solution.recording.meta.get("estimate"))
+    return augmented_states(solution.recording.sources, solution.recording.meta.get("estimate"))
 
 
 def nees_of(

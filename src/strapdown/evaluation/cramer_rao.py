@@ -30,7 +30,7 @@ class Bound(NamedTuple):
 
     t: Array  # (n,) s
     covariance: Array  # (n, 15, 15)
-    sd: Array  # (n, 15) roots of its diagonal
+    std: Array  # (n, 15) roots of its diagonal
 
     @property
     def position(self) -> Array:
@@ -58,7 +58,7 @@ class Bound(NamedTuple):
         return self._length(BG)
 
     def _length(self, states: slice) -> Array:
-        return np.sqrt(np.square(self.sd[:, states]).sum(axis=1))
+        return np.sqrt(np.square(self.std[:, states]).sum(axis=1))
 
 
 def cramer_rao(recording: Recording, start: InitialState, noise: Noise, every: int = 1) -> Bound:
@@ -73,7 +73,7 @@ def cramer_rao(recording: Recording, start: InitialState, noise: Noise, every: i
     device: with every innovation zero its belief stays on the truth, and its P is that covariance.
     The source's expectation over trajectories falls away because one is given. The bound is on the
     mean square over prior, IMU and fixes, all Gaussian and as stated: fixes whose errors are white,
-    with Gauss-Markov ones beside them where `Aiding.correlated` says so, and biases that walk or
+    with Gauss-Markov ones beside them where `Source.correlated` says so, and biases that walk or
     decay as `noise` says. One run, or a filter in a lucky minute, may be below it.
 
     Raises DataError where the belief leaves the truth: position by more than 0.1 of its standard
@@ -100,13 +100,13 @@ def _check(solution: Solution, truth: Trajectory) -> None:
             f"the bound needs ideal data, but fixes of {', '.join(rejected)} were rejected; give "
             f"fixes without noise"
         )
-    e, sd = errors(solution, truth), solution.trajectory.sd
-    assert e.position is not None and e.attitude is not None and sd is not None
+    e, std = errors(solution, truth), solution.trajectory.std
+    assert std is not None
     for name, error, states, room, unit in (
         ("position", e.position, POS, NEGLIGIBLE_ERRORS[0], "m"),
         ("attitude", e.attitude, ATT, NEGLIGIBLE_ERRORS[1], "rad"),
     ):
-        beyond = np.abs(error) - DEPARTURE * sd[e.rows, states] - room
+        beyond = np.abs(error) - DEPARTURE * std[e.rows, states] - room
         if not np.all(beyond <= 0):
             row, axis = np.unravel_index(
                 np.argmax(np.where(np.isnan(beyond), np.inf, beyond)), beyond.shape
@@ -114,6 +114,6 @@ def _check(solution: Solution, truth: Trajectory) -> None:
             raise DataError(
                 f"the belief of the bound is {error[row, axis]:.3g} {unit} from the true {name} at "
                 f"{e.t[row]:.2f} s "
-                f"({sd[e.rows, states][row, axis]:.3g} {unit} standard deviation); give an ideal "
+                f"({std[e.rows, states][row, axis]:.3g} {unit} standard deviation); give an ideal "
                 f"recording and its exact start"
             )

@@ -9,7 +9,7 @@ from ..typing import Array, Mask
 CLIPPED = 4.0
 """Standard deviations that count of a whitened innovation where their correlation is taken."""
 MEDIANS = {1: 0.4549, 2: 1.3863, 3: 2.3660}
-"""Of chi-square, by its degrees of freedom."""
+"""Medians of chi-square, by its degrees of freedom."""
 
 
 def lasts(correlation: float) -> bool:
@@ -30,14 +30,21 @@ def counts(i: Innovations, name: str, first: float, last: float) -> tuple[float,
     return nis, correlation(i.whitened[rows]), float(np.mean(~i.accepted[rows]))
 
 
-def correlation(whitened: Array) -> float:
-    """Return the lag-1 correlation of the whitened innovations (m, 3) of a source: that of
-    its row with the largest magnitude."""
+def correlation(whitened: Array, lags: int = 1) -> float:
+    """Return the correlation of the whitened innovations (m, 3) of a source, its mean over the first
+    `lags` fixes: that of its row with the largest magnitude."""
     w = np.clip(whitened, -CLIPPED, CLIPPED)
     found = [0.0]
     for row in w.T:
-        both = np.isfinite(row[1:]) & np.isfinite(row[:-1])
         square = np.nansum(row**2)
-        if both.sum() > 2 and square > 0:
-            found.append(float((row[1:][both] * row[:-1][both]).sum() / square))
+        if square > 0:
+            found.append(
+                float(np.mean([_products(row, lag) / square for lag in range(1, lags + 1)]))
+            )
     return max(found, key=abs)
+
+
+def _products(row: Array, lag: int) -> float:
+    """Sum of the products of values (m,) `lag` apart; 0 of fewer than three."""
+    both = np.isfinite(row[lag:]) & np.isfinite(row[:-lag])
+    return float((row[lag:][both] * row[:-lag][both]).sum()) if both.sum() > 2 else 0.0

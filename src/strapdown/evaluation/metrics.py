@@ -1,4 +1,4 @@
-"""How far a trajectory is from a reference: errors in metres, m/s and radians, and their root mean
+"""Distance of a trajectory from a reference: errors in metres, m/s and radians, and their root mean
 squares.
 
 Errors are true - estimate, as everywhere: position in metres NED, attitude as the rotation vector
@@ -13,8 +13,9 @@ from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
-from ..checks import DataError, brief
+from ..checks import DataError, check_type, check_window
 from ..core.mathematics.rotation import quaternion_to_euler
+from ..data.recording import Recording
 from ..data.solution import Solution, Trajectory
 from ..data.value import Value
 from ..geometry.geodesy import displacement, radii, wrap
@@ -27,58 +28,121 @@ NED_AXES, EULER = ("north", "east", "down"), ("roll", "pitch", "heading")
 
 @dataclass(frozen=True, eq=False)
 class Errors(Value):
-    """true - estimate at times `t`. What the reference or the estimate nowhere knows is None, or
-    where it is a component NaN; so are rows in gaps."""
+    """true - estimate at times `t`; NaN where reference or estimate does not know it, and in gaps of
+    the reference.
 
-    t: Array  # (n,) s
-    position: Array | None  # (n, 3) m NED
-    velocity: Array | None  # (n, 3) m/s NED
-    attitude: Array | None  # (n, 3) rotation vector in n, rad
-    rph: Array | None  # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
-    sd: Array | None  # (n, k) the trajectory's own standard deviations, m, m/s and rad
-    rows: slice  # of the trajectory, which these errors belong to
+    Attributes
+    ----------
+    t : (n,) array
+        Times, s.
+    position : (n, 3) array
+        m, north, east, down.
+    velocity : (n, 3) array
+        m/s, north, east, down.
+    attitude : (n, 3) array
+        Rotation vector in the navigation frame, rad.
+    rph : (n, 3) array
+        Roll, pitch and heading, wrapped to [-pi, pi), rad.
+    std : (n, k) array or None
+        The trajectory's own standard deviations, m, m/s and rad.
+    rows : slice
+        Rows of the trajectory that these errors belong to.
+    """
+
+    t: Array
+    position: Array
+    velocity: Array
+    attitude: Array
+    rph: Array
+    std: Array | None
+    rows: slice
 
     @property
-    def horizontal(self) -> Array | None:
-        """(n,) horizontal position error, m; NaN where only the height is known, None where not
-        even that is."""
-        return None if self.position is None else np.hypot(self.position[:, 0], self.position[:, 1])
+    def horizontal(self) -> Array:
+        """(n,) horizontal position error, m; NaN where it is not known."""
+        return np.hypot(self.position[:, 0], self.position[:, 1])
 
     def rms(self, window: tuple[float, float] | None = None) -> Rms:
         """Return their root mean square over window = (start, stop) in s, both included, or over all
         of them."""
         return rms(self, window)
 
+    def outages(self, windows: Iterable[tuple[float, float]]) -> list[Outage]:
+        """Return an Outage for each window (start, stop) in s, both included, as `strapdown.outages`.
+        Raises DataError."""
+        return outages_of(self, windows)
+
     def inside(self, window: tuple[float, float] | None) -> Mask:
         """(n,) which rows are in the window (start, stop) s, both included; all without one."""
-        start, stop = (-np.inf, np.inf) if window is None else window
+        start, stop = (-np.inf, np.inf) if window is None else check_window(window)
         return (self.t >= start) & (self.t <= stop)
 
 
-class Rms(NamedTuple):
-    """Root mean square of errors per axis; None where the errors are, NaN where they cover no
-    time asked for or not that component."""
+@dataclass(frozen=True, eq=False)
+class Rms(Value):
+    """Root mean square of errors per axis; NaN where no error is known in the time asked for.
 
-    position: Array | None  # (3,) m NED
-    velocity: Array | None  # (3,) m/s NED
-    attitude: Array | None  # (3,) rad, rotation vector
-    rph: Array | None  # (3,) rad, roll, pitch, heading
-    angles: Array | None  # (3,) rad, total, inclination and heading angle as in `attitude_angles`
+    Attributes
+    ----------
+    position : (3,) array
+        m, north, east, down.
+    velocity : (3,) array
+        m/s, north, east, down.
+    attitude : (3,) array
+        Rotation vector, rad.
+    rph : (3,) array
+        Roll, pitch and heading, rad.
+    angles : (3,) array
+        Total, inclination and heading angle as in `attitude_angles`, rad.
+    """
+
+    position: Array
+    velocity: Array
+    attitude: Array
+    rph: Array
+    angles: Array
 
 
 def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
-    """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside
-    the reference's span.
+    """Return true less estimated position, velocity and attitude, at the times of the estimate inside
+    the span of the reference.
 
     The reference is interpolated: position by a cubic through its positions and velocities (linear
-    without velocities), velocity linearly, attitude along the shortest rotation. Its gaps
-    (intervals beyond 1 s and three usual intervals) are not bridged. A reference or a solution of
-    attitude alone, whose positions are NaN, is scored on attitude alone, one that knows its height
-    on that too. Raises DataError where the two do not overlap.
+    without velocities), velocity linearly, attitude along the shortest rotation. Its gaps (intervals
+    beyond 1 s and three usual intervals) are not bridged. A reference or a solution of attitude alone,
+    whose positions are NaN, is scored on attitude alone, one that knows its height on that too.
+
+    Parameters
+    ----------
+    trajectory : Trajectory or Solution
+        The estimate.
+    reference : Trajectory
+        The truth, such as `recording.reference`.
+
+    Returns
+    -------
+    Errors
+        (n, 3) each: position m and velocity m/s in NED, attitude as a rotation vector in NED, rad, and
+        as roll, pitch and heading, rad.
+
+    Raises
+    ------
+    DataError
+        Where the two do not overlap in time.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> recording = sd.simulate("car", 60.0, seed=1)
+    >>> errors = sd.errors(sd.fuse(recording), recording.reference)
+    >>> errors.position.shape[1]
+    3
     """
     estimate = trajectory.trajectory if isinstance(trajectory, Solution) else trajectory
-    _check_trajectory(estimate, "trajectory", "a Trajectory or a Solution")
-    _check_trajectory(reference, "reference", "a Trajectory, such as recording.reference")
+    check_type(estimate, "errors: trajectory", Trajectory, "a Trajectory or a Solution")
+    check_type(
+        reference, "errors: reference", Trajectory, "a Trajectory, such as recording.reference"
+    )
     first, last = (
         np.searchsorted(estimate.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
     )
@@ -90,7 +154,7 @@ def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
         )
     rows = slice(int(first), int(last))
     t = estimate.t[rows]
-    position = velocity = attitude = rph = None
+    position = velocity = attitude = rph = np.full((len(t), 3), np.nan)
     if any_known(reference.lla) and any_known(estimate.lla):
         position = displacement(_position(reference, t), estimate.lla[rows])
     if any_known(reference.v_n) and any_known(estimate.v_n):
@@ -103,15 +167,9 @@ def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
         velocity,
         attitude,
         rph,
-        None if estimate.sd is None else estimate.sd[rows],
+        None if estimate.std is None else estimate.std[rows],
         rows,
     )
-
-
-def _check_trajectory(value: object, name: str, wanted: str) -> None:
-    """Refuse what is no Trajectory. Raises DataError."""
-    if not isinstance(value, Trajectory):
-        raise DataError(f"errors: {name} is {brief(value)}; it must be {wanted}")
 
 
 def interpolate_reference(reference: Trajectory, t: Array) -> Trajectory:
@@ -130,7 +188,7 @@ def any_known(values: Array | None) -> TypeGuard[Array]:
 
 
 class AttitudeAngles(NamedTuple):
-    """How far an attitude is off, as angles without sign, rad, (n,) each; NaN where the errors
+    """Attitude errors as angles without sign, rad, (n,) each; NaN where the errors
     are."""
 
     total: Array  # of the whole rotation, [0, pi]
@@ -139,15 +197,13 @@ class AttitudeAngles(NamedTuple):
     heading: Array
 
 
-def attitude_angles(errors: Errors) -> AttitudeAngles | None:
-    """AttitudeAngles of `errors`, None where they have no attitude.
+def attitude_angles(errors: Errors) -> AttitudeAngles:
+    """AttitudeAngles of `errors`.
 
     With q = q_true (x) q_est* in n: inclination 2 acos(sqrt(w^2 + z^2)), heading 2 atan2(|z|, |w|);
     q is their product, so that cos(total/2) = cos(inclination/2) cos(heading/2). Unlike roll and
     pitch these have no singular attitude. Laidig et al. (2021), BROAD.
     """
-    if errors.attitude is None:
-        return None
     total = np.linalg.norm(errors.attitude, axis=1)
     x, y, z = (
         errors.attitude * (np.sinc(total / (2 * np.pi)) / 2)[:, None]
@@ -159,12 +215,37 @@ def attitude_angles(errors: Errors) -> AttitudeAngles | None:
 
 
 def rms(errors: Errors, window: tuple[float, float] | None = None) -> Rms:
-    """Root mean square of `errors` over window = (start, stop) in s, both included, or over all
-    of them: an Rms."""
+    """Return the root mean square of errors per axis.
+
+    Parameters
+    ----------
+    errors : Errors
+        As `errors` gives them.
+    window : (float, float), optional
+        Start and stop, s, both included; by default all of them.
+
+    Returns
+    -------
+    Rms
+        (3,) each: position m and velocity m/s in NED, attitude rad; NaN where no error is known.
+
+    Raises
+    ------
+    DataError
+        Where `errors` is no Errors, or the window is not (start, stop).
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> recording = sd.simulate("car", 60.0, seed=1)
+    >>> errors = sd.errors(sd.fuse(recording), recording.reference)
+    >>> sd.rms(errors, (30.0, 60.0)).position.shape
+    (3,)
+    """
+    check_type(errors, "errors", Errors, "Errors, such as sd.errors gives")
     inside, angles = errors.inside(window), attitude_angles(errors)
-    columns = None if angles is None else np.column_stack(angles)
-    parts = (errors.position, errors.velocity, errors.attitude, errors.rph, columns)
-    return Rms(*(None if part is None else _rms(part[inside]) for part in parts))
+    parts = (errors.position, errors.velocity, errors.attitude, errors.rph, np.column_stack(angles))
+    return Rms(*(_rms(part[inside]) for part in parts))
 
 
 def _known_rows(values: Array) -> Mask:
@@ -249,7 +330,7 @@ def _attitude(t_ref: Array, q_ref: Array, t: Array, q_nb: Array) -> tuple[Array,
 
 
 class Outage(NamedTuple):
-    """How far a solution went from the reference while its fixes were withheld."""
+    """Error that a solution reached while its fixes were withheld."""
 
     start: float  # s
     stop: float  # s
@@ -262,24 +343,51 @@ class Outage(NamedTuple):
 def outages(
     solution: Trajectory | Solution, reference: Trajectory, windows: Iterable[tuple[float, float]]
 ) -> list[Outage]:
-    """An Outage for each (start, stop) window in s, both included, of a solution whose fixes were
-    withheld there (`Recording.hidden`).
+    """Return the errors that a solution reached while its fixes were withheld, window by window.
 
-    Scored at the solution's own times against the reference, without any alignment of the two.
-    Raises DataError where one covers no time of the other.
+    It is scored at its own times against the reference, without any alignment of the two.
+
+    Parameters
+    ----------
+    solution : Trajectory or Solution
+        Of a recording whose fixes were withheld there (`Recording.hidden`).
+    reference : Trajectory
+        The truth.
+    windows : iterable of (float, float)
+        Start and stop of each, s, both included.
+
+    Returns
+    -------
+    list of Outage
+        One for each window.
+
+    Raises
+    ------
+    DataError
+        Where a window covers no time of solution or reference.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> recording = sd.simulate("car", 60.0, seed=1)
+    >>> solution = sd.fuse(recording.hidden([(30.0, 50.0)]))
+    >>> len(sd.outages(solution, recording.reference, [(30.0, 50.0)]))
+    1
     """
+    check_type(solution, "solution", Trajectory | Solution, "a Solution or a Trajectory")
     return outages_of(errors(solution, reference), windows)
 
 
 def outages_of(e: Errors, windows: Iterable[tuple[float, float]]) -> list[Outage]:
     """As `outages`, of the Errors of a solution."""
-    if e.position is None or not any_known(e.horizontal):
+    if not any_known(e.horizontal):
         raise DataError(
             "outages are scored by position, which solution and reference have not both; choose "
             "another filter"
         )
+    check_type(windows, "windows", Iterable, "an iterable of (start, stop) in s")
     scores = []
-    for start, stop in windows:
+    for start, stop in (check_window(each, "one of windows") for each in windows):
         inside = (e.t >= start) & (e.t <= stop) & np.isfinite(e.position).all(axis=1)
         if not inside.any():
             raise DataError(
@@ -301,11 +409,12 @@ def outages_of(e: Errors, windows: Iterable[tuple[float, float]]) -> list[Outage
 
 
 def moving_windows(
-    reference: Trajectory, count: int, length: float, every: float, after: float, speed: float
+    of: Recording | Trajectory, count: int, length: float, every: float, after: float, speed: float
 ) -> list[tuple[float, float]]:
     """`count` windows of `length` s, one `every` s, the first `after` s past the first time that
-    the reference is faster than `speed` m/s."""
-    if not any_known(reference.v_n):
+    the reference, that of a Recording, is faster than `speed` m/s. Raises DataError."""
+    reference = of.reference if isinstance(of, Recording) else of
+    if reference is None or not any_known(reference.v_n):
         raise DataError("the reference has no velocity: windows after a speed cannot be chosen")
     fast = np.hypot(reference.v_n[:, 0], reference.v_n[:, 1]) >= speed
     if not fast.any():

@@ -7,13 +7,14 @@ of position, velocity, attitude and gyro bias go together: with r = C l and u = 
     dp' = dp - [r x] dtheta,   dv' = dv - [u x] dtheta + C [l x] db_g.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..checks import DataError, check_array
 from ..core.mathematics.error_dynamics import cross_matrix
 from ..data.solution import Solution, Trajectory
+from ..data.value import Value
 from ..typing import Array, ArrayLike, Mask
 from ..units.time_scales import seconds_to
 from .metrics import interpolate_reference
@@ -22,7 +23,8 @@ MOTION = 9
 """Errors of position, velocity and attitude: the first of the error state."""
 
 
-class Instants(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Instants(Value):
     """A solution at other instants, perhaps of another point of the body."""
 
     # with the standard deviations of position, velocity and attitude; NaN in gaps
@@ -97,8 +99,8 @@ def _covariance(solution: Solution) -> Array:
     """(n, 15, 15) of the rows: as it was kept, or of the standard deviations alone."""
     if solution.covariance is not None:
         return solution.covariance[:, :15, :15]
-    assert solution.trajectory.sd is not None  # every solution has them
-    return solution.trajectory.sd[:, :, None] ** 2 * np.eye(15)
+    assert solution.trajectory.std is not None  # every solution has them
+    return solution.trajectory.std[:, :, None] ** 2 * np.eye(15)
 
 
 def _interpolate_rows(rows: Array, values: Array, t: Array) -> Array:

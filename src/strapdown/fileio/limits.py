@@ -83,9 +83,31 @@ class _Copies:
 
 @contextmanager
 def reading_limits(**changes: float | bool) -> Iterator[ReadingLimits]:
-    """Other limits for the files that the block reads: fields of `ReadingLimits`. Raises DataError.
+    """Read files by other limits within a `with` block.
 
     A pipe that the block reads is copied once, to a temporary file that goes when the block ends.
+
+    Parameters
+    ----------
+    **changes : float or bool
+        Fields of `ReadingLimits`.
+
+    Yields
+    ------
+    ReadingLimits
+        The limits that hold in the block.
+
+    Raises
+    ------
+    DataError
+        Where there is no such limit, or its value is out of range.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> with sd.reading_limits(pipes=True) as limits:
+    ...     limits.pipes
+    True
     """
     for name, value in changes.items():
         if name not in ReadingLimits._fields:

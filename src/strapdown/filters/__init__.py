@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import plugins
-from ..checks import DataError, check_choice
+from ..checks import DataError, check_choice, check_type
 from ..core.loop.contract import (
     ADJOINT_STEP,
     BIAS,
@@ -83,6 +83,7 @@ def names() -> list[str]:
 def find(name: str | Filter) -> Filter:
     """The Filter of that name; of the library's own, only its file is imported. Raises DataError
     with the nearest name."""
+    check_type(name, "filter", str | Filter, "the name of a filter, or a Filter")
     return name if isinstance(name, Filter) else REGISTRY.find(name)
 
 
@@ -113,7 +114,9 @@ def check(filter: Filter) -> None:
     for field in ("uses", "needs"):
         kinds = getattr(filter, field) or ()
         if not isinstance(kinds, tuple) or not all(isinstance(kind, str) for kind in kinds):
-            raise DataError(f"{what}{field} is {kinds!r}; it must be a tuple of kinds of aiding")
+            raise DataError(
+                f"{what}{field} is {kinds!r}; it must be a tuple of kinds of measurement"
+            )
     for field in ("configure", "diagnose"):
         if not callable(getattr(filter, field) or callable):
             raise DataError(f"{what}{field} is {getattr(filter, field)!r}; it must be a function")

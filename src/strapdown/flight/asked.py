@@ -8,13 +8,13 @@ from ..core.loop.contract import InitialState, Noise
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.imu import ImuSpec
-from ..sim.scenario_model import START_SD
-from ..typing import Array, File, Say
-from .aircraft.parameters import Aircraft
+from ..sim.scenario_model import START_STD
+from ..typing import Array, File, Notify
+from .aircraft_model.parameters import Aircraft
 from .sensor_errors import Outage
 
 MODEL_NOISE = Noise(0.04, 0.4, 1e-5, 1e-4, 0.0, 0.0)
-"""What a filter assumes of the increments of the aircraft's model by default: the air that the
+"""Noise that a filter assumes of the increments of the aircraft's model by default: the air that the
 model does not know, as random walks of 2.3 deg/sqrt(s) and 0.4 m/s/sqrt(s), which is what they
 err by over a second of light turbulence (docs/how-to/flight.md has the measurement)."""
 RECEIVER = Gnss(interval=0.2)
@@ -50,7 +50,7 @@ class Sensors(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """How the filter is run, and what autopilot and filter get from each other."""
+    """Options by which the filter is run, and what autopilot and filter get from each other."""
 
     feedback: str = "estimate"  # what the autopilot flies by: "estimate" or "truth"
     # who predicts while the receiver is cut: "imu", or "model": the filter gets the increments of
@@ -65,11 +65,11 @@ class Loop(NamedTuple):
     # samples of the filter per second, which gets the increments of a whole number of steps as one
     # sample and whose last estimate the autopilot flies by; None: the rate of the sensors
     filter_rate: float | None = None
-    start: InitialState | None = None  # at 0 s; None: drawn around the truth with `start_sd`
-    start_sd: Sequence[float | None] = START_SD  # 15 numbers; None: the IMU's own biases
+    start: InitialState | None = None  # at 0 s; None: drawn around the truth with `start_std`
+    start_std: Sequence[float | None] = START_STD  # 15 numbers; None: the IMU's own biases
     noise: Noise | None = None  # in place of the IMU's
     covariance: bool = False  # whether the whole covariance is kept
-    say: Say | None = None  # told of slow compilation
+    notify: Notify | None = None  # told of slow compilation
 
 
 WORLD, SENSORS, LOOP = World(), Sensors(), Loop()

@@ -2,14 +2,14 @@
 and yaw are held, by successive loop closure.
 
 Kernel helpers; what they fly by is whatever they are given, estimate or truth. The gains come from
-`autopilot_gains.py`, the route from `flight_plan.py`. Source: Beard & McLain (2012), "Small
+`autopilot_gains.py`, the route from `plan.py`. Source: Beard & McLain (2012), "Small
 Unmanned Aircraft", chapters 6 (autopilot) and 10 (straight lines and orbits).
 """
 
 import math
 from typing import Annotated, NamedTuple
 
-from ..core.compile.jit import helper, inlined
+from ..core.compile.jit import helper, inline
 from ..core.compile.records import Table, rows_of
 from ..core.compile.signatures import reals, record
 from ..core.mathematics.rotation import wrap
@@ -128,7 +128,7 @@ def steer(
     hold(steering, lla[2], v, C, omega, dt, commands)
 
 
-@inlined
+@inline
 def metres(pilot: Pilot, lla: Array) -> tuple[float, float]:
     """(north, east) of the route's origin, m: the affine map with the radii there."""
     return (lla[0] - pilot.origin_lat) * pilot.north_scale, wrap(

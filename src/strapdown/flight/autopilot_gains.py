@@ -13,9 +13,9 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.records import Table, rows
-from .aircraft.modes import MODEL_STATES, Modes
-from .aircraft.parameters import Aircraft, Parameters
-from .aircraft.trim import SURFACES, Trim
+from .aircraft_model.modes import MODEL_STATES, Modes
+from .aircraft_model.parameters import Aircraft, Parameters
+from .aircraft_model.trim import SURFACES, Trim
 from .autopilot import AutopilotMemory, Gains, Pilot, Segment, Steering
 
 RAD_PER_DEG = math.pi / 180
@@ -26,7 +26,7 @@ DAMPING, DUTCH_ROLL = 0.9, 0.7
 """Damping ratios of roll and pitch, and of the Dutch roll that the yaw damper brings about where
 it is lower."""
 SEPARATION, FOLLOWING = 5.0, 3.0
-"""How much slower course is than roll, height than pitch; and following a line than holding a
+"""Factors by which course is slower than roll, height than pitch; and following a line than holding a
 course."""
 # squared proportional rate over the integral one: two real poles, 6 % overshoot of a step at most
 INTEGRAL = 8.0

@@ -9,13 +9,13 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..core.compile.records import Table
-from ..data.solution import Aiding, SolutionMeta, Trajectory
+from ..data.solution import SolutionMeta, Source, Trajectory
 from ..evaluation.metrics import any_known
 from ..geometry.geodesy import displacement
 from ..pages.drawing import (
     COLOURS,
     GREY,
-    even,
+    even_indices,
     finish,
     legend_names,
     line,
@@ -26,17 +26,17 @@ from ..pages.drawing import (
 )
 from ..typing import Array
 from .autopilot import Segment
-from .fly import Flight
+from .run_flight import Flight
 
 Rows: TypeAlias = Sequence[tuple[str, Sequence[tuple[str, str]], float]]
-"""Of `_rows`: label, [(column of the log, what it is)], scale."""
+"""Rows of `_rows`: label, [(column of the log, what it is)], scale."""
 Sections: TypeAlias = list[tuple[str, list[tuple[go.Figure, str, str]]]]
 """[(heading, [(figure, its heading, caption)])]"""
 ARC_STEP = np.radians(5)
-"""Of the arcs of a route as they are drawn."""
+"""Step along the arcs of a route as they are drawn."""
 RPM = 30 / np.pi
 CUT_COLOUR = "rgba(59,125,216,0.3)"
-"""Of the stretch that was flown without GNSS, on the map: as the windows of withheld fixes, but
+"""Colour of the stretch that was flown without GNSS, on the map: as the windows of withheld fixes, but
 stronger."""
 FRAMED = 3.0
 """An estimate that is as many times the flight's own reach away from it leaves the frame of the
@@ -55,7 +55,7 @@ def sections(flight: Flight) -> Sections:
     )
     wind = [
         (
-            blown(flight),
+            wind_figure(flight),
             "Wind",
             f"Of the air over ground, towards north, east and "
             f"down{', gusts included' if gusty else ''}.{at_once}",
@@ -120,8 +120,8 @@ def facts(flight: Flight) -> dict[str, str]:
     )
     wind = "{:g}, {:g}, {:g} m/s towards north, east, down".format(*meta["wind"])
     fixes = [
-        f"{a.kind} every {np.diff(a.t).min():.3g} s{_sd(a)}"
-        for a in flight.recording.aidings
+        f"{a.kind} every {np.diff(a.t).min():.3g} s{_std(a)}"
+        for a in flight.recording.sources
         if len(a.t) > 1
     ]
     return {
@@ -143,9 +143,9 @@ def facts(flight: Flight) -> dict[str, str]:
     }
 
 
-def _sd(aiding: Aiding) -> str:
-    values = "{:g} {:g} {:g}".format(*aiding.sd[0]) if aiding.kind in FIX_UNITS else ""
-    return f", sd {values} {FIX_UNITS[aiding.kind]} NED" if values else ""
+def _std(source: Source) -> str:
+    values = "{:g} {:g} {:g}".format(*source.std[0]) if source.kind in FIX_UNITS else ""
+    return f", std {values} {FIX_UNITS[source.kind]} NED" if values else ""
 
 
 def controls(flight: Flight) -> go.Figure:
@@ -198,7 +198,7 @@ def air(flight: Flight) -> go.Figure:
     )
 
 
-def blown(flight: Flight) -> go.Figure | None:
+def wind_figure(flight: Flight) -> go.Figure | None:
     """Wind with its gusts towards north, east and down, m/s; None in still air."""
     names = [f"wind {axis}, m/s" for axis in ("north", "east", "down")]
     if not any(np.any(flight.log[name]) for name in names):
@@ -250,7 +250,7 @@ def command_figure(flight: Flight) -> go.Figure:
 
 
 def off_route(flight: Flight) -> go.Figure:
-    """How far the aircraft is right of and above its route, m."""
+    """Distance of the aircraft to the right of and above its route, m."""
     return _rows(
         flight,
         [
@@ -309,7 +309,7 @@ def _path(
     dash: str = "solid",
 ) -> None:
     """A line along points (n, 2), north and east; lines of one name are one entry of the legend."""
-    places, new = points[even(len(points))][:, ::-1], name not in legend_names(figure)
+    places, new = points[even_indices(len(points))][:, ::-1], name not in legend_names(figure)
     style = {"color": colour, "width": width, "dash": dash}
     if len(places):
         path(figure, places, name, line=style, legendgroup=name, showlegend=new)
@@ -378,7 +378,6 @@ def route_points(parts: Table[Segment]) -> Array:
 
 def _truth(flight: Flight) -> Trajectory:
     """Where the aircraft was: every flight has it."""
-    assert flight.recording.reference is not None
     return flight.recording.reference
 
 

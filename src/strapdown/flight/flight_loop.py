@@ -20,7 +20,7 @@ from ..aiding.pressure import (
     TROPOPAUSE,
     pressure_altitude,
 )
-from ..core.compile.jit import caller, helper, inlined, kernel, matrix
+from ..core.compile.jit import caller, helper, inline, kernel, matrix
 from ..core.compile.records import Table, rows_of
 from ..core.compile.signatures import WHOLE, reals, record, signature, wholes
 from ..core.loop import loop
@@ -44,7 +44,7 @@ from ..core.mathematics.earth import radii
 from ..core.mathematics.rotation import matrix_to_quaternion, rotate_vector, wrap
 from ..typing import Array, Ints
 from . import inputs
-from .aircraft.dynamics import (
+from .aircraft_model.dynamics import (
     CONTROLS,
     EVALUATE,
     LLA,
@@ -55,12 +55,12 @@ from .aircraft.dynamics import (
     VELOCITY,
     Loads,
 )
-from .aircraft.parameters import Parameters
-from .aircraft.wind import GUST, Turbulence
+from .aircraft_model.parameters import Parameters
+from .aircraft_model.wind import GUST, Turbulence
 from .autopilot import STEERING, Steering, deviation, height_along, metres, steer
 
 IMU_ERRORS = Slots()
-"""What the IMU adds to its increments."""
+"""Slots of what the IMU adds to its increments."""
 # rotation to measured rotation, velocity increment to it, velocity increment to itself
 DISTORTION = IMU_ERRORS.array("DISTORTION", 27)
 # gyro, accelerometer; 0: none
@@ -315,7 +315,7 @@ def _begin_sample(
 @helper
 def _blow(gust: int, vehicle: FlightVehicle, moment: int, h: float) -> None:
     """Go on with the gusts, if any blow, in the aircraft's step of that number."""
-    if vehicle.turbulence[0].sd_u > 0:
+    if vehicle.turbulence[0].std_u > 0:
         gust_at(gust)(
             vehicle.turbulence[0],
             vehicle.gusts,
@@ -348,8 +348,8 @@ def _imagine(step: int, vehicle: FlightVehicle, belief: FilterState, h: float) -
         imaginary,
     )
     for i in range(3):
-        measured[i] = imaginary[i] + belief.bg[i] * h
-        measured[3 + i] = imaginary[3 + i] + belief.ba[i] * h
+        measured[i] = imaginary[i] + belief.b_g[i] * h
+        measured[3 + i] = imaginary[3 + i] + belief.b_a[i] * h
 
 
 @helper
@@ -362,10 +362,10 @@ def _steer(
         C = matrix(vehicle.work, TRUE_C, 3, 3)
         steer(steering, state[LLA], state[VELOCITY], C, state[OMEGA], h, commands)
     else:
-        steer(steering, belief.lla, belief.v, belief.C, belief.omega, h, commands)
+        steer(steering, belief.lla, belief.v_n, belief.C_nb, belief.omega, h, commands)
 
 
-@inlined
+@inline
 def _move(calls: Calls, vehicle: FlightVehicle, dt: float, C: Array) -> None:
     """Move the aircraft by a step; leaves its increments, mean rates of change and loads in `work`,
     what its controls were among their sums, its attitude in C."""
@@ -407,8 +407,8 @@ def _set_model(model: Array, belief: FilterState) -> None:
     """Position, velocity and attitude of the model from the belief; its rates and its controls
     go on."""
     for i in range(3):
-        model[LLA][i], model[VELOCITY][i] = belief.lla[i], belief.v[i]
-    matrix_to_quaternion(belief.C, model[QUATERNION])
+        model[LLA][i], model[VELOCITY][i] = belief.lla[i], belief.v_n[i]
+    matrix_to_quaternion(belief.C_nb, model[QUATERNION])
 
 
 @helper
@@ -576,7 +576,7 @@ def _write_asked(log: FlightLogRow, steering: Steering, lla: Array) -> None:
     log.segment = float(memory.segment)
 
 
-@inlined
+@inline
 def _cause(vehicle: FlightVehicle, C: Array, at: RouteProgress, dt: float) -> int:
     """Why the flight cannot go on, or FLYING."""
     state, limits, alpha, total = vehicle.state, vehicle.limits, vehicle.loads[0].alpha, 0.0

@@ -11,8 +11,8 @@ from ..checks import DataError, check_keys, check_number
 from ..sim.jsbsim import FOOT, STATE_PROPERTIES, STATE_UNITS, begin, quaternions, session
 from ..sim.trajectory import EARTH_RATE
 from ..typing import Array, ArrayLike, File
-from .aircraft.dynamics import checked_state
-from .aircraft.parameters import Aircraft, aircraft as find, checked_array
+from .aircraft_model.dynamics import checked_state
+from .aircraft_model.parameters import Aircraft, aircraft as find, checked_array
 from .jsbsim_definition import CONTROLS, jsbsim_definition
 
 INTEGRATORS = {
@@ -28,7 +28,7 @@ MAX_FLIGHT = 100e3
 SUBSTEPS = 10
 """Steps of JSBSim per interval of the controls."""
 RATE_PROPERTIES = ("velocities/pi-rad_sec", "velocities/qi-rad_sec", "velocities/ri-rad_sec")
-"""Of JSBSim: those against inertial space."""
+"""Rates in JSBSim: those against inertial space."""
 
 
 def fly_jsbsim(
@@ -41,7 +41,7 @@ def fly_jsbsim(
     integrators: Mapping[str, int] | None = None,
 ) -> Array:
     """The motion of an Aircraft (or that of a name) in JSBSim, its controls moved as recorded: (n,
-    17) states as in sim.aircraft.dynamics, at 0, dt, ... s.
+    17) states as in flight.aircraft_model.dynamics, at 0, dt, ... s.
 
     `state` (17,): where it begins. `controls` (n, 4): positions of elevator, aileron, rudder (rad)
     and throttle at those times, straight lines between them. `wind` (2,): steady, to north and

@@ -10,7 +10,7 @@ from ..checks import DataError
 from ..fileio.files import replacing
 from ..sim.jsbsim import FOOT
 from ..typing import File
-from .aircraft.parameters import Aircraft, aircraft as find
+from .aircraft_model.parameters import Aircraft, aircraft as find
 
 SLUG, POUND = 14.593902937206364, 4.4482216152605
 """kg, N."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_number, did_you_mean, located
+from ..checks import DataError, check_array, check_number, did_you_mean, locate_errors
 from ..core.compile.records import Table, rows
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..fileio.files import read_toml
@@ -30,23 +30,40 @@ class FlightPlan:
     """Waypoints and airspeeds. The aircraft begins at `place`, trimmed level at `start_airspeed`
     along the first leg; the legs' heights and speeds are commanded from the first instant, so a
     first waypoint above the start or another airspeed is a step. SI and radians. Raises
-    DataError."""
+    DataError.
+
+    Attributes
+    ----------
+    name : str
+        Name of the plan.
+    waypoints : tuple[tuple[float, float, float], ...]
+        ((north, east, up), ...) m from `place`, two or more; the first is where the first
+        leg begins.
+    airspeed : float or tuple of float
+        Airspeed of all legs, or one per leg, m/s.
+    start_airspeed : float or None
+        Airspeed at the start, m/s; None: that of the first leg.
+    place : tuple[float, float, float]
+        Latitude rad, longitude rad, ellipsoidal height m, at 0 s.
+    clearance : float
+        Height of the start above ground, m; a flight that gets there ends.
+    bank : float
+        Bank of the arcs between legs, rad.
+    duration : float or None
+        Length, s; None: until the last waypoint. Beyond it the last leg goes on.
+    """
 
     name: str
-    # ((north, east, up), ...) m from `place`, two or more; the first is where the first leg begins
     waypoints: tuple[tuple[float, float, float], ...]
-    airspeed: float | tuple[float, ...] = 25.0  # m/s, of all legs or one per leg
-    start_airspeed: float | None = None  # m/s; None: that of the first leg
-    # latitude rad, longitude rad, ellipsoidal height m, at 0 s
+    airspeed: float | tuple[float, ...] = 25.0
+    start_airspeed: float | None = None
     place: tuple[float, float, float] = DEFAULT_PLACE
-    clearance: float = 100.0  # m that the start is above ground; a flight that gets there ends
-    bank: float = 30 * RAD_PER_DEG  # rad, of the arcs between legs
-    duration: float | None = (
-        None  # s; None: until the last waypoint. Beyond it the last leg goes on
-    )
+    clearance: float = 100.0
+    bank: float = 30 * RAD_PER_DEG
+    duration: float | None = None
 
     def __post_init__(self) -> None:
-        with located(f"plan {self.name!r}"):
+        with locate_errors(f"plan {self.name!r}"):
             self._check()
 
     def _check(self) -> None:
@@ -190,7 +207,7 @@ def flight_plan(plan: FlightPlan | File) -> FlightPlan:
 def read_plan(path: File) -> FlightPlan:
     """The FlightPlan of a TOML file. Raises DataError naming file, key and remedy."""
     table = read_toml(path, f"give the path of a plan's .toml file, or one of {', '.join(PLANS)}")
-    with located(path):
+    with locate_errors(path):
         return FlightPlan(**{"name": Path(path).stem} | read_table(table, KEYS))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..checks import DataError, brief, check_array, check_choice, check_number
 from ..core.loop.contract import Filter, Noise
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..engine.prepare import check_needs, has_position
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
@@ -15,13 +15,13 @@ from ..sensor_models.gnss import Gnss
 from ..sensor_models.sampling import check_rate
 from ..sensor_models.streams import RandomStream
 from ..typing import Array
-from .aircraft.parameters import Aircraft
-from .aircraft.wind import TURBULENCE_LEVELS
+from .aircraft_model.parameters import Aircraft
+from .aircraft_model.wind import TURBULENCE_LEVELS
 from .asked import RECORDS, Loop, Sensors, World
 from .sensor_errors import Outage, Windows, outage_windows
 
 MAX_FLIGHT_SAMPLES = 2_000_000
-"""Of the IMU, in one flight."""
+"""Samples of the IMU in one flight at most."""
 
 
 def handed_options(
@@ -105,7 +105,7 @@ def checked_filter(filter: Filter | str, loop: Loop, barometer: Barometer | None
     kinds = ("position", "velocity", *([KIND_OF_QUANTITY[barometer.quantity]] if barometer else []))
     check_needs(
         chosen,
-        [Aiding(kind, np.empty(0), np.empty((0, 3)), np.empty((0, 3))) for kind in kinds],
+        [Source(kind, np.empty(0), np.empty((0, 3)), np.empty((0, 3))) for kind in kinds],
         "a flight has a receiver, a barometer where it is given one, and nothing else",
     )
     if loop.inputs is not None:

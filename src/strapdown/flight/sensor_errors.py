@@ -14,7 +14,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Fixes, Imu
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.errors import Triad
 from ..sensor_models.gnss import Gnss, PositionPlan
@@ -50,7 +50,7 @@ def imu_errors(spec: ImuSpec, t: Array, dt: Array, stream: RandomStream) -> ImuE
     additive, b_a, b_g = replace(spec, gyro=smooth(spec.gyro), accel=smooth(spec.accel)).corrupt(
         Imu(t, dt, zeros, zeros), stream
     )
-    own, numbers = spec.drawn(stream), IMU_ERRORS.zeros()
+    own, numbers = spec.draw_constants(stream), IMU_ERRORS.zeros()
     numbers[DISTORTION] = own.distortions
     numbers[STEP_SIZE] = spec.gyro.quantisation, spec.accel.quantisation
     numbers[FULL_SCALE] = spec.gyro.saturation, spec.accel.saturation
@@ -61,7 +61,7 @@ def imu_errors(spec: ImuSpec, t: Array, dt: Array, stream: RandomStream) -> ImuE
 class FixErrors(NamedTuple):
     """Sources of fixes, their values still to be measured, and the errors of each fix."""
 
-    aidings: tuple[Aiding, ...]
+    sources: tuple[Source, ...]
     # (m, 3) per source: metres or m/s, NED; of a barometer as flight_loop.Errors has them
     errors: tuple[Array, ...]
     delays: tuple[float, ...]  # s per source, from measuring to the stamp
@@ -69,7 +69,7 @@ class FixErrors(NamedTuple):
     def with_those(self, others: "FixErrors") -> "FixErrors":
         """These sources and those of other FixErrors."""
         return FixErrors(
-            self.aidings + others.aidings, self.errors + others.errors, self.delays + others.delays
+            self.sources + others.sources, self.errors + others.errors, self.delays + others.delays
         )
 
 
@@ -91,8 +91,8 @@ def fix_errors(gnss: Gnss, t: Array, stream: RandomStream, gate: float | None = 
             else error
         )
     lever_arm = tuple(map(float, gnss.lever_arm))
-    aidings = tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in noisy)
-    return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
+    sources = tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in noisy)
+    return FixErrors(sources, tuple(errors), (gnss.latency,) * len(errors))
 
 
 def barometer_errors(
@@ -108,20 +108,20 @@ def barometer_errors(
         np.tile([1.0, 0, 0, 0], (len(t), 1)),
     )
     plan = replace(barometer, quantity="pressure", lever_arm=(0.0, 0.0, 0.0)).plan(nowhere)
-    measured = plan.measured(stream)[0]
+    measured = plan.measure_with_bias(stream)[0]
     error = np.zeros((len(measured.t), 3))
     error[:, 0], error[:, 1] = measured.y[:, 0] - plan.pressure, barometer.zero
-    aiding = replace(
+    source = replace(
         measured,
         kind=KIND_OF_QUANTITY[barometer.quantity],
         y=np.zeros_like(measured.y),
         parameters=barometer.lever_arm,
     )
-    return FixErrors((aiding,), (error,), (0.0,))
+    return FixErrors((source,), (error,), (0.0,))
 
 
 def in_loop_order(
-    fixes: Fixes, used: Sequence[Aiding], made: FixErrors
+    fixes: Fixes, used: Sequence[Source], made: FixErrors
 ) -> tuple[Array, Array, Ints]:
     """(errors (m, 3), when each is measured (m,) s, order in which they are (m,)) of the sources
     that a filter uses, of the FixErrors `made`, in the order of the merged `fixes`

@@ -4,10 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..data.recording import Recording
-from ..data.verdict import GRAVE
+from ..data.verdict import GRAVE, rank_reasons
 from . import (
     clock_offsets as clock,
+    field_turns,
     fix_noise,
+    gyro_scale,
     height_differences as heights,
     plane,
     position_velocity,
@@ -19,6 +21,8 @@ from .motion import InspectedRecording
 
 CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     turns.check,
+    field_turns.check,
+    gyro_scale.check,
     plane.check,
     fix_noise.check,
     clock.check,
@@ -38,12 +42,11 @@ def check(recording: Recording) -> Checked:
         for reason in found.reasons
         if reason.cause in SPOILT and reason.weight >= GRAVE
     }
-    left = tuple(a for a in recording.aidings if a.kind != "velocity" or label(a) not in useless)
+    left = tuple(a for a in recording.sources if a.kind != "velocity" or label(a) not in useless)
     apart = any(reason.cause == "clock" for reason in found.reasons)
-    subject = InspectedRecording(replace(recording, aidings=left), apart)
+    subject = InspectedRecording(replace(recording, sources=left), apart)
     for name in sorted(useless):
         found.inconclusive.append(f"{name} against the IMU: correct it first")
     for each in CHECKS:
         found.add(each(subject))
-    found.reasons.sort(key=lambda reason: -reason.weight)
-    return found
+    return replace(found, reasons=rank_reasons(found.reasons))

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
-from ..typing import Array, Ints
+from ..typing import Array, Ints, Mask
 from ..units.constants import STANDARD_GRAVITY
 from .finding import MIN_FIXES, Checked, label
 from .motion import Felt, InspectedRecording, Moved, course_rate, source_velocity
@@ -30,8 +30,8 @@ FAR, EVIDENCE = 3.0, 10.0
 """A lag is believed where the logarithm of its likelihood over that of any other more than FAR (s)
 off is above EVIDENCE."""
 SYSTEMATIC = {"acceleration": 0.02, "turns": 0.08, "vectors": 0.01}
-"""What no scatter shows, s: the course of an antenna ahead of the rear axle leads the turn of the
-vehicle, that of an aircraft lags its own."""
+"""Systematic errors that no scatter shows, s: the course of an antenna ahead of the rear axle leads
+the turn of the vehicle, that of an aircraft lags its own."""
 ALONE = 0.1 * HALF
 """The same of one quantity that no other confirms, s: a tenth of half its window. What else changes
 the size of the specific force, such as a mounting that is off, shifts where it fits best."""
@@ -45,7 +45,7 @@ LEAPS = {
     37.0: "the leap seconds between TAI and UTC",
     19.0: "TAI against GPS time",
 }
-"""What whole seconds may be, since 2017."""
+"""Meanings of offsets by whole seconds, since 2017."""
 
 
 class Lag(NamedTuple):
@@ -53,7 +53,7 @@ class Lag(NamedTuple):
 
     source: str
     seconds: float  # that must be added to the time stamps of the fixes
-    sd: float  # s
+    std: float  # s
     correlation: float  # there
     evidence: float  # logarithm of the likelihood ratio to the best lag farther off
     by: str  # what was compared
@@ -61,7 +61,7 @@ class Lag(NamedTuple):
     @property
     def believed(self) -> bool:
         """True where this lag is far likelier than any other."""
-        return self.evidence > EVIDENCE and self.sd < 1.0
+        return self.evidence > EVIDENCE and self.std < 1.0
 
 
 class Series(NamedTuple):
@@ -74,7 +74,7 @@ class Series(NamedTuple):
     ours: Array  # (m,); NaN where it is not known
     independent: float  # how many of the n count
 
-    def felt(self, lags: Array, every: int = 1) -> Array:
+    def imu_motion(self, lags: Array, every: int = 1) -> Array:
         """(k, n / every) what the IMU felt at the times of the fixes, each lag (s) a row."""
         if len(self.at) < 2:
             return np.full((len(lags), len(self.t[::every])), np.nan)
@@ -89,24 +89,24 @@ class Series(NamedTuple):
 
 def check(subject: InspectedRecording) -> Checked:
     """The clock of each source of velocity and position against the IMU's."""
-    found, lags = Checked.nothing(), []
+    found, lags = Checked.empty(), []
     sources = subject.sources("position", "velocity")
     for source in sources:
         lag = coarse_lag(subject, source)
         if lag is None or not lag.believed:
             why = "too few fixes with the IMU" if lag is None else _unclear(lag)
-            found.add(Checked.unknown(f"clock of {label(source)} against the IMU", why))
+            found.add(Checked.with_unknown(f"clock of {label(source)} against the IMU", why))
         else:
             lags.append(lag)
             found.facts.append(
-                f"clock of {lag.source} against the IMU: {lag.seconds:+.2f} +- {lag.sd:.2f} s to "
+                f"clock of {lag.source} against the IMU: {lag.seconds:+.2f} +- {lag.std:.2f} s to "
                 f"add, by its {lag.by} (correlation {lag.correlation:.2f})"
             )
     found.reasons.extend(_reasons(lags, len(sources), subject.apart))
     return found
 
 
-def coarse_lag(subject: InspectedRecording, source: Aiding) -> Lag | None:
+def coarse_lag(subject: InspectedRecording, source: Source) -> Lag | None:
     """The Lag of one source of velocities or positions, within REACH; None where there are too few
     fixes."""
     fixes = source_velocity(source)
@@ -120,15 +120,15 @@ def coarse_lag(subject: InspectedRecording, source: Aiding) -> Lag | None:
     sure = [lag for lag in lags if lag.evidence > EVIDENCE] or [best]
     vectors = _by_vectors(fixes, source.kind, subject.felt, best.seconds)
     confirmed = len(sure) > 1 or np.isfinite(vectors[1])
-    known = [(lag.seconds, float(np.hypot(lag.sd, 0.0 if confirmed else ALONE))) for lag in sure]
-    known = [(lag, sd) for lag, sd in (*known, vectors) if np.isfinite(sd)]
+    known = [(lag.seconds, float(np.hypot(lag.std, 0.0 if confirmed else ALONE))) for lag in sure]
+    known = [(lag, std) for lag, std in (*known, vectors) if np.isfinite(std)]
     if not known:
-        return best._replace(sd=np.inf)
-    seconds, weight = np.array([(lag, sd**-2) for lag, sd in known]).T
+        return best._replace(std=np.inf)
+    seconds, weight = np.array([(lag, std**-2) for lag, std in known]).T
     mean = float(np.average(seconds, weights=weight))
     # quantities that disagree are not better known than that
     spread = float(np.sqrt(max(1.0, (weight * (seconds - mean) ** 2).sum())))
-    return best._replace(seconds=mean, sd=spread * float(weight.sum() ** -0.5))
+    return best._replace(seconds=mean, std=spread * float(weight.sum() ** -0.5))
 
 
 def _half(fixes: Moved, kind: str) -> float:
@@ -137,7 +137,7 @@ def _half(fixes: Moved, kind: str) -> float:
 
 
 def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[float, float]:
-    """(lag, sd) in s within a second of `near`, by whole vectors; sd is infinite where there are
+    """(lag, std) in s within a second of `near`, by whole vectors; std is infinite where there are
     too few."""
     half = _half(fixes, kind)
     a = (fixes.at(fixes.t + half) - fixes.at(fixes.t - half)) / (2 * half)
@@ -195,48 +195,68 @@ def _lag(series: Series, name: str) -> Lag | None:
         return None
     every = max(1, int(SPACING / float(np.median(np.diff(series.t)))))
     lags = np.arange(-REACH, REACH + COARSE, 2 * COARSE)
-    r = correlations(series.theirs[::every], series.felt(lags, every))
+    r = correlations(series.theirs[::every], series.imu_motion(lags, every))
     if not np.isfinite(r).any():
         return None
-    top = int(np.nanargmax(r))
+    top = _smallest_top(lags, r, series.independent)
     # what fits as well with the opposite sign is no clock
     far = np.nan_to_num(np.abs(r[np.abs(lags - lags[top]) > FAR]))
     other = min(float(far.max(initial=0.0)), 0.999)
-    lag, sd = _refine_lag(series, float(lags[top]))
+    lag, std = _refine_lag(series, float(lags[top]))
     best = min(max(float(r[top]), 0.0), 0.9999)
     evidence = series.independent / 2 * np.log((1 - other**2) / (1 - best**2))
-    sd = float(np.hypot(sd, SYSTEMATIC[series.by]))
-    return Lag(name, lag, sd, best, float(evidence), series.by)
+    std = float(np.hypot(std, SYSTEMATIC[series.by]))
+    return Lag(name, lag, std, best, float(evidence), series.by)
 
 
-def correlations(theirs: Array, ours: Array, weight: Array | None = None) -> Array:
+def _smallest_top(lags: Array, r: Array, independent: float) -> int:
+    """Which lag fits best; of several that fit about as well, as where the motion repeats itself, the
+    smallest."""
+    best = np.clip(np.nan_to_num(r, nan=-1.0), 0.0, 0.9999)
+    behind = independent / 2 * np.log((1 - best**2) / (1 - best.max() ** 2))
+    before, after = np.r_[-1.0, best[:-1]], np.r_[best[1:], -1.0]
+    tops = (best >= before) & (best >= after) & (behind < EVIDENCE)
+    return int(np.flatnonzero(tops)[np.argmin(np.abs(lags[tops]))])
+
+
+def correlations(theirs: Array, ours: Array) -> Array:
     """(k,) correlation of `theirs` (n,) with each row of `ours` (k, n), where that is known for
     half of the fixes at least; NaN elsewhere."""
+    (found,) = _correlations_without(theirs, ours, np.array([0]))[:1]
+    return found
+
+
+def _correlations_without(theirs: Array, ours: Array, edges: Ints) -> list[Array]:
+    """The same of all fixes, then without each of the parts that begin at a row of `edges`."""
     known = np.isfinite(ours)
     enough = known.sum(axis=1) >= max(MIN_FIXES, 0.5 * len(theirs))
-    w = known if weight is None else known * weight
-    total = np.maximum(w.sum(axis=1), 1e-9)
-    x, y = np.where(known, ours, 0.0), theirs
-    mx, my = (w * x).sum(axis=1) / total, (w * y).sum(axis=1) / total
-    xx, yy = (w * x * x).sum(axis=1) / total - mx**2, (w * y * y).sum(axis=1) / total - my**2
-    xy = (w * x * y).sum(axis=1) / total - mx * my
+    x = np.where(known, ours, 0.0)
+    y = known * theirs
+    parts = np.stack(
+        [np.add.reduceat(each, edges, axis=1) for each in (known * 1.0, x, y, x * x, y * y, x * y)]
+    )
+    whole = parts.sum(axis=2)
+    without = [whole - parts[:, :, i] for i in range(len(edges))]
+    return [_correlation(each, enough) for each in (whole, *without)]
+
+
+def _correlation(sums: Array, enough: Mask) -> Array:
+    """(k,) correlation from sums (6, k) of 1, x, y, x^2, y^2 and x y; NaN where not enough is known."""
+    total = np.maximum(sums[0], 1e-9)
+    mx, my, xx, yy, xy = sums[1:] / total
+    xx, yy, xy = xx - mx**2, yy - my**2, xy - mx * my
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(enough & (xx > 1e-12) & (yy > 1e-12), xy / np.sqrt(xx * yy), np.nan)
 
 
 def _refine_lag(series: Series, lag: float) -> tuple[float, float]:
-    """(lag, sd) in s near a lag: the top of the correlation, and by leaving out one tenth of the
-    record after the other (jackknife); sd is infinite where the top is an end of the search."""
+    """(lag, std) in s near a lag: the top of the correlation, and by leaving out one tenth of the
+    record after the other (jackknife); std is infinite where the top is an end of the search."""
     lags = lag + np.arange(-1.0, 1.0 + FINE / 2, FINE)
-    ours = series.felt(lags)
-    tops = [_top(lags, correlations(series.theirs, ours))]
-    if not lags[0] < tops[0] < lags[-1]:
-        return tops[0], np.inf
-    for left_out in np.array_split(np.arange(len(series.t)), BLOCKS):
-        weight = np.ones(len(series.t))
-        weight[left_out] = 0.0
-        tops.append(_top(lags, correlations(series.theirs, ours, weight)))
-    return tops[0], _jackknife(np.array(tops[1:]))
+    edges = np.array([part[0] for part in np.array_split(np.arange(len(series.t)), BLOCKS)])
+    found = _correlations_without(series.theirs, series.imu_motion(lags), edges)
+    top, *others = (_top(lags, r) for r in found)
+    return top, _jackknife(np.array(others)) if lags[0] < top < lags[-1] else np.inf
 
 
 def _jackknife(others: Array) -> float:
@@ -262,9 +282,9 @@ def _unclear(lag: Lag) -> str:
     """Why a Lag is not believed."""
     if lag.evidence <= EVIDENCE:
         return "the motion is too even to tell one time from another"
-    if not np.isfinite(lag.sd):
+    if not np.isfinite(lag.std):
         return "no lag within a second of the likeliest fits best"
-    return f"acceleration and turns disagree by {2 * lag.sd:.1f} s"
+    return f"acceleration and turns disagree by {2 * lag.std:.1f} s"
 
 
 def _reasons(lags: list[Lag], sources: int, apart: bool) -> Iterator[Reason]:
@@ -273,9 +293,9 @@ def _reasons(lags: list[Lag], sources: int, apart: bool) -> Iterator[Reason]:
     wrong = [lag for lag in lags if _weight(lag) > 1]
     if not wrong:
         return
-    sure = min(wrong, key=lambda lag: lag.sd)
+    sure = min(wrong, key=lambda lag: lag.std)
     together = all(
-        abs(lag.seconds - sure.seconds) < max(SURE * np.hypot(lag.sd, sure.sd), MIN_OFFSET)
+        abs(lag.seconds - sure.seconds) < max(SURE * np.hypot(lag.std, sure.std), MIN_OFFSET)
         for lag in lags
     )
     if together and sources > 1 and not apart:
@@ -288,12 +308,12 @@ def _reasons(lags: list[Lag], sources: int, apart: bool) -> Iterator[Reason]:
 def _reason(lag: Lag, seen: str, source: str, alone: bool = True) -> Reason:
     """The Reason of a lag; `alone`: the clock of the IMU may as well be the one that is off."""
     near = min(LEAPS, key=lambda leap: abs(abs(lag.seconds) - leap))
-    leap = abs(abs(lag.seconds) - near) < max(SURE * lag.sd, 0.3)
+    leap = abs(abs(lag.seconds) - near) < max(SURE * lag.std, 0.3)
     whose = f"the `time` of {source}" if source else "the `time` of every source of fixes"
     add = np.copysign(near, lag.seconds) if leap else lag.seconds
     return Reason(
         "clock",
-        f"{seen} +- {lag.sd:.2f} s added to its time, by {lag.by}"
+        f"{seen} +- {lag.std:.2f} s added to its time, by {lag.by}"
         + (f": {LEAPS[near]}" if leap else ""),
         f"add {add:+.3g} s to `offset` of {whose}"
         + (f", or {-add:+.3g} s to that of the IMU" if alone else ""),
@@ -303,4 +323,4 @@ def _reason(lag: Lag, seen: str, source: str, alone: bool = True) -> Reason:
 
 
 def _weight(lag: Lag) -> float:
-    return abs(lag.seconds) / max(SURE * lag.sd, MIN_OFFSET)
+    return abs(lag.seconds) / max(SURE * lag.std, MIN_OFFSET)

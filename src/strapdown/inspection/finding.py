@@ -1,11 +1,11 @@
 """Result of a check of a recording."""
 
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..data.solution import Aiding
-from ..data.verdict import Reason
+from ..data.solution import Source
+from ..data.verdict import Reason, Untested
 from ..typing import Array, Ints
 
 MIN_FIXES = 30
@@ -14,20 +14,23 @@ MIN_BLOCKS = 5
 """A standard deviation that rests on fewer blocks of time is not believed."""
 
 
-class Checked(NamedTuple):
+@dataclass
+class Checked:
     """Findings of one check of a recording, or of all."""
 
     facts: list[str]  # lines: what agrees
     reasons: list[Reason]  # what a correct set-up would not show
     inconclusive: list[str]  # lines "what could not be checked: why"
+    # of these, what a solution rests on: for its verdict
+    untested: list[Untested] = field(default_factory=list)
 
     @classmethod
-    def nothing(cls) -> "Checked":
+    def empty(cls) -> "Checked":
         """Nothing said yet."""
         return cls([], [], [])
 
     @classmethod
-    def unknown(cls, what: str, why: str) -> "Checked":
+    def with_unknown(cls, what: str, why: str) -> "Checked":
         """That `what` cannot be told, and why."""
         return cls([], [], [f"{what}: {why}"])
 
@@ -36,15 +39,16 @@ class Checked(NamedTuple):
         self.facts.extend(other.facts)
         self.reasons.extend(other.reasons)
         self.inconclusive.extend(other.inconclusive)
+        self.untested.extend(other.untested)
 
 
-def label(aiding: Aiding) -> str:
+def label(source: Source) -> str:
     """Return the name of a source, or else its kind."""
-    return aiding.name or aiding.kind
+    return source.name or source.kind
 
 
 def clustered_least_squares(A: Array, y: Array, block: Ints) -> tuple[Array, Array, Array]:
-    """(x, sd, residuals) of the least squares A x = y.
+    """(x, std, residuals) of the least squares A x = y.
 
     A (n, k), y (n,); `block` (n,) numbers stretches of time, within which errors may last: the
     standard deviations (k,) rest on how the blocks disagree (cluster-robust; Liang & Zeger 1986).

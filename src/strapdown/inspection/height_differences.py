@@ -7,8 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
+from ..preprocessing.lever_arm import lever_arm_of
 from ..typing import Array
 from .finding import Checked, label
 from .motion import InspectedRecording
@@ -27,24 +28,24 @@ SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
 
 def check(subject: InspectedRecording) -> Checked:
     """Each pair of sources that tell a height above the ellipsoid, and the name of its column."""
-    found = Checked.nothing()
+    found = Checked.empty()
     for column, name in subject.recording.meta.get("height_columns", {}).items():
         found.reasons.extend(above_sea_level(name, column))
     sources = [(a, *_heights(a)) for a in subject.sources(*KINDS)]
     sources = [each for each in sources if len(each[1]) >= MIN_FIXES]
     if len(sources) == 1:
         found.add(
-            Checked.unknown(
+            Checked.with_unknown(
                 f"zero of the height of {label(sources[0][0])}",
                 "no other source tells whether it is above the ellipsoid or the geoid",
             )
         )
-    for (one, t, h, sd), (other, t_other, h_other, sd_other) in combinations(sources, 2):
+    for (one, t, h, std), (other, t_other, h_other, std_other) in combinations(sources, 2):
         inside = (t >= t_other[0]) & (t <= t_other[-1])
         if inside.sum() < MIN_FIXES:
             continue
         off = h[inside] - np.interp(t[inside], t_other, h_other)
-        claimed = float(np.hypot(np.median(sd), np.median(sd_other)))
+        claimed = float(np.hypot(np.median(std), np.median(std_other)))
         found.add(_compare_pair(label(one), label(other), off, claimed))
     return found
 
@@ -62,12 +63,12 @@ def above_sea_level(name: str, column: str) -> Iterator[Reason]:
         )
 
 
-def _heights(aiding: Aiding) -> tuple[Array, Array, Array]:
-    """t (m,) s, heights (m,) m, sd (m,) m."""
-    column = KINDS[aiding.kind]
-    t, h, sd = aiding.t, aiding.y[:, column], aiding.sd[:, column]
+def _heights(source: Source) -> tuple[Array, Array, Array]:
+    """t (m,) s, heights of the IMU (m,) m, as if it lay level, std (m,) m."""
+    column, down = KINDS[source.kind], lever_arm_of(source)[2]
+    t, h, std = source.t, source.y[:, column] + down, source.std[:, column]
     use = np.isfinite(t) & np.isfinite(h)
-    return t[use], h[use], sd[use]
+    return t[use], h[use], std[use]
 
 
 def _compare_pair(one: str, other: str, off: Array, claimed: float) -> Checked:

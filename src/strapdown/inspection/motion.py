@@ -11,7 +11,8 @@ import numpy as np
 
 from ..core.loop.contract import Imu
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
+from ..data.value import Value
 from ..geometry.geodesy import displacement, wrap
 from ..geometry.rotation_products import running_matrices
 from ..preprocessing.stationary import rate_at_rest
@@ -29,8 +30,8 @@ PAUSE_INTERVALS = 3
 """A pause of the fixes of more than this many intervals is not bridged."""
 
 
-@dataclass(frozen=True)
-class InspectedRecording:
+@dataclass(frozen=True, eq=False)
+class InspectedRecording(Value):
     """A recording under check, with what several checks need of it."""
 
     recording: Recording
@@ -48,9 +49,9 @@ class InspectedRecording:
         imu = self.recording.imu
         return imu_motion(imu._replace(dtheta=imu.dtheta * y, dv=imu.dv * y))
 
-    def sources(self, *kinds: str) -> list[Aiding]:
+    def sources(self, *kinds: str) -> list[Source]:
         """Its sources of these kinds, in the order of the kinds."""
-        return [a for kind in kinds for a in self.recording.aidings if a.kind == kind]
+        return [a for kind in kinds for a in self.recording.sources if a.kind == kind]
 
 
 class Moved(NamedTuple):
@@ -61,18 +62,18 @@ class Moved(NamedTuple):
     v: Array  # (n, 3) m/s NED; a vertical part that is not measured is 0
     interval: float  # s, the median one
     arm: Array  # (3,) m, body, from the IMU to the antenna
-    sd: float  # m/s, the median claimed one of a horizontal component
+    std: float  # m/s, the median claimed one of a horizontal component
     span: float  # s over which each is a mean: 0 of a velocity
 
     @property
     def fast(self) -> float:
         """Speed in m/s from which its course is known."""
-        return float(np.clip(SURE * self.sd, REST_SPEED, FAST))
+        return float(np.clip(SURE * self.std, REST_SPEED, FAST))
 
     def acceleration_noise(self, half: float) -> float:
         """Variance (m^2/s^4) that the claimed noise gives a component of the acceleration over +-
         `half` s; two means of velocity share the position between them."""
-        return (3 if self.span else 2) * (self.sd / (2 * half)) ** 2
+        return (3 if self.span else 2) * (self.std / (2 * half)) ** 2
 
     def at(self, t: Array) -> Array:
         """(k, 3) velocities at times `t`, straight between the fixes; NaN outside and in pauses."""
@@ -83,29 +84,29 @@ class Moved(NamedTuple):
         return v
 
 
-def source_velocity(aiding: Aiding, least: float = 2.0) -> Moved | None:
+def source_velocity(source: Source, least: float = 2.0) -> Moved | None:
     """The velocities of a source of velocity; of positions from differences over at least `least`
     s. None where there are too few."""
-    t, first = np.unique(aiding.t, return_index=True)
-    y = aiding.y[first]
+    t, first = np.unique(source.t, return_index=True)
+    y = source.y[first]
     use = np.isfinite(t) & np.isfinite(y[:, :2]).all(axis=1)
     t, y = t[use], np.where(np.isfinite(y[use]), y[use], 0.0)
     if len(t) < MIN_FIXES:
         return None
     interval, span = float(np.median(np.diff(t))), 0.0
-    sd = float(np.median(np.broadcast_to(aiding.sd, aiding.y.shape)[:, :2]))
-    if aiding.kind == "position":
+    std = float(np.median(np.broadcast_to(source.std, source.y.shape)[:, :2]))
+    if source.kind == "position":
         step = max(1, round(least / interval))
         span = step * interval
-        sd *= np.sqrt(2) / span
+        std *= np.sqrt(2) / span
         seconds = t[step:] - t[:-step]
         v = displacement(y[step:], y[:-step]) / seconds[:, None]
         whole = seconds < (step + PAUSE_INTERVALS) * interval + 0.1
         t, y = (0.5 * (t[step:] + t[:-step]))[whole], v[whole]
         if len(t) < MIN_FIXES:
             return None
-    arm = np.array(aiding.parameters[:3], float) if len(aiding.parameters) >= 3 else np.zeros(3)
-    return Moved(label(aiding), t, y, interval, arm, sd, span)
+    arm = np.array(source.parameters[:3], float) if len(source.parameters) >= 3 else np.zeros(3)
+    return Moved(label(source), t, y, interval, arm, std, span)
 
 
 class Felt(NamedTuple):

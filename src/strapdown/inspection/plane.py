@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
 from ..data.verdict import Reason
 from ..geometry.geodesy import wrap
@@ -33,7 +33,7 @@ SURE, MIN_TURN = 5.0, np.radians(20.0)
 """Standard deviations and rad from which an angle is a reason: wind and current set a course off
 the heading by up to that."""
 RIGHT_ANGLE = np.radians(20.0)
-"""What is this near to 90, 180 or 270 deg is called so."""
+"""Angle from 90, 180 or 270 deg within which a turn is called so."""
 MOUNTING = "mounting of the IMU about the vertical"
 TURNS = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
 """{deg: axes of an IMU rotated by that, in terms of the correct ones, forward-right-down}."""
@@ -43,7 +43,7 @@ class PlaneFit(NamedTuple):
     """Forces against accelerations."""
 
     angle: float  # rad, by which the accelerations must be turned (clockwise) to be the forces
-    sd: float  # rad
+    std: float  # rad
     correlation: float
     independent: float  # how many accelerations count
     noise: float = (
@@ -63,7 +63,7 @@ class PlaneFit(NamedTuple):
 
 def check(subject: InspectedRecording) -> Checked:
     """The mounting in the plane, by the first of the velocities and positions that shows it."""
-    meta, unclear = subject.recording.meta, Checked.nothing()
+    meta, unclear = subject.recording.meta, Checked.empty()
     ahead = find_vehicle(meta.get("vehicle")).points_ahead
     for source in subject.sources("velocity", "position") if ahead else ():
         found = _by_source(subject, source)
@@ -85,27 +85,27 @@ def confirm(axes: str) -> str:
     )
 
 
-def _by_source(subject: InspectedRecording, source: Aiding) -> Checked:
+def _by_source(subject: InspectedRecording, source: Source) -> Checked:
     """The mounting in the plane, by one source of fixes."""
     fixes = source_velocity(source)
     fit = in_plane(fixes, subject.felt) if fixes is not None else None
     if fixes is None:
-        return Checked.unknown(MOUNTING, f"fewer than {MIN_FIXES} fixes of {label(source)}")
+        return Checked.with_unknown(MOUNTING, f"fewer than {MIN_FIXES} fixes of {label(source)}")
     if fit is None or fit.independent < BLOCKS:
         why = f"too few fixes of {label(source)} above {fixes.fast:.2g} m/s"
-        return Checked.unknown(MOUNTING, why)
+        return Checked.with_unknown(MOUNTING, why)
     mirrored = in_plane(fixes, subject.mirrored)
     if mirrored and mirrored.correlation > CLEAR and mirrored.likelier(fit) > EVIDENCE:
         return Checked([], [_left_handed(mirrored, fit, source)], [])
-    if fit.agreement < CLEAR or not SURE * fit.sd < np.radians(45):
+    if fit.agreement < CLEAR or not SURE * fit.std < np.radians(45):
         why = f"forces and accelerations of {label(source)} hardly agree ({fit.correlation:.2f})"
-        return Checked.unknown(MOUNTING, why)
-    degrees, sd = np.degrees(fit.angle), np.degrees(fit.sd)
+        return Checked.with_unknown(MOUNTING, why)
+    degrees, std = np.degrees(fit.angle), np.degrees(fit.std)
     fact = (
-        f"{MOUNTING}: forces point {degrees:+.0f} +- {sd:.0f} deg off the accelerations of "
+        f"{MOUNTING}: forces point {degrees:+.0f} +- {std:.0f} deg off the accelerations of "
         f"{label(source)} (correlation {fit.correlation:.2f})"
     )
-    weight = abs(fit.angle) / max(SURE * fit.sd, MIN_TURN)
+    weight = abs(fit.angle) / max(SURE * fit.std, MIN_TURN)
     if weight <= 1:
         return Checked([fact], [], [])
     return Checked([], [_reason(fit, label(source), weight, subject.recording.meta)], [])
@@ -164,7 +164,7 @@ def _unit(v: Array) -> Array:
 
 
 def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> PlaneFit | None:
-    """The PlaneFit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its sd by leaving out one tenth of the record after the
+    """The PlaneFit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its std by leaving out one tenth of the record after the
     other (jackknife)."""
     use = np.isfinite(forces) & np.isfinite(accelerations)
     if use.sum() < MIN_FIXES:
@@ -178,10 +178,10 @@ def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> 
         return None
     total = parts.sum()
     off = wrap(np.angle(total - parts) - np.angle(total))
-    sd = float(np.sqrt((BLOCKS - 1) * np.mean(off**2)))
+    std = float(np.sqrt((BLOCKS - 1) * np.mean(off**2)))
     return PlaneFit(
         float(np.angle(total)),
-        sd,
+        std,
         float(abs(total) / size),
         float(use.sum() * interval / 2),
         float(noise / np.mean(np.abs(a) ** 2)),
@@ -196,7 +196,7 @@ def _reason(fit: PlaneFit, source: str, weight: float, meta: Mapping[str, Any]) 
     right = bool(near) and abs(turn - near) < RIGHT_ANGLE
     degrees = float(np.degrees(near if right else turn))
     seen = (
-        f"forces point {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.sd):.0f} deg off the "
+        f"forces point {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.std):.0f} deg off the "
         f"accelerations of {source} (correlation {fit.correlation:.2f})"
     )
     if right:
@@ -218,7 +218,7 @@ def _turned_axes(degrees: int, guess: str | None) -> str:
     return f'replace the guess "{guess}" by this line in [imu] of recording.toml: axes = "{name}"'
 
 
-def _left_handed(mirrored: PlaneFit, fit: PlaneFit, source: Aiding) -> Reason:
+def _left_handed(mirrored: PlaneFit, fit: PlaneFit, source: Source) -> Reason:
     """The Reason of axes that are mirrored."""
     quarter = round(mirrored.angle / (np.pi / 2)) % 4
     what = (

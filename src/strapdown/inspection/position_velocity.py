@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
 from ..geometry.geodesy import displacement
 from ..typing import Array, Ints, Mask
@@ -56,7 +56,7 @@ FACTORS = {
     1.852: "knots read as km/h",
     1 / 1.852: "km/h read as knots",
 }
-"""What a mistaken unit makes of a speed, and what to say then."""
+"""Factors that a mistaken unit makes in a speed, and what to say then."""
 
 
 class Axes(NamedTuple):
@@ -141,7 +141,7 @@ class Pair(NamedTuple):
     velocity: str
     t: Array  # (n,) s, of the positions
     p: Array  # (n, 3) m NED from the first
-    sd: Array  # (n, 3) m, claimed
+    std: Array  # (n, 3) m, claimed
     t_v: Array  # (m,) s
     v: Array  # (m, 3) m/s NED; NaN where there is no vertical part
     pause: float  # s: a longer one ends what can be integrated
@@ -169,31 +169,31 @@ class Pair(NamedTuple):
 
 def check(subject: InspectedRecording) -> Checked:
     """Each velocity against the positions of its receiver."""
-    found = Checked.nothing()
-    for position, velocity in pairs(subject.recording.aidings):
+    found = Checked.empty()
+    for position, velocity in pairs(subject.recording.sources):
         found.add(position_against_velocity(position, velocity))
     return found
 
 
-def pairs(aidings: tuple[Aiding, ...]) -> Iterator[tuple[Aiding, Aiding]]:
+def pairs(sources: tuple[Source, ...]) -> Iterator[tuple[Source, Source]]:
     """(position, velocity) of each receiver: in the order of the sources, or the first position
     for all."""
-    positions = [aiding for aiding in aidings if aiding.kind == "position"]
-    velocities = [aiding for aiding in aidings if aiding.kind == "velocity"]
+    positions = [source for source in sources if source.kind == "position"]
+    velocities = [source for source in sources if source.kind == "velocity"]
     for k, velocity in enumerate(velocities):
         if positions:
             yield positions[k if len(positions) == len(velocities) else 0], velocity
 
 
-def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
+def position_against_velocity(position: Source, velocity: Source) -> Checked:
     """Compare the positions and the velocities of one receiver."""
     what = f"{label(position)} against {label(velocity)}"
     pair = _pair(position, velocity)
     if pair is None:
-        return Checked.unknown(what, "too few fixes of both at the same time")
+        return Checked.with_unknown(what, "too few fixes of both at the same time")
     wrong = _gross(pair)
     if wrong is None:
-        found = Checked.unknown(what, "the positions hardly move")
+        found = Checked.with_unknown(what, "the positions hardly move")
         found.reasons.extend(_drift(pair, _blocks(pair), 0.0))
         return found
     if wrong:
@@ -201,7 +201,7 @@ def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
     return _fine(pair, what)
 
 
-def _check_exchanged(position: Aiding, velocity: Aiding, wrong: list[Reason]) -> list[Reason]:
+def _check_exchanged(position: Source, velocity: Source, wrong: list[Reason]) -> list[Reason]:
     """The Reason where the positions agree with the velocity once latitude and longitude are
     exchanged, else none. Near the equator the same is seen where north and east of the velocity
     are."""
@@ -217,9 +217,9 @@ def _check_exchanged(position: Aiding, velocity: Aiding, wrong: list[Reason]) ->
     return [Reason("frame", seen, "exchange the columns", pair.position, wrong[0].weight)]
 
 
-def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
+def _pair(position: Source, velocity: Source) -> Pair | None:
     """The Pair; None where there are too few fixes of both at the same time."""
-    t, y, sd = _rows(position)
+    t, y, std = _rows(position)
     t_v, v, _ = _rows(velocity)
     if min(len(t), len(t_v)) < MIN_FIXES:
         return None
@@ -227,21 +227,21 @@ def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
     if common.sum() < MIN_FIXES:
         return None
     some = np.flatnonzero(common)[:: max(1, int(common.sum()) // MAX_FIXES)]
-    t, y, sd = t[some], y[some], sd[some]
+    t, y, std = t[some], y[some], std[some]
     high = np.isfinite(y[:, 2])
     heights = np.interp(t, t[high], y[high, 2]) if high.any() else np.zeros(len(t))
     y = np.c_[y[:, :2], heights]
     p = np.vstack([np.zeros(3), np.cumsum(displacement(y[1:], y[:-1]), axis=0)])
     pause = 3 * max(float(np.median(np.diff(t))), float(np.median(np.diff(t_v)))) + 0.1
-    return Pair(label(position), label(velocity), t, p, sd, t_v, v, pause, high.mean() > 0.9)
+    return Pair(label(position), label(velocity), t, p, std, t_v, v, pause, high.mean() > 0.9)
 
 
-def _rows(aiding: Aiding) -> tuple[Array, Array, Array]:
-    """t, y, sd of the fixes with both horizontal components, each time once."""
-    t, first = np.unique(aiding.t, return_index=True)
-    y, sd = aiding.y[first], np.broadcast_to(aiding.sd, aiding.y.shape)[first]
+def _rows(source: Source) -> tuple[Array, Array, Array]:
+    """t, y, std of the fixes with both horizontal components, each time once."""
+    t, first = np.unique(source.t, return_index=True)
+    y, std = source.y[first], np.broadcast_to(source.std, source.y.shape)[first]
     use = np.isfinite(t) & np.isfinite(y[:, :2]).all(axis=1)
-    return t[use], y[use], sd[use]
+    return t[use], y[use], std[use]
 
 
 def _gross(pair: Pair) -> list[Reason] | None:
@@ -252,11 +252,11 @@ def _gross(pair: Pair) -> list[Reason] | None:
     first, last = rows[:-1], rows[1:]
     d = (pair.p[last] - pair.p[first])[:, :2]
     size = np.linalg.norm(d, axis=1)
-    noise = np.sqrt((pair.sd[first, :2] ** 2 + pair.sd[last, :2] ** 2).sum(axis=1))
+    noise = np.sqrt((pair.std[first, :2] ** 2 + pair.std[last, :2] ** 2).sum(axis=1))
     whole = np.diff(pair.pauses(pair.t[rows])) == 0
     use = whole & (size > MOVING * noise)
 
-    def integrated(v: Array, shift: float = 0.0) -> Array:
+    def integrate(v: Array, shift: float = 0.0) -> Array:
         W = pair.integral(v, pair.t[rows] + shift)
         return W[1:] - W[:-1]
 
@@ -265,11 +265,11 @@ def _gross(pair: Pair) -> list[Reason] | None:
         return float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else np.inf
 
     if use.sum() < MIN_WINDOWS:
-        return _still(pair, d[whole], noise[whole], integrated(pair.v[:, :2])[whole])
-    as_read = misfit(integrated(pair.v[:, :2]))
+        return _still(pair, d[whole], noise[whole], integrate(pair.v[:, :2])[whole])
+    as_read = misfit(integrate(pair.v[:, :2]))
     if as_read < WRONG:
         return []
-    tried = [(axes, integrated(axes.right(pair.v[:, :2]))) for axes in AXES]
+    tried = [(axes, integrate(axes.right(pair.v[:, :2]))) for axes in AXES]
     factors = [_factor(d[use], W[use]) for _, W in tried]
     fits = [(misfit(W / factor), factor, axes) for (axes, W), factor in zip(tried, factors)]
     # another reading must be clearly better than the axes as they are
@@ -278,9 +278,11 @@ def _gross(pair: Pair) -> list[Reason] | None:
     weight = min(as_read / WRONG * SURE, MAX_WEIGHT)
     if off < min(RIGHT, as_read / 2):
         return _misread(pair, axes, factor, off, as_read, weight)
-    lag, off = _coarse_lag(pair, misfit, integrated)
+    lag, off = _coarse_lag(pair, misfit, integrate)
     known = off < min(RIGHT, as_read / 2)
-    return [_late(pair, lag, off, as_read, weight) if known else _unknown(pair, as_read, weight)]
+    return [
+        _late(pair, lag, off, as_read, weight) if known else _report_unknown(pair, as_read, weight)
+    ]
 
 
 def _late(pair: Pair, lag: float, off: float, as_read: float, weight: float) -> Reason:
@@ -293,7 +295,7 @@ def _late(pair: Pair, lag: float, off: float, as_read: float, weight: float) -> 
     return Reason("clock", seen, remedy, pair.velocity, weight)
 
 
-def _unknown(pair: Pair, as_read: float, weight: float) -> Reason:
+def _report_unknown(pair: Pair, as_read: float, weight: float) -> Reason:
     """The velocity fits in no way."""
     seen = (
         f"displacements of {pair.position} are {100 * as_read:.0f} % off its integral over "
@@ -374,27 +376,27 @@ def _coarse_lag(
 
 def _fine(pair: Pair, what: str) -> Checked:
     """Scale, rotation, latency, vertical and drift, where axes and unit are right."""
-    found = Checked.nothing()
+    found = Checked.empty()
     block = _blocks(pair)
-    lag, x, sd = 0.0, np.full(3, np.nan), np.full(3, np.nan)
+    lag, x, std = 0.0, np.full(3, np.nan), np.full(3, np.nan)
     for _ in range(MAX_STEPS):
-        x, sd = _horizontal(pair, block, lag)
+        x, std = _horizontal(pair, block, lag)
         if not np.isfinite(x).all():
-            return Checked.unknown(what, "too little motion for scale and latency")
+            return Checked.with_unknown(what, "too little motion for scale and latency")
         lag += x[2]
         if abs(x[2]) < SETTLED or abs(lag) > FARTHEST:
             break
     if abs(x[2]) >= SETTLED:
-        return Checked.unknown(what, "no latency between the two fits them")
+        return Checked.with_unknown(what, "no latency between the two fits them")
     found.facts.append(
-        f"{what}: the velocity is {1 / (1 + x[0]):.4f} +- {sd[0]:.4f} of the change of position, "
-        f"turned by {np.degrees(-x[1]):+.2f} +- {np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- "
-        f"{sd[2]:.3f} s"
+        f"{what}: the velocity is {1 / (1 + x[0]):.4f} +- {std[0]:.4f} of the change of position, "
+        f"turned by {np.degrees(-x[1]):+.2f} +- {np.degrees(std[1]):.2f} deg, later by {lag:+.3f} +- "
+        f"{std[2]:.3f} s"
     )
-    found.reasons.extend(_departures(pair, np.r_[x[:2], lag], sd))
+    found.reasons.extend(_departures(pair, np.r_[x[:2], lag], std))
     found.add(_vertical(pair, block, lag, what))
     found.reasons.extend(_drift(pair, block, lag))
-    for name, value, least in (("scale", sd[0], SCALE), ("latency", sd[2], LAG)):
+    for name, value, least in (("scale", std[0], SCALE), ("latency", std[2], LAG)):
         if not value * SURE < 3 * least:
             found.inconclusive.append(
                 f"{name} of {what}: known to +- {value:.2g} only: too little motion"
@@ -421,7 +423,7 @@ def _within(columns: Array, block: Ints) -> Array:
     return columns - means[block]
 
 
-def _sound(rows: Array) -> Mask:
+def _without_outliers(rows: Array) -> Mask:
     """Rows (n, k) without NaN and without what is far off their scatter."""
     known: Mask = np.asarray(np.isfinite(rows).all(axis=1))
     size = np.linalg.norm(np.where(known[:, None], rows, 0), axis=1)
@@ -430,7 +432,7 @@ def _sound(rows: Array) -> Mask:
 
 
 def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
-    """(values, sd), (3,) each: what the positions move by beyond the integral of the velocity at
+    """(values, std), (3,) each: what the positions move by beyond the integral of the velocity at
     `lag`: as a share along it, as an angle across it (rad), and as a further lag (s)."""
     at = pair.t + lag
     W = pair.integral(pair.v[:, :2], at)
@@ -442,24 +444,24 @@ def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
         columns = _within(np.c_[e[use], W[use], v[use]], number)
         ex, ey, wx, wy, vx, vy = columns.T
         A = np.c_[np.r_[wx, wy], np.r_[-wy, wx], np.r_[vx, vy]]
-        x, sd, residuals = clustered_least_squares(A, np.r_[ex, ey], np.r_[number, number])
-        keep = _sound(residuals.reshape(2, -1).T)
+        x, std, residuals = clustered_least_squares(A, np.r_[ex, ey], np.r_[number, number])
+        keep = _without_outliers(residuals.reshape(2, -1).T)
         if keep.all():
             break
         use[np.flatnonzero(use)[~keep]] = False
-    return x, sd
+    return x, std
 
 
-def _departures(pair: Pair, x: Array, sd: Array) -> Iterator[Reason]:
+def _departures(pair: Pair, x: Array, std: Array) -> Iterator[Reason]:
     """Reasons from what `_horizontal` found."""
-    scale, angle, lag = (np.abs(x) / np.maximum(SURE * sd, [SCALE, ANGLE, LAG])).tolist()
+    scale, angle, lag = (np.abs(x) / np.maximum(SURE * std, [SCALE, ANGLE, LAG])).tolist()
     if scale > 1:
         factor = 1 / (1 + x[0])
-        yield _unit_reason(pair, factor, f"(+- {sd[0]:.2g})", scale)
+        yield _unit_reason(pair, factor, f"(+- {std[0]:.2g})", scale)
     if angle > 1:
         yield Reason(
             "frame",
-            f"it is turned by {np.degrees(-x[1]):+.1f} +- {np.degrees(sd[1]):.1f} deg against the "
+            f"it is turned by {np.degrees(-x[1]):+.1f} +- {np.degrees(std[1]):.1f} deg against the "
             f"displacements of {pair.position}",
             "north must be true north: correct for the declination, or for grid north",
             pair.velocity,
@@ -468,7 +470,7 @@ def _departures(pair: Pair, x: Array, sd: Array) -> Iterator[Reason]:
     if lag > 1:
         yield Reason(
             "clock",
-            f"it comes {abs(x[2]):.2f} +- {sd[2]:.2f} s {'after' if x[2] > 0 else 'before'} the "
+            f"it comes {abs(x[2]):.2f} +- {std[2]:.2f} s {'after' if x[2] > 0 else 'before'} the "
             f"change of {pair.position}",
             f"add {-x[2]:+.2f} s to `offset` of its `time`, or {x[2]:+.2f} s to that of "
             f"{pair.position}: the IMU decides which",
@@ -481,31 +483,31 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     """Sign and scale of the vertical velocity."""
     known = np.isfinite(pair.v[:, 2])
     if known.mean() < 0.9 or not pair.has_height:
-        return Checked.unknown(f"vertical of {what}", "one of the two has no vertical part")
+        return Checked.with_unknown(f"vertical of {what}", "one of the two has no vertical part")
     v = np.where(known, pair.v[:, 2], 0.0)[:, None]
     W = pair.integral(v, pair.t + lag)[:, 0]
     use = np.isfinite(W)
     number = _run_numbers(block[use])
     p, W = _within(np.c_[pair.p[use, 2], W[use]], number).T
-    keep = _sound((p - W)[:, None]) | _sound((p + W)[:, None])
+    keep = _without_outliers((p - W)[:, None]) | _without_outliers((p + W)[:, None])
     number = _run_numbers(number[keep])
-    x, sd, _ = clustered_least_squares(W[keep, None], p[keep], number)
+    x, std, _ = clustered_least_squares(W[keep, None], p[keep], number)
     if not v.any():
         return _no_vertical(pair, p)
-    if not SURE * sd[0] < 0.8:
-        return Checked.unknown(f"vertical of {what}", "the height changes too little")
+    if not SURE * std[0] < 0.8:
+        return Checked.with_unknown(f"vertical of {what}", "the height changes too little")
     if x[0] < -0.5:
-        seen = f"its vertical part has the wrong sign ({x[0]:.2f} +- {sd[0]:.2f} of the height's)"
+        seen = f"its vertical part has the wrong sign ({x[0]:.2f} +- {std[0]:.2f} of the height's)"
         remedy = 'down must be positive: set its `axes` (such as "ENU", or "+1 +2 -3" signs)'
         return Checked([], [Reason("frame", seen, remedy, pair.velocity, 2 * SURE)], [])
-    far = max(SURE * sd[0], 0.25)
+    far = max(SURE * std[0], 0.25)
     if abs(x[0] - 1) <= far:
-        return Checked.nothing()
+        return Checked.empty()
     # Noise of the velocity makes x small as well; where that is all, the velocity explains more of
     # the heights than they of it.
-    back, back_sd, _ = clustered_least_squares(p[keep, None], W[keep], number)
-    if x[0] < 1 and not back[0] - 1 > max(SURE * back_sd[0], 0.25):
-        return Checked.unknown(f"vertical of {what}", "the height changes too little")
+    back, back_std, _ = clustered_least_squares(p[keep, None], W[keep], number)
+    if x[0] < 1 and not back[0] - 1 > max(SURE * back_std[0], 0.25):
+        return Checked.with_unknown(f"vertical of {what}", "the height changes too little")
     seen = f"its vertical part is {1 / x[0]:.3g} times the change of height of {pair.position}"
     remedy = "check unit, scale and column of both verticals"
     weight = float(abs(x[0] - 1) / far)
@@ -514,19 +516,19 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
 
 def _no_vertical(pair: Pair, p: Array) -> Checked:
     """A vertical velocity of exactly zero, beside heights p (n,) less their means over blocks."""
-    sd = float(np.median(pair.sd[:, 2]))
-    if not float(p.std()) > 2 * sd:
-        return Checked.nothing()
+    std = float(np.median(pair.std[:, 2]))
+    if not float(p.std()) > 2 * std:
+        return Checked.empty()
     return Checked(
         [],
         [
             Reason(
                 "repeated",
                 f"its vertical part is always 0, and the heights of {pair.position} change by "
-                f"{p.std():.1f} m (rms over {BLOCK:g} s, claimed {sd:.1f})",
+                f"{p.std():.1f} m (rms over {BLOCK:g} s, claimed {std:.1f})",
                 "leave its cells empty where the receiver gives none",
                 pair.velocity,
-                float(p.std()) / (2 * sd),
+                float(p.std()) / (2 * std),
             )
         ],
         [],
@@ -554,7 +556,7 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
             yield Reason(
                 "lasting errors",
                 f"its mean {name} rate differs by {rate:+.3f} +- {scatter:.3f} m/s from {pair.velocity}",
-                "find which of the two drifts, and state a larger `sd` for it",
+                "find which of the two drifts, and state a larger `std` for it",
                 pair.position,
                 weight,
             )

@@ -9,7 +9,7 @@ from ..aiding import find
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import A
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
 from ..preprocessing.stationary import at_rest
 from ..typing import Array, Mask
@@ -33,20 +33,20 @@ usual ones."""
 
 def check(subject: InspectedRecording) -> Checked:
     """All recorded sources, and the IMU."""
-    found = Checked.nothing()
+    found = Checked.empty()
     found.reasons.extend(check_repeats(subject.recording))
-    for aiding in subject.recording.aidings:
-        if aiding.kind in ("position", "velocity"):
-            found.reasons.extend(_check_stuck(aiding))
+    for source in subject.recording.sources:
+        if source.kind in ("position", "velocity"):
+            found.reasons.extend(_check_stuck(source))
     found.reasons.extend(_imu(subject.recording.imu))
     return found
 
 
 def check_repeats(recording: Recording) -> Iterator[Reason]:
     """Reasons against recorded sources that repeat their fixes, which makes any filter too sure."""
-    for aiding in recording.aidings:
-        if find(aiding.kind).recorded:
-            yield from _check_source_repeats(aiding)
+    for source in recording.sources:
+        if find(source.kind).recorded:
+            yield from _check_source_repeats(source)
 
 
 def _same(y: Array) -> Mask:
@@ -56,9 +56,9 @@ def _same(y: Array) -> Mask:
     return np.r_[False, same.all(axis=1)]
 
 
-def _check_source_repeats(aiding: Aiding) -> Iterator[Reason]:
+def _check_source_repeats(source: Source) -> Iterator[Reason]:
     """Fixes that repeat the one before while those around them change."""
-    same = _same(aiding.y)
+    same = _same(source.y)
     if len(same) < MIN_FIXES:
         return
     # of 2 AROUND fixes, how many are new ones: none while a vehicle stands and its fixes are round
@@ -69,14 +69,14 @@ def _check_source_repeats(aiding: Aiding) -> Iterator[Reason]:
     count = int(alive.sum())
     share = float(same[alive].mean()) if count >= MIN_FIXES else 0.0
     share = max(share, _held_share(same))
-    most = SHARE if aiding.kind in ("position", "velocity") else COARSE_SHARE
+    most = SHARE if source.kind in ("position", "velocity") else COARSE_SHARE
     if share > most:
         yield Reason(
             "repeated",
             f"{100 * share:.0f} % of the fixes repeat the one before while it moves: held values counted as "
             f"new ones make a filter too sure",
             "keep only the rows where a fix arrived, as with `where = { column = ..., changes = true }`",
-            label(aiding),
+            label(source),
             share / most,
         )
 
@@ -91,16 +91,16 @@ def _held_share(same: Mask) -> float:
     return 1.0 - 1.0 / usual if even.mean() > MAX_EVEN else 0.0
 
 
-def _check_stuck(aiding: Aiding) -> Iterator[Reason]:
+def _check_stuck(source: Source) -> Iterator[Reason]:
     """The longest time for which a value is held before a jump that is none of its usual ones."""
-    new = np.flatnonzero(~_same(aiding.y))
+    new = np.flatnonzero(~_same(source.y))
     if len(new) < 3:
         return
-    last = np.r_[new[1:], len(aiding.t)] - 1
-    seconds, fixes = aiding.t[last] - aiding.t[new], last - new
-    metres = [A, A, 1.0] if aiding.kind == "position" else 1.0
+    last = np.r_[new[1:], len(source.t)] - 1
+    seconds, fixes = source.t[last] - source.t[new], last - new
+    metres = [A, A, 1.0] if source.kind == "position" else 1.0
     # what is not measured does not jump
-    change = np.nan_to_num(np.abs(np.diff(aiding.y[new] * metres, axis=0)))
+    change = np.nan_to_num(np.abs(np.diff(source.y[new] * metres, axis=0)))
     jumps = np.r_[change.max(axis=1), 0.0]
     stuck = (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES) & (jumps > JUMP * np.median(jumps))
     if not stuck.any():
@@ -108,10 +108,10 @@ def _check_stuck(aiding: Aiding) -> Iterator[Reason]:
     k = int(np.argmax(np.where(stuck, seconds, 0)))
     yield Reason(
         "repeated",
-        f"one value from {aiding.t[new[k]]:.1f} to {aiding.t[last[k]]:.1f} s, then a jump: stuck "
+        f"one value from {source.t[new[k]]:.1f} to {source.t[last[k]]:.1f} s, then a jump: stuck "
         f"(times: {int(stuck.sum())})",
         "leave those rows out",
-        label(aiding),
+        label(source),
         float(min(seconds[k] / STUCK_TIME, 10.0)),
     )
 

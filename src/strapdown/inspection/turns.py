@@ -7,7 +7,7 @@ of the fixes do.
 
 import numpy as np
 
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
 from ..data.verdict import Reason
 from ..typing import Array
@@ -27,7 +27,7 @@ FAST_TURNS = 1.0
 """Root mean square rate of a gyro that may be in deg/s, read as rad/s."""
 REMEDY = "correct `gyro.unit` or `gyro.scale` of [imu]"
 MIN_RATIO, MAX_RATIO = 0.4, 2.5
-"""What turns of the gyro may be as multiples of those of the course."""
+"""Bounds on the turns of the gyro as multiples of those of the course."""
 FACTORS = {
     np.degrees(1): "deg/s read as rad/s",
     np.radians(1): "rad/s read as deg/s",
@@ -44,7 +44,7 @@ def check(subject: InspectedRecording) -> Checked:
     if find_vehicle(subject.recording.meta.get("vehicle")).points_ahead:
         found = _by_course(subject)
     else:
-        found = Checked.nothing()
+        found = Checked.empty()
     return found if found.facts or found.reasons else _by_accelerations(subject, found)
 
 
@@ -54,17 +54,17 @@ def _by_course(subject: InspectedRecording) -> Checked:
     sources = subject.sources("velocity", "position")
     fixes = source_velocity(sources[0]) if sources else None
     if fixes is None:
-        return Checked.nothing()
+        return Checked.empty()
     what = f"turns of the gyro against the course of {label(sources[0])}"
     half = max(HALF, 2 * fixes.interval)
     theirs = course_rate(fixes, half, fixes.fast)
     use = np.isfinite(theirs)
     if use.sum() < MIN_FIXES or not theirs[use].std() > MIN_TURN:
-        return Checked.unknown(what, "the course is known too seldom, or hardly turns")
+        return Checked.with_unknown(what, "the course is known too seldom, or hardly turns")
     ours = _gyro_turns(subject, fixes.t[use], half)
     r = correlations(theirs[use], ours)
     if not np.isfinite(r).any() or np.nanmax(np.abs(r)) < SURE:
-        return Checked.unknown(what, "they hardly agree at any lag up to 3 s")
+        return Checked.with_unknown(what, "they hardly agree at any lag up to 3 s")
     top = int(np.nanargmax(np.abs(r)))
     known = np.isfinite(ours[top])
     ratio = float(ours[top][known].std() / theirs[use][known].std())
@@ -73,7 +73,9 @@ def _by_course(subject: InspectedRecording) -> Checked:
     if not MIN_RATIO < ratio < MAX_RATIO:
         as_course /= ratio
     if reasons and likelier(subject, as_course) < -EVIDENCE:
-        return Checked.unknown(what, "they differ, and the accelerations of the fixes fit the gyro")
+        return Checked.with_unknown(
+            what, "they differ, and the accelerations of the fixes fit the gyro"
+        )
     fact = f"{what}: correlation {r[top]:.3f}, gyro / course {ratio:.3g}"
     return Checked([fact], reasons, [])
 
@@ -89,7 +91,7 @@ def _gyro_turns(subject: InspectedRecording, t: Array, half: float) -> Array:
     return np.interp(t + lags[:, None], motion.t, turn, left=np.nan, right=np.nan)
 
 
-def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:
+def _reasons(source: Source, r: float, ratio: float) -> list[Reason]:
     """Reasons of a correlation with the course of a source and a ratio to it."""
     found = []
     if r < 0:

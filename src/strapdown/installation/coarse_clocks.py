@@ -38,7 +38,7 @@ def coarse_clocks(subject: InspectedRecording, constants: Sequence[Constant]) ->
     lags = {
         j: lag
         for j in clocks
-        if (lag := coarse_lag(subject, subject.recording.aidings[constants[j].sources[0]]))
+        if (lag := coarse_lag(subject, subject.recording.sources[constants[j].sources[0]]))
     }
     if not lags:
         return []

@@ -42,8 +42,8 @@ from .iteration import (
     Trial,
     Unknown,
     estimate_unknowns,
+    full_theta,
     unknowns,
-    whole,
 )
 from .model import SHOWN_BY, InstallationModel, apply_constants, constants
 
@@ -67,7 +67,7 @@ def diagnose(
     of its antenna, mounting of the IMU, scale of the odometer.
 
     Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
-    applied, and the filter is run again until nothing moves: `settling.MAX_RUNS` runs at most.
+    applied, and the filter is run again until nothing moves: `iteration.MAX_RUNS` runs at most.
     What the recording names to be estimated as states is not, here. Without a source of velocity no
     more than a clock offset beyond 0.5 s is reported.
 
@@ -82,10 +82,20 @@ def diagnose(
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
+    Returns
+    -------
+    Diagnosis
+        Every parameter with its estimate, and what to change in recording.toml.
+
     Raises
     ------
     DataError
         Without a source of position, and as of `fuse`.
+
+    References
+    ----------
+    Friedland (1969), "Treatment of bias in recursive filtering", IEEE Transactions on Automatic Control
+    14(4).
     """
     asked = run_options(options=options, estimate=(), **set_up)
     return _Runs(recording, filter, asked, listener(progress)).diagnosis()
@@ -104,18 +114,18 @@ class _Runs:
         check_recording(recording)
         self.recording, self.filter, self.asked = recording, filters.find(filter), asked
         check_sensitive(self.filter)
-        self.kinds = [a.kind for a in recording.aidings if len(a.t)]
+        self.kinds = [a.kind for a in recording.sources if len(a.t)]
         if "position" not in self.kinds:
             raise DataError(
                 "nothing of the installation shows without a source of position: add one"
             )
-        self.constants = constants(recording.aidings)
+        self.constants = constants(recording.sources)
         self.progress = progress
         self.way = Settling(self.run, np.zeros(len(self.constants)))
 
     def run(self, theta: Array) -> Trial:
         """The filter over the recording with its set-up changed by theta."""
-        before, run = self.way.runs - 1, self.begun(theta)
+        before, run = self.way.runs - 1, self.begin(theta)
         model = InstallationModel(run, self.constants, self.asked["start"] is None)
         found = sums(
             run,
@@ -125,14 +135,14 @@ class _Runs:
         )
         return Trial(theta, fit(run), found, run)
 
-    def begun(self, theta: Array) -> Run:
+    def begin(self, theta: Array) -> Run:
         """A Run with the set-up changed by theta, before its first sample."""
         recording = apply_constants(self.recording, self.constants, theta)
         return begin_sensitive(recording, self.filter, self.asked)
 
     def diagnosis(self) -> Diagnosis:
         """All runs, and what they say."""
-        first = self.way.tried(np.zeros(len(self.constants)))
+        first = self.way.run_trial(np.zeros(len(self.constants)))
         last = self.roughly(first)
         if last.made.cursor.state[0].fault:
             raise DataError(
@@ -141,14 +151,14 @@ class _Runs:
         of_clocks = [c.of is CLOCK for c in self.constants]
         split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
         clocks = [each for each in unknowns(self.constants, split) if each.of is CLOCK]
-        last = self.way.settled(last, clocks)
+        last = self.way.iterate(last, clocks)
         if "velocity" not in self.kinds:
-            return self.told(first, last, clocks)
-        split = split or self.apart(last)
-        last = self.way.settled(last, unknowns(self.constants, split))
-        if not split and self.apart(last):
-            last = self.way.settled(last, unknowns(self.constants, split=True))
-        return self.told(first, last, unknowns(self.constants, self.apart(last)))
+            return self.make_diagnosis(first, last, clocks)
+        split = split or self.clocks_differ(last)
+        last = self.way.iterate(last, unknowns(self.constants, split))
+        if not split and self.clocks_differ(last):
+            last = self.way.iterate(last, unknowns(self.constants, split=True))
+        return self.make_diagnosis(first, last, unknowns(self.constants, self.clocks_differ(last)))
 
     def roughly(self, first: Trial) -> Trial:
         """The trial to settle from: with the clocks that the motion itself shows, where `first`
@@ -158,13 +168,13 @@ class _Runs:
         if first.fit.misfit <= MISFIT:
             return first
         for theta in coarse_clocks(subject, self.constants):
-            new = self.way.tried(theta)
+            new = self.way.run_trial(theta)
             if new.fit.cost < COARSE_GAIN * first.fit.cost:
                 self.way.centre = theta
                 return new
         return first
 
-    def apart(self, trial: Trial) -> bool:
+    def clocks_differ(self, trial: Trial) -> bool:
         """Return True where the clocks of the GNSS sources differ from each other."""
         together = unknowns(self.constants)
         clocks = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
@@ -172,36 +182,36 @@ class _Runs:
         found = estimate_unknowns(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
-    def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
+    def make_diagnosis(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """Return the diagnosis of the sought parameters by the last trial."""
         final = estimate_unknowns(last, sought, self.way.centre)
         wrong, alone = self.surely(last, sought, final)
         value, theta, best = final.value.copy(), first.theta, first.made
         if alone is not None:
             some = [each for each, one in zip(sought, wrong) if one]
-            value[wrong], theta = alone.value, whole(some, alone.value)
-            final.sd[wrong] = alone.sd
-            best = self.begun(theta)
+            value[wrong], theta = alone.value, full_theta(some, alone.value)
+            final.std[wrong] = alone.std
+            best = self.begin(theta)
             best.complete()
             self.way.runs += 1
         gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
         if gain <= MIN_GAIN:
             wrong, value, gain = np.zeros(len(sought), bool), final.value, 0.0
             theta, best = first.theta, first.made
-        shares = (value / final.model_sd) ** 2 * wrong
+        shares = (value / final.model_std) ** 2 * wrong
         shares *= gain / max(shares.sum(), 1e-300)
         estimates = [
             self.estimate(each, final, i, float(value[i]), bool(wrong[i]), float(shares[i]))
             for i, each in enumerate(sought)
         ]
         found = [
-            (each.of, each.sources, each.axis, float(x), float(sd))
-            for each, x, sd, one in zip(sought, value, final.sd, wrong)
+            (each.of, each.sources, each.axis, float(x), float(std))
+            for each, x, std, one in zip(sought, value, final.std, wrong)
             if one
         ]
         lines: dict[str, list[str]] = {}
         for edit in edits(self.recording, found):
-            lines.setdefault(edit.of.cause, []).append(line(self.recording.aidings, edit))
+            lines.setdefault(edit.of.cause, []).append(line(self.recording.sources, edit))
         self.progress(1.0)
         return Diagnosis(
             tuple(estimates + self.never(sought)),
@@ -223,8 +233,8 @@ class _Runs:
 
     def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> Estimated:
         """The unknowns `some` with all others as given."""
-        theta = whole(some, value)
-        there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
+        theta = full_theta(some, value)
+        there = last._replace(theta=theta, sums=last.sums.shift(theta - last.theta))
         return estimate_unknowns(there, some, self.way.centre)
 
     def surely(
@@ -245,10 +255,10 @@ class _Runs:
         self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
     ) -> Diagnosed:
         """The i-th estimate in the terms of recording.toml."""
-        of, axis, sd = unknown.of, unknown.axis, float(final.sd[i])
-        aidings = [self.recording.aidings[k] for k in unknown.sources]
-        names = tuple(a.name or a.kind for a in aidings)
-        status = FOUND if wrong else NOT_OBSERVABLE if sd > of.known_sd else CONSISTENT
+        of, axis, std = unknown.of, unknown.axis, float(final.std[i])
+        sources = [self.recording.sources[k] for k in unknown.sources]
+        names = tuple(a.name or a.kind for a in sources)
+        status = FOUND if wrong else NOT_OBSERVABLE if std > of.known_std else CONSISTENT
         motion = of.motions[axis]
         if "velocity" not in self.kinds and status == CONSISTENT:
             status = NOT_OBSERVABLE
@@ -262,7 +272,7 @@ class _Runs:
             status,
             0.0 if of is MOUNTING else as_given(self.recording, of, axis, unknown.sources),
             value * of.factor,
-            sd * of.factor,
+            std * of.factor,
             motion,
             gain,
             tuple((float(x * of.factor), float(s * of.factor)) for x, s in final.halves[i]),
@@ -288,12 +298,12 @@ class _Runs:
                 (),
                 NOT_OBSERVABLE,
                 *(np.nan, np.nan, np.nan),
-                self.missing(of, axis),
+                self.missing_source(of, axis),
             )
             for of, axis in never
         ]
 
-    def missing(self, of: CalibrationParameter, axis: int) -> str:
+    def missing_source(self, of: CalibrationParameter, axis: int) -> str:
         """The source without which no motion shows a component."""
         if of is MOUNTING and SHOWN_BY[axis] not in self.kinds:
             return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"

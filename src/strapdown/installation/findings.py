@@ -10,8 +10,9 @@ from ..core.mathematics.rotation import matrix_to_euler
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.operations import operation
 from ..data.recording import Recording
-from ..data.solution import Aiding, Solution
-from ..data.verdict import Reason
+from ..data.solution import Solution, Source
+from ..data.value import Value
+from ..data.verdict import Reason, rank_reasons
 from ..io.description.edits import Edit, edit_text
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
@@ -30,10 +31,10 @@ MISFIT = 1.5
 find, or something else is wrong."""
 
 
-def interval(value: float, sd: float, unit: str) -> str:
+def interval(value: float, std: float, unit: str) -> str:
     """A value with its standard deviation and unit, as text."""
     digits = 3 if unit else 4
-    return f"{value:+.{digits}f} +- {sd:.{digits}f} {unit}".rstrip()
+    return f"{value:+.{digits}f} +- {std:.{digits}f} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Estimate:
     status: str  # FOUND, CONSISTENT or NOT_OBSERVABLE
     given: float  # as the recording has it; of a clock 0, of a scale 1
     change: float  # to be added to it, true less given; NaN where nothing can be said
-    sd: float  # of the change
+    std: float  # of the change
     motion: str  # what would show it, or show it better
 
     @property
@@ -63,7 +64,7 @@ class Estimate:
     @property
     def seen(self) -> str:
         """The change with its standard deviation and unit."""
-        return interval(self.change, self.sd, self.unit)
+        return interval(self.change, self.std, self.unit)
 
     @property
     def told(self) -> str:
@@ -72,7 +73,7 @@ class Estimate:
             return f"not observable; to show it, {self.motion}"
         if self.status == FOUND:
             return f"found to be off by {self.seen}"
-        if abs(self.change) < NOTABLE * self.sd:
+        if abs(self.change) < NOTABLE * self.std:
             return f"consistent with what was given ({self.seen})"
         return f"no significant difference from the given value ({self.seen})"
 
@@ -101,18 +102,38 @@ class Diagnosed(Estimate):
         return super().told + gains
 
 
-@dataclass(frozen=True)
-class Diagnosis:
-    """Result of `diagnose`."""
+@dataclass(frozen=True, eq=False)
+class Diagnosis(Value):
+    """Result of `diagnose`.
+
+    Attributes
+    ----------
+    parameters : tuple of Diagnosed
+        Each parameter as given and as found.
+    recording : Recording
+        The recording, set up as found.
+    solution : Solution
+        Solution of the last run, of that recording.
+    runs : int
+        How often the filter ran.
+    gain : float
+        Sum of min(NIS, 30) of all fixes, as given less as found.
+    misfit : float
+        Mean of min(NIS, 30) as found, over that of a correct set-up: about 1.
+    reasons : tuple of Reason
+        The weightiest first.
+    changes : tuple of str
+        What to write into recording.toml, a line each.
+    """
 
     parameters: tuple[Diagnosed, ...]
-    recording: Recording  # set up as found
-    solution: Solution  # of the last run: of that recording
-    runs: int  # of the filter
-    gain: float  # sum of min(NIS, 30) of all fixes, as given less as found
-    misfit: float  # mean of min(NIS, 30) as found, over that of a correct set-up: about 1
-    reasons: tuple[Reason, ...]  # the weightiest first
-    changes: tuple[str, ...]  # what to write into recording.toml, a line each
+    recording: Recording
+    solution: Solution
+    runs: int
+    gain: float
+    misfit: float
+    reasons: tuple[Reason, ...]
+    changes: tuple[str, ...]
 
     @property
     def found(self) -> tuple[Diagnosed, ...]:
@@ -148,7 +169,7 @@ class Diagnosis:
 
 
 def run_count_text(runs: int) -> str:
-    """How often the filter ran, in words."""
+    """Number of runs of the filter, in words."""
     return f"{runs} run{'s' * (runs > 1)} of the filter"
 
 
@@ -168,21 +189,21 @@ def edits(
     made: list[Edit] = []
     arms: dict[tuple[int, ...], Array] = {}
     turn = np.zeros((2, 3))
-    for of, sources, axis, change, sd in found:
+    for of, sources, axis, change, std in found:
         if of is CLOCK:
-            made += [Edit(i, CLOCK, (change,), (sd,)) for i in sources]
+            made += [Edit(i, CLOCK, (change,), (std,)) for i in sources]
         elif of is SCALE:
             by = 1 / (1 + change)
-            made += [Edit(i, SCALE, (by,), (by * sd,)) for i in sources]
+            made += [Edit(i, SCALE, (by,), (by * std,)) for i in sources]
         elif of is LEVER_ARM:
-            arms.setdefault(tuple(sources), np.zeros((2, 3)))[:, axis] = change, sd
+            arms.setdefault(tuple(sources), np.zeros((2, 3)))[:, axis] = change, std
         else:
-            turn[:, axis] = change, sd
+            turn[:, axis] = change, std
     of_imu = np.array(recording.meta.get("imu_lever_arm", [0.0] * 3))
-    for sources, (change_of_arm, sd_of_arm) in arms.items():
+    for sources, (change_of_arm, std_of_arm) in arms.items():
         for i in sources:
-            arm = of_imu + lever_arm_of(recording.aidings[i]) + change_of_arm
-            made.append(Edit(i, LEVER_ARM, tuple(arm.tolist()), tuple(sd_of_arm.tolist())))
+            arm = of_imu + lever_arm_of(recording.sources[i]) + change_of_arm
+            made.append(Edit(i, LEVER_ARM, tuple(arm.tolist()), tuple(std_of_arm.tolist())))
     if turn[0].any():
         given = rotation_matrix(*recording.meta.get("imu_mounting", (0.0, 0.0, 0.0)))
         angles = matrix_to_euler(rotation(turn[0]) @ given)
@@ -190,12 +211,12 @@ def edits(
     return made
 
 
-def line(aidings: Sequence[Aiding], edit: Edit) -> str:
+def line(sources: Sequence[Source], edit: Edit) -> str:
     """A line for people: the section of recording.toml, and what to change there."""
     if edit.source is None:
         return f"[imu] {edit_text(edit)}"
-    source = aidings[edit.source]
-    return f"[[aiding]] {edit.source + 1} ({source.name or source.kind}) {edit_text(edit)}"
+    source = sources[edit.source]
+    return f"[[source]] {edit.source + 1} ({source.name or source.kind}) {edit_text(edit)}"
 
 
 def reasons(estimates: Sequence[Diagnosed], lines: dict[str, list[str]]) -> tuple[Reason, ...]:
@@ -205,7 +226,7 @@ def reasons(estimates: Sequence[Diagnosed], lines: dict[str, list[str]]) -> tupl
     for cause, remedy in lines.items():
         own = [each for each in estimates if each.cause == cause and each.status == FOUND]
         gain = sum(each.gain for each in own)
-        z = max(abs(each.change) / each.sd for each in own)
+        z = max(abs(each.change) / each.std for each in own)
         seen = ", ".join(f"{each.name} off by {each.seen}" for each in own)
         alone = len(own) == 1 == len(own[0].sources)
         made.append(
@@ -217,4 +238,4 @@ def reasons(estimates: Sequence[Diagnosed], lines: dict[str, list[str]]) -> tupl
                 max(1.0, min(z / MIN_Z, float(np.sqrt(gain / MIN_GAIN)))),
             )
         )
-    return tuple(sorted(made, key=lambda reason: -reason.weight))
+    return tuple(rank_reasons(made))

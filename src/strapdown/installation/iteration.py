@@ -46,7 +46,7 @@ def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown
     return [Unknown(CLOCK, sources, 0, rows[clocks].sum(axis=0)), *found]
 
 
-def whole(some: Sequence[Unknown], values: Array) -> Array:
+def full_theta(some: Sequence[Unknown], values: Array) -> Array:
     """theta (m,) with these values of some unknowns and 0 of all others."""
     theta: Array = values @ np.stack([each.direction for each in some])
     return theta
@@ -77,14 +77,14 @@ class Estimated(NamedTuple):
 
     value: Array  # (q,) change of what was given
     step: Array  # (q,) of it, what is not in the set-up of the run yet
-    sd: Array  # (q,) the larger of the model's and the scatter's over blocks of time
-    model_sd: Array  # (q,)
-    halves: Array  # (q, 2, 2) value and sd by each half of the blocks, all others as estimated
+    std: Array  # (q,) the larger of the model's and the scatter's over blocks of time
+    model_std: Array  # (q,)
+    halves: Array  # (q, 2, 2) value and std by each half of the blocks, all others as estimated
 
     @property
     def z(self) -> Array:
         """The values in standard deviations."""
-        return np.abs(self.value) / self.sd
+        return np.abs(self.value) / self.std
 
 
 def estimate_unknowns(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimated:
@@ -93,15 +93,15 @@ def estimate_unknowns(trial: Trial, sought: Sequence[Unknown], centre: Array) ->
     basis = np.stack([each.direction for each in sought], axis=1)
     inverse = np.linalg.pinv(basis)
     now, mean = inverse @ trial.theta, inverse @ centre
-    information, score = trial.sums.mapped(basis)
-    weight = np.array([each.of.given_sd**-2.0 for each in sought])
-    covariance = np.linalg.inv(information.sum(axis=0) + np.diag(weight))
+    information, score = trial.sums.map_basis(basis)
+    weight = np.array([each.of.given_std**-2.0 for each in sought])
+    covariance = _inverse(information.sum(axis=0) + np.diag(weight))
     step = covariance @ (score.sum(axis=0) + weight * (mean - now))
     left = score - information @ step
     blocks = len(left)
     scatter = covariance @ (left.T @ left) @ covariance * (blocks / (blocks - 1))
-    model_sd = np.sqrt(np.diag(covariance))
-    sd = np.maximum(model_sd, np.sqrt(np.diag(scatter)))
+    model_std = np.sqrt(np.diag(covariance))
+    std = np.sqrt(np.maximum(np.diag(covariance), np.diag(scatter)))
     halves = np.stack(
         [
             _by_part(now + step, information[part], left[part])
@@ -109,7 +109,18 @@ def estimate_unknowns(trial: Trial, sought: Sequence[Unknown], centre: Array) ->
         ],
         axis=1,
     )
-    return Estimated(now + step, step, sd, model_sd, halves)
+    return Estimated(now + step, step, std, model_std, halves)
+
+
+def _inverse(information: Array) -> Array:
+    """The inverse of a positive definite matrix whose unknowns are known to very different standard
+    deviations: that of the matrix with ones on its diagonal, scaled back."""
+    scale = 1 / np.sqrt(np.diag(information))
+    return (
+        scale[:, None]
+        * np.linalg.pinv(information * np.outer(scale, scale), hermitian=True)
+        * scale
+    )
 
 
 def _by_part(value: Array, information: Array, left: Array) -> Array:
@@ -128,7 +139,7 @@ def nis_decrease(trial: Trial, sought: Sequence[Unknown], step: Array) -> float:
     """By how much the sum of the NIS falls when the unknowns change by `step`, as far as it is
     quadratic."""
     basis = np.stack([each.direction for each in sought], axis=1)
-    information, score = (part.sum(axis=0) for part in trial.sums.mapped(basis))
+    information, score = (part.sum(axis=0) for part in trial.sums.map_basis(basis))
     return float(2 * score @ step - step @ information @ step)
 
 
@@ -138,32 +149,32 @@ class Settling:
     def __init__(self, run: Callable[[Array], Trial], centre: Array) -> None:
         self.run, self.centre, self.runs = run, centre, 0
 
-    def tried(self, theta: Array) -> Trial:
+    def run_trial(self, theta: Array) -> Trial:
         """A run with the set-up changed by theta."""
         self.runs += 1
         return self.run(theta)
 
-    def settled(self, trial: Trial, sought: Sequence[Unknown], keep: int = 1) -> Trial:
+    def iterate(self, trial: Trial, sought: Sequence[Unknown], keep: int = 1) -> Trial:
         """The trial from which the unknowns `sought` no longer move, or the last for which there
         are runs, `keep` of them left over."""
         while self.runs < MAX_RUNS - keep:
             found = estimate_unknowns(trial, sought, self.centre)
-            if (np.abs(found.step) <= SETTLED * found.sd).all():
+            if (np.abs(found.step) <= SETTLED * found.std).all():
                 break
             if not trial.theta.any() and (found.z <= NOTABLE).all():
                 break
-            better = self._stepped(trial, whole(sought, found.step), keep)
+            better = self._try_step(trial, full_theta(sought, found.step), keep)
             if better is None:
                 break
             trial = better
         return trial
 
-    def _stepped(self, trial: Trial, step: Array, keep: int) -> Trial | None:
+    def _try_step(self, trial: Trial, step: Array, keep: int) -> Trial | None:
         """The trial after that step, or half of it, ...; None where the cost rises with each."""
         for halving in range(HALVINGS + 1):
             if self.runs >= MAX_RUNS - keep:
                 break
-            new = self.tried(trial.theta + step / 2**halving)
+            new = self.run_trial(trial.theta + step / 2**halving)
             if new.fit.cost <= RISE * trial.fit.cost:
                 return new
         return None

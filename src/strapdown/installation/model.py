@@ -19,7 +19,7 @@ from ..core.mathematics.error_dynamics import cross_matrix
 from ..core.mathematics.rotation_vectors import exponentials
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
@@ -30,9 +30,9 @@ from ..typing import Array, Ints
 
 GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
-"""{kind of aiding: body axis along which it sees the velocity of the vehicle}."""
+"""{kind of measurement: body axis along which it sees the velocity of the vehicle}."""
 HEADING = "heading"
-"""Kind of aiding that sees the x axis of the vehicle."""
+"""Kind of measurement that sees the x axis of the vehicle."""
 SHOWN_BY = {1: "zero-vertical-velocity", 2: "zero-lateral-velocity"}
 """{axis of the mounting: the constraint that shows it}."""
 
@@ -45,14 +45,14 @@ class Constant(NamedTuple):
     axis: int = 0  # 0, 1, 2 of a lever arm or a mounting
 
 
-def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
+def constants(sources: Sequence[Source]) -> tuple[Constant, ...]:
     """The constants that a recording with these sources has."""
-    kinds = [a.kind for a in aidings]
+    kinds = [a.kind for a in sources]
     gnss = tuple(i for i, kind in enumerate(kinds) if kind in GNSS)
     found = [Constant(CLOCK, (i,)) for i in gnss]
     antennas: dict[tuple[float, ...], list[int]] = {}
     for i in gnss:
-        antennas.setdefault(tuple(lever_arm_of(aidings[i])), []).append(i)
+        antennas.setdefault(tuple(lever_arm_of(sources[i])), []).append(i)
     for own in antennas.values():
         found += [Constant(LEVER_ARM, tuple(own), axis) for axis in range(3)]
     seen = tuple(i for i, kind in enumerate(kinds) if kind in (*CONSTRAINED, HEADING))
@@ -67,31 +67,31 @@ def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
 
 def apply_constants(recording: Recording, found: Sequence[Constant], theta: Array) -> Recording:
     """The recording set up with these constants changed by theta (m,)."""
-    aidings, turn = list(recording.aidings), np.zeros(3)
+    sources, turn = list(recording.sources), np.zeros(3)
     for constant, value in zip(found, theta):
         if constant.of is MOUNTING:
             turn[constant.axis] = value
             continue
         for i in constant.sources:
-            a = aidings[i]
+            a = sources[i]
             if constant.of is CLOCK:
-                aidings[i] = replace(a, t=a.t + value)
+                sources[i] = replace(a, t=a.t + value)
             elif constant.of is LEVER_ARM:
                 arm = lever_arm_of(a)
                 arm[constant.axis] += value
-                aidings[i] = replace(a, parameters=tuple(map(float, arm)))
+                sources[i] = replace(a, parameters=tuple(map(float, arm)))
             else:
-                aidings[i] = replace(a, y=a.y / (1 + value))
+                sources[i] = replace(a, y=a.y / (1 + value))
     imu = recording.imu
     if turn.any():
         from scipy.spatial.transform import Rotation
 
         R = rotation(turn)
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
-        aidings = [with_the_imu(a, Rotation.from_rotvec(turn)) for a in aidings]
-    made = replace(recording, imu=imu, aidings=tuple(aidings))
+        sources = [with_the_imu(a, Rotation.from_rotvec(turn)) for a in sources]
+    made = replace(recording, imu=imu, sources=tuple(sources))
     # it is no longer as its file has it
-    return made.forgetting("installed") if np.any(theta) else made
+    return made.without_meta("installed") if np.any(theta) else made
 
 
 def rotation(turn: Array) -> Array:
@@ -106,9 +106,9 @@ class InstallationModel:
 
     def __init__(self, run: Run, found: Sequence[Constant], aligned: bool) -> None:
         """aligned: whether the start was made of the first fixes, and errs with them."""
-        self.found, aidings = tuple(found), run.recording.aidings
-        self.kinds = np.array([a.kind for a in aidings])
-        self.arms = np.array([lever_arm_of(a) for a in aidings])
+        self.found, sources = tuple(found), run.recording.sources
+        self.kinds = np.array([a.kind for a in sources])
+        self.arms = np.array([lever_arm_of(a) for a in sources])
         # what the turning Earth adds to an acceleration, 0.015 m/s^2 at 100 m/s, is left out
         latitude, height = run.start.lla[0], run.start.lla[2]
         self.g = np.array([0.0, 0.0, gravity(np.sin(latitude), height)])
@@ -124,8 +124,8 @@ class InstallationModel:
         first, last = np.searchsorted(run.samples.t, [start.t - 0.5, start.t + 0.5])
         near = slice(first, max(last, first + 1))
         seconds = run.samples.dt[near].sum()
-        rate = run.samples.dtheta[near].sum(axis=0) / seconds - np.asarray(start.bg)
-        by_clock, by_arm = errors_of_start(np.asarray(start.v), C, rate, acceleration)
+        rate = run.samples.dtheta[near].sum(axis=0) / seconds - np.asarray(start.b_g)
+        by_clock, by_arm = errors_of_start(np.asarray(start.v_n), C, rate, acceleration)
         for j, constant in enumerate(self.found):
             kinds = self.kinds[list(constant.sources)]
             if constant.of is CLOCK:

@@ -12,8 +12,8 @@ from ..core.loop.contract import POS, STATES, VEL, InitialState, Noise
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
-from ..data.solution import Aiding, Solution
-from ..data.verdict import Reason
+from ..data.solution import Solution, Source
+from ..data.verdict import HEADING, HEIGHT, POSITION, TILT, VELOCITY, Reason, SetUpBound, Untested
 from ..engine.options import run_options
 from ..engine.sensitivity import begin_sensitive, fit, sums
 from ..preprocessing.axes import rotation_matrix
@@ -33,10 +33,14 @@ WINDOW = 1000.0
 HARMFUL = 3.0
 """Claimed standard deviations that an error must not exceed."""
 ARM_SHARE = 0.5
-"""Of what a lever arm explains: its three numbers take up most of a clock's error too, but a clock
+"""Share of what a lever arm explains: its three numbers take up most of a clock's error too, but a clock
 takes up less than a fifth of an arm's."""
 PART_OF_EXCESS = 0.3
-"""Of what the innovations are too large by; what explains less is a consequence and no cause."""
+"""Share of the excess of the innovations: what explains less is a consequence and no cause."""
+
+
+DETECTED = 1.64
+"""Standard deviations beyond a threshold at which an error is seen in 95 of 100 recordings."""
 
 
 class Suspect(NamedTuple):
@@ -44,7 +48,7 @@ class Suspect(NamedTuple):
 
     unknowns: tuple[Unknown, ...]  # of one parameter
     value: Array  # (q,) s, m, rad
-    sd: Array  # (q,) of the value
+    std: Array  # (q,) of the value
     explained: float  # of the sum of squared whitened innovations
     excess: float  # of that sum over its expectation
 
@@ -56,7 +60,7 @@ class Suspect(NamedTuple):
     @property
     def z(self) -> Array:
         """(q,) the values in standard deviations."""
-        return np.abs(self.value) / self.sd
+        return np.abs(self.value) / self.std
 
     @property
     def likely(self) -> float:
@@ -69,9 +73,9 @@ def window(solution: Solution) -> tuple[Recording, InitialState]:
     assert solution.recording is not None
     recording, start = solution.recording, InitialState(**solution.meta["start"])
     made, seconds = solution.trajectory, recording.span[1] - start.t
-    if seconds <= WINDOW or made.v_n is None or made.sd is None:
+    if seconds <= WINDOW or made.v_n is None or made.std is None:
         return recording, start
-    some = made.taking(slice(None, None, max(1, len(made.t) // ROWS)))
+    some = made.take(slice(None, None, max(1, len(made.t) // ROWS)))
     assert some.v_n is not None
     change = np.nan_to_num(np.abs(np.diff(some.v_n, axis=0)).sum(axis=1))
     motion = np.r_[0.0, np.cumsum(change)]
@@ -87,15 +91,15 @@ def window(solution: Solution) -> tuple[Recording, InitialState]:
 def start_at_row(solution: Solution, row: int) -> InitialState:
     """An InitialState at a row of a solution of all states, from what it says there."""
     start, made = InitialState(**solution.meta["start"]), solution.trajectory
-    assert made.v_n is not None and made.sd is not None
+    assert made.v_n is not None and made.std is not None
     return start._replace(
         t=float(made.t[row]),
         lla=tuple(made.lla[row].tolist()),
-        v=tuple(made.v_n[row].tolist()),
+        v_n=tuple(made.v_n[row].tolist()),
         rph=tuple(made.rph[row].tolist()),
-        ba=tuple(np.nan_to_num(solution.b_a[row]).tolist()),
-        bg=tuple(np.nan_to_num(solution.b_g[row]).tolist()),
-        sd=tuple(np.where(np.isfinite(made.sd[row]), made.sd[row], start.sd[:STATES]).tolist()),
+        b_a=tuple(np.nan_to_num(solution.b_a[row]).tolist()),
+        b_g=tuple(np.nan_to_num(solution.b_g[row]).tolist()),
+        std=tuple(np.where(np.isfinite(made.std[row]), made.std[row], start.std[:STATES]).tolist()),
     )
 
 
@@ -105,8 +109,8 @@ def as_found(
     """A recording and a start of it, set up as the filter of the solution estimated; as they are
     where it estimated nothing of the installation."""
     known, names = (
-        constants(recording.aidings),
-        [a.name or a.kind for a in recording.aidings],
+        constants(recording.sources),
+        [a.name or a.kind for a in recording.sources],
     )
     theta, turn = np.zeros(len(known)), np.zeros(3)
     for each in estimated_installation(solution).parameters:
@@ -119,8 +123,8 @@ def as_found(
         C = rotation_matrix(*start.rph) @ R.T
         start = start._replace(
             rph=tuple(matrix_to_euler(C)),
-            ba=tuple((R @ start.ba).tolist()),
-            bg=tuple((R @ start.bg).tolist()),
+            b_a=tuple((R @ start.b_a).tolist()),
+            b_g=tuple((R @ start.b_g).tolist()),
         )
     return apply_constants(recording, known, theta), start
 
@@ -130,18 +134,18 @@ def thin_recording(recording: Recording) -> Recording:
     of the installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever
     arm needs the angular rate of that moment. Nothing is summed across a gap."""
     imu = recording.imu
-    aidings = tuple(map(_thin_fixes, of_installation(recording.aidings)))
+    sources = tuple(map(_thin_fixes, of_installation(recording.sources)))
     part = np.floor((imu.t - recording.span[0]) / STEP - 1e-6)
     begins = np.r_[True, part[1:] != part[:-1]]
-    at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
+    at = np.concatenate([np.searchsorted(imu.t, a.t) for a in sources] or [np.empty(0, int)])
     begins[at[at < len(begins)]] = True
     begins[at[at + 1 < len(begins)] + 1] = True
-    return Recording(sum_samples(imu, begins), aidings)
+    return Recording(sum_samples(imu, begins), sources)
 
 
-def _thin_fixes(aiding: Aiding) -> Aiding:
-    number = np.floor(aiding.t / PACE + 1e-6)
-    return aiding._where(np.r_[True, number[1:] != number[:-1]])
+def _thin_fixes(source: Source) -> Source:
+    number = np.floor(source.t / PACE + 1e-6)
+    return source._where(np.r_[True, number[1:] != number[:-1]])
 
 
 def suspects(solution: Solution) -> list[Suspect]:
@@ -149,7 +153,7 @@ def suspects(solution: Solution) -> list[Suspect]:
     [] where its sources have none. Raises DataError."""
     part, start = as_found(solution, *window(solution))
     recording, noise = thin_recording(part), Noise(**solution.meta["noise"])
-    known = constants(recording.aidings)
+    known = constants(recording.sources)
     run = begin_sensitive(
         recording, filters.find("closed-loop"), run_options(start=start, noise=noise, estimate=())
     )
@@ -166,29 +170,54 @@ def suspects(solution: Solution) -> list[Suspect]:
 def _suspect(trial: Trial, group: Sequence[Unknown], excess: float) -> Suspect:
     one = estimate_unknowns(trial, group, np.zeros_like(trial.theta))
     gain = nis_decrease(trial, group, one.step)
-    return Suspect(tuple(group), one.value, one.sd, gain, excess)
+    return Suspect(tuple(group), one.value, one.std, gain, excess)
 
 
-def look(solution: Solution) -> tuple[list[Reason], list[str]]:
-    """Reasons to doubt the installation of a solution, and what of it its motion does not show.
-    Raises DataError."""
+class Looked(NamedTuple):
+    """Findings of a quick look at the installation."""
+
+    reasons: list[Reason]  # to doubt it
+    unknown: list[Untested]  # what of it the motion does not show
+    bounds: list[SetUpBound]  # what of it would have shown
+
+
+NOTHING = Looked([], [], [])
+
+
+def look(solution: Solution) -> Looked:
+    """Look at the installation of a solution: reasons to doubt it, and what of it its motion does and does
+    not show. Raises DataError."""
     found = [each for each in suspects(solution) if not _is_estimated(solution, each)]
     alone = not _has(solution, "velocity")
     likely = [each for each in found if _matters(each, alone)]
     reasons = [_reason(solution, each) for each in likely[:1]]
     if alone:
-        return reasons, []
-    unknown = [text for each in found for text in _unknown(solution, each)]
+        return Looked(reasons, [], [])
+    unknown = [one for each in found for one in _note_unknown(solution, each)]
     # of clocks one line is enough: that of all, which is known best
-    clocks = [text for text in unknown if text.startswith(CLOCK.name)]
-    return reasons, [text for text in unknown if text not in clocks[1:]]
+    clocks = [one for one in unknown if one.cause == CLOCK.cause]
+    bounds = [bound for each in found for bound in _bounds(solution, each)]
+    return Looked(reasons, [one for one in unknown if one not in clocks[1:]], bounds)
+
+
+def _bounds(solution: Solution, suspect: Suspect) -> Iterator[SetUpBound]:
+    """The smallest error of each component that would have been a reason in 95 of 100 recordings like
+    this, where it is shown at all."""
+    of = suspect.of
+    what = f"{of.cause} of {_source_names(solution, suspect)}"
+    for std, unknown in zip(suspect.std, suspect.unknowns):
+        if std <= of.known_std:
+            size = max(MIN_Z * std, of.min_doubted) + DETECTED * std
+            yield SetUpBound(
+                of.cause, what, float(size * of.factor), of.unit, of.components[unknown.axis]
+            )
 
 
 def _is_estimated(solution: Solution, suspect: Suspect) -> bool:
     """Return True where the suspect's parameters were states of the filter, which reports on them
     itself."""
     assert solution.recording is not None
-    names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
+    names = [a.name or a.kind for a in of_installation(solution.recording.sources)]
     own = {
         name
         for each in estimated_installation(solution).parameters
@@ -200,27 +229,40 @@ def _is_estimated(solution: Solution, suspect: Suspect) -> bool:
 
 def _has(solution: Solution, kind: str) -> bool:
     assert solution.recording is not None
-    return any(a.kind == kind for a in solution.recording.aidings)
+    return any(a.kind == kind for a in solution.recording.sources)
 
 
-def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
-    of, worse = suspect.of, [i for i, sd in enumerate(suspect.sd) if sd > suspect.of.known_sd]
+def _note_unknown(solution: Solution, suspect: Suspect) -> Iterator[Untested]:
+    of, worse = suspect.of, [i for i, std in enumerate(suspect.std) if std > suspect.of.known_std]
     if not worse:
         return
     axes = [suspect.unknowns[i].axis for i in worse]
     named = [f"{of.cause} of {_source_names(solution, suspect)}"]
     named += [of.components[axis] for axis in axes if of.components[axis]]
     shows = dict.fromkeys(of.motions[axis] for axis in axes)
-    yield (
-        f"{', '.join(named)}: known to +-{of.size(suspect.sd[worse].max())} only; "
-        f"to show it, {' and '.join(shows)}"
+    rests = dict.fromkeys(quantity for axis in axes for quantity in _quantities_of(of, axis))
+    yield Untested(
+        ", ".join(named),
+        f"known to +-{of.size(suspect.std[worse].max())} only",
+        f"to show it, {' and '.join(shows)}",
+        tuple(rests),
+        of.cause,
     )
+
+
+def _quantities_of(of: CalibrationParameter, axis: int) -> tuple[str, ...]:
+    """Quantities of a solution that a component of a parameter sets off."""
+    if of is LEVER_ARM:
+        return (HEIGHT,) if axis == 2 else (POSITION,)
+    if of is MOUNTING:
+        return (HEADING,) if axis == 2 else (TILT,)
+    return (POSITION, VELOCITY)
 
 
 def _source_names(solution: Solution, suspect: Suspect) -> str:
     """Names of the sources that it concerns."""
     assert solution.recording is not None
-    names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
+    names = [a.name or a.kind for a in of_installation(solution.recording.sources)]
     if suspect.of is MOUNTING:
         return "the IMU"
     return " and ".join(names[i] for i in suspect.unknowns[0].sources)
@@ -232,15 +274,15 @@ def harm(solution: Solution, suspect: Suspect) -> float:
     assert solution.recording is not None
     made, of, size = solution.trajectory, suspect.of, np.abs(suspect.value).max()
     rows = slice(None, None, max(1, len(made.t) // 500))
-    v, sd = made.v_n, made.sd
-    assert v is not None and sd is not None
-    if not np.isfinite(sd[rows, :6]).all(axis=0).any():
+    v, std = made.v_n, made.std
+    assert v is not None and std is not None
+    if not np.isfinite(std[rows, :6]).all(axis=0).any():
         return HARMFUL  # the filter claims nothing
-    of_position, of_velocity = (np.nanmedian(sd[rows, each].max(axis=1)) for each in (POS, VEL))
+    of_position, of_velocity = (np.nanmedian(std[rows, each].max(axis=1)) for each in (POS, VEL))
     speed = np.sqrt(np.nanmean((v[rows] ** 2).sum(axis=1)))
     if of is LEVER_ARM:
         return float(size / of_position)
-    kinds = [a.kind for a in of_installation(solution.recording.aidings)]
+    kinds = [a.kind for a in of_installation(solution.recording.sources)]
     if of is CLOCK and "position" in (kinds[i] for i in suspect.unknowns[0].sources):
         return float(size * speed / of_position)
     if of is CLOCK:
@@ -249,9 +291,9 @@ def harm(solution: Solution, suspect: Suspect) -> float:
     return float(size * speed / of_velocity)
 
 
-def of_installation(aidings: Sequence[Aiding]) -> list[Aiding]:
+def of_installation(sources: Sequence[Source]) -> list[Source]:
     """Those that say something of the installation."""
-    return [a for a in aidings if a.kind in (*GNSS, *CONSTRAINED)]
+    return [a for a in sources if a.kind in (*GNSS, *CONSTRAINED)]
 
 
 def _matters(suspect: Suspect, alone: bool) -> bool:

@@ -21,6 +21,7 @@ from ..data.calibration_parameters import (
 )
 from ..data.operations import operation
 from ..data.solution import Solution
+from ..data.value import Value
 from ..data.verdict import Reason
 from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
@@ -30,13 +31,13 @@ from .iteration import NOTABLE
 from .model import CONSTRAINED, GNSS, SHOWN_BY, rotation
 
 TIGHT = 0.1
-"""Default prior sd; a posterior this tight carries as much information as the data."""
+"""Default prior std; a posterior this tight carries as much information as the data."""
 PLAUSIBLE = 3.0
 """Prior standard deviations from which the data contradict the prior: one right prior in 370 does."""
 ALIKE = 0.95
 """Correlation from which two parameters cannot be told apart."""
 OF_BODY = ("attitude", "magnetic-field", "gravity")
-"""Kinds of aiding in the axes of the IMU, also where its mounting is a state."""
+"""Kinds of measurement in the axes of the IMU, also where its mounting is a state."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,9 @@ class EstimatedParameter(Estimate):
         return self.of.components[self.axis]
 
     @property
-    def sd_column(self) -> str:
+    def std_column(self) -> str:
         """That of its standard deviation."""
-        return f"sd of {self.column}"
+        return f"std of {self.column}"
 
     @property
     def advice(self) -> str:
@@ -75,7 +76,7 @@ class EstimatedParameter(Estimate):
     def told(self) -> str:
         """Its status, with the numbers that belong to it."""
         if self.status == NOT_OBSERVABLE:
-            known = f"+-{_size(self.sd, self.unit)} of a prior of {_size(self.prior, self.unit)}"
+            known = f"+-{_size(self.std, self.unit)} of a prior of {_size(self.prior, self.unit)}"
             return f"not observable ({known}); {self.advice}"
         if self.status == CONSISTENT:
             return super().told
@@ -89,14 +90,26 @@ class EstimatedParameter(Estimate):
         return f"found{new}, off what was given by {self.seen}"
 
 
-@dataclass(frozen=True)
-class EstimatedInstallation:
-    """Result of `installation`."""
+@dataclass(frozen=True, eq=False)
+class EstimatedInstallation(Value):
+    """Result of `installation`.
+
+    Attributes
+    ----------
+    parameters : tuple of EstimatedParameter
+        Each parameter as given and as the run ended with it.
+    reasons : tuple of Reason
+        Reasons to doubt them; the verdict has them too.
+    remarks : tuple of str
+        What cannot be told apart, what no motion shows, what is presumed.
+    of_reference : str
+        The remark on the time stamps of the reference, where there is one.
+    """
 
     parameters: tuple[EstimatedParameter, ...]
-    reasons: tuple[Reason, ...]  # to doubt them; the verdict has them too
-    remarks: tuple[str, ...]  # what cannot be told apart, what no motion shows, what is presumed
-    of_reference: str = ""  # the remark on the time stamps of the reference, where there is one
+    reasons: tuple[Reason, ...]
+    remarks: tuple[str, ...]
+    of_reference: str = ""
 
     @property
     def lines(self) -> list[str]:
@@ -129,8 +142,8 @@ def estimated_installation(solution: Solution) -> EstimatedInstallation:
         _parameter(solution, facts, value) for facts, value in zip(known["parameters"], values)
     )
     remarks = [
-        *_alike(parameters, np.array(known["correlation"])),
-        *_nothing(solution, parameters),
+        *_correlated_pairs(parameters, np.array(known["correlation"])),
+        *_why_nothing(solution, parameters),
         *_trusted_facts(solution, parameters, known["parameters"]),
     ]
     stamps = _of_reference(solution, parameters)
@@ -159,7 +172,7 @@ def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
 
 
 def _last(solution: Solution, facts: dict[str, Any], prefix: str = "") -> float:
-    """Return the last estimate of the error, or with "sd of " its standard deviation, SI."""
+    """Return the last estimate of the error, or with "std of " its standard deviation, SI."""
     return float(solution.columns[prefix + facts["column"]][-1]) / _of(facts).factor
 
 
@@ -171,11 +184,11 @@ def _of(facts: dict[str, Any]) -> CalibrationParameter:
 
 def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> EstimatedParameter:
     of, axis, sources = _of(facts), facts["component"], tuple(facts["sources"])
-    change, sd = (_last(solution, facts, prefix) for prefix in ("", "sd of "))
+    change, std = (_last(solution, facts, prefix) for prefix in ("", "std of "))
     status = CONSISTENT
-    if not sd < KNOWN * facts["prior"]:
+    if not std < KNOWN * facts["prior"]:
         status = NOT_OBSERVABLE
-    elif abs(change) > max(MIN_Z * sd, of.min_reported):
+    elif abs(change) > max(MIN_Z * std, of.min_reported):
         status = FOUND
     name = of.component(axis)
     return EstimatedParameter(
@@ -186,8 +199,8 @@ def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> Estim
         status,
         facts["given"] * of.factor,
         change * of.factor,
-        sd * of.factor,
-        "" if facts["prior"] <= TIGHT * max(of.sd) else _motion(solution, of, axis),
+        std * of.factor,
+        "" if facts["prior"] <= TIGHT * max(of.std) else _motion(solution, of, axis),
         value * of.factor,
         facts["prior"] * of.factor,
         facts["column"],
@@ -226,7 +239,9 @@ def _doubts(each: EstimatedParameter) -> Iterator[Reason]:
         )
 
 
-def _alike(parameters: tuple[EstimatedParameter, ...], correlation: Array) -> Iterator[str]:
+def _correlated_pairs(
+    parameters: tuple[EstimatedParameter, ...], correlation: Array
+) -> Iterator[str]:
     """Pairs that the data cannot tell apart."""
     for i, a in enumerate(parameters):
         for j in range(i + 1, len(parameters)):
@@ -244,7 +259,7 @@ def _alike(parameters: tuple[EstimatedParameter, ...], correlation: Array) -> It
                 )
 
 
-def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> Iterator[str]:
+def _why_nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> Iterator[str]:
     """Why nothing of them can be seen, where it is so."""
     if not parameters or any(
         each.status != NOT_OBSERVABLE or not each.motion for each in parameters
@@ -284,7 +299,7 @@ def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]
     """Return the consequence of a clock offset for the reference; "" without one."""
     kinds = solution.meta["kinds"]
     for each in parameters:
-        off = each.status != NOT_OBSERVABLE and abs(each.change) > NOTABLE * each.sd
+        off = each.status != NOT_OBSERVABLE and abs(each.change) > NOTABLE * each.std
         positions = [name for name in each.sources if kinds.get(name) == "position"]
         if each.of is CLOCK and off and positions:
             if solution.meta["installation"].get("reference"):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, check_array, located
+from ..checks import DataError, check_array, locate_errors
 from ..fileio.files import read_toml, replacing
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import temperature_rows
@@ -113,7 +113,7 @@ def _temperature(path: File, name: str, section: dict[str, Any]) -> tuple[tuple[
     rows = temperature_rows(section["temperature"], SECTIONS[name], where)
     if rows:
         _check_bounded(rows, f"{where}: rows", (None, 4))
-    with located(where):
+    with locate_errors(where):
         return Triad(temperature=tuple(rows)).temperature
 
 
@@ -126,7 +126,7 @@ def compose_corrections(
     columns: frames of `description.calibrations.frames`, that of the sensor itself; its key "gyro"
     keeps a calibration of the gyro beside that of the accelerometer.
     """
-    axes, own = np.array(columns.get("axes", np.eye(3))), _own(columns)
+    axes, own = np.array(columns.get("axes", np.eye(3))), _own_correction(columns)
     to_body = axes @ own.matrix
     found = {
         section: Correction(
@@ -134,10 +134,10 @@ def compose_corrections(
         )
     }
     gyro = columns.get("gyro", {})
-    return ({"gyro": _own(gyro)} if set(gyro) - {"axes"} else {}) | found
+    return ({"gyro": _own_correction(gyro)} if set(gyro) - {"axes"} else {}) | found
 
 
-def _own(columns: Mapping[str, Any]) -> Correction:
+def _own_correction(columns: Mapping[str, Any]) -> Correction:
     rows = tuple(tuple(row) for row in columns.get("temperature", ()))
     return Correction(
         np.array(columns.get("bias", np.zeros(3))), np.array(columns.get("matrix", np.eye(3))), rows

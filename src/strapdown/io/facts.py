@@ -2,22 +2,24 @@
 fixes and gyro."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ..aiding import find
 from ..core.loop.contract import Imu
 from ..data.recording import Recording, RecordingMeta
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
 from ..inspection.all import check
+from ..inspection.finding import Checked
 from ..preprocessing.attitude_checks import facts_and_reasons as of_attitude
 from ..preprocessing.fixes import little_overlap
 from ..preprocessing.imu_samples import GAP_MEDIANS, MAX_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.vehicle_rest import is_moving
-from ..sensor_models.imu import grade
+from ..sensor_models.imu import imu as imu_spec
 from ..typing import Array, Ints, Mask
 from ..units.time_scales import span, utc
 from ..units.wording import count_text
@@ -29,13 +31,13 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     """Findings on a Recording: samples, fixes, magnetometers, then the lines `more`, reference and
     notes."""
     imu, reference = recording.imu, recording.reference
-    unusual = unusual_imu(recording, gyro_bias_sd(recording.meta))
+    unusual = unusual_imu(recording, gyro_bias_std(recording.meta))
     found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
     found.add(imu_facts(imu), [f"imu: {each.line}" for each in unusual])
     found.add(temperature_facts(recording.meta))
-    found.add(*aiding_facts(imu, recording.aidings, recording.meta))
-    for aiding in recording.aidings:
-        facts, reasons = _of_magnetometer(imu, aiding)
+    found.add(*source_facts(imu, recording.sources, recording.meta))
+    for source in recording.sources:
+        facts, reasons = _of_magnetometer(imu, source)
         found.add(facts, [each.line for each in reasons])
     found.add([*more, *([f"reference: {reference!r}"] if reference is not None else [])])
     found.add(f"note: {note}" for note in recording.meta.get("notes", []))
@@ -47,33 +49,44 @@ MIN_REST = 5.0
 bias: an even turn and a roll that is even for a second look like rest to the IMU."""
 
 
-def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[Reason]:
+def unusual_imu(recording: Recording, gyro_bias_std: float) -> list[Reason]:
     """Reasons of what is unusual about the IMU: `doubts`, but for a gyro bias at what the fixes say is no rest,
     see `MIN_REST`."""
     imu = recording.imu
-    found = doubts(imu, gyro_bias_sd)
+    found = doubts(imu, gyro_bias_std)
     if any(each.cause == "gyro" for each in found):
         rest = at_rest(imu)
-        denied = rest & is_moving(recording.aidings, imu.t)
+        denied = rest & is_moving(recording.sources, imu.t)
         if denied.any() and imu.dt[rest & ~denied].sum() < MIN_REST:
             found = [each for each in found if each.cause != "gyro"]
     return found
 
 
-def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
+def check_parts(recording: Recording) -> Checked:
+    """Return the findings of `inspection` on a recording, but for magnetometers whose dip tells already
+    that their axes are wrong."""
+    right = tuple(
+        source
+        for source in recording.sources
+        if all(each.cause != "frame" for each in _of_magnetometer(recording.imu, source)[1])
+    )
+    return check(replace(recording, sources=right))
+
+
+def own_reasons(recording: Recording, gyro_bias_std: float) -> Iterator[Reason]:
     """A Reason for each problem of a sensor by itself or beside the IMU; those that `inspection`
-    finds are not among them. `gyro_bias_sd` (rad/s) is what the description of the IMU allows."""
+    finds are not among them. `gyro_bias_std` (rad/s) is what the description of the IMU allows."""
     imu = recording.imu
-    yield from unusual_imu(recording, gyro_bias_sd)
-    for aiding in recording.aidings:
-        yield from _of_fixes(imu, aiding)[1]
-        yield from _of_magnetometer(imu, aiding)[1]
+    yield from unusual_imu(recording, gyro_bias_std)
+    for source in recording.sources:
+        yield from _of_fixes(imu, source)[1]
+        yield from _of_magnetometer(imu, source)[1]
 
 
-def gyro_bias_sd(meta: RecordingMeta) -> float:
+def gyro_bias_std(meta: RecordingMeta) -> float:
     """Return the std of the gyro bias by the IMU grade of a recording, rad/s; 0 without one."""
     named = meta.get("grade")
-    return 0.0 if named is None else grade(named).bias_sd()[1]
+    return 0.0 if named is None else imu_spec(named).bias_std()[1]
 
 
 def clock_facts(imu: Imu, epoch: str | None) -> list[str]:
@@ -168,45 +181,47 @@ def _triple(values: Iterable[float], digits: int = 2) -> str:
     return "[" + " ".join(f"{value:.{digits}f}" for value in values) + "]"
 
 
-def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: RecordingMeta) -> Findings:
+def source_facts(imu: Imu, sources: Iterable[Source], meta: RecordingMeta) -> Findings:
     """Findings on fixes: their times, attitudes against those of the gyro, and what the parts of the
     recording, whose `meta` it is, say of each other."""
-    found, aidings = Findings.of(), list(aidings)
-    for aiding in aidings:
-        found.add([_span(imu, aiding)])
-    for aiding in aidings:
-        facts, reasons = _of_fixes(imu, aiding)
+    found, sources = Findings.of(), list(sources)
+    for source in sources:
+        found.add([_span(imu, source)])
+    for source in sources:
+        facts, reasons = _of_fixes(imu, source)
         found.add(facts, [each.line for each in reasons])
-    found.take(*check(Recording(imu, tuple(aidings), None, meta)))
+    checked = check_parts(Recording(imu, tuple(sources), None, meta))
+    found.take(checked.facts, checked.reasons, checked.inconclusive)
     return found
 
 
-def _of_fixes(imu: Imu, aiding: Aiding) -> tuple[list[str], list[Reason]]:
+def _of_fixes(imu: Imu, source: Source) -> tuple[list[str], list[Reason]]:
     """(lines, Reasons) of fixes beside the samples of the IMU."""
-    facts, reasons = of_attitude(aiding, imu) if aiding.kind == "attitude" else ([], [])
-    if find(aiding.kind).recorded:
-        reasons = [*little_overlap(imu, aiding), *reasons]
-    if aiding.kind == "position" and len(aiding.t) and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03:
+    facts, reasons = of_attitude(source, imu) if source.kind == "attitude" else ([], [])
+    if find(source.kind).recorded:
+        reasons = [*little_overlap(imu, source), *reasons]
+    if source.kind == "position" and len(source.t) and np.nanmax(np.abs(source.y[:, :2])) < 0.03:
         seen = "latitude and longitude within 1.8 deg of zero"
         remedy = "are they in rad, or is a scale wrong?"
-        reasons.append(Reason("unit", seen, remedy, aiding.name or aiding.kind))
+        reasons.append(Reason("unit", seen, remedy, source.name or source.kind))
     return facts, reasons
 
 
-def _of_magnetometer(imu: Imu, aiding: Aiding) -> tuple[list[str], list[Reason]]:
+def _of_magnetometer(imu: Imu, source: Source) -> tuple[list[str], list[Reason]]:
     """The same of a magnetometer that knows the Earth's field."""
-    return of_field(aiding, imu) if find(aiding.kind).parameters == "field" else ([], [])
+    known = find(source.kind).parameters == "field" and source.parameters
+    return of_field(source, imu) if known else ([], [])
 
 
-def _span(imu: Imu, aiding: Aiding) -> str:
-    if not len(aiding.t):
-        return f"{aiding.name}: no rows"
-    start, stop = max(aiding.t[0], imu.t[0]), min(aiding.t[-1], imu.t[-1])
-    steps = np.diff(aiding.t)
+def _span(imu: Imu, source: Source) -> str:
+    if not len(source.t):
+        return f"{source.name}: no rows"
+    start, stop = max(source.t[0], imu.t[0]), min(source.t[-1], imu.t[-1])
+    steps = np.diff(source.t)
     pace = (
         f", every {np.median(steps):.6g} s, longest pause {steps.max():.3f} s" if len(steps) else ""
     )
     return (
-        f"{aiding.name}: {len(aiding.t)} fixes, {aiding.t[0]:.3f} to {aiding.t[-1]:.3f} s{pace}, "
+        f"{source.name}: {len(source.t)} fixes, {source.t[0]:.3f} to {source.t[-1]:.3f} s{pace}, "
         f"{max(0.0, stop - start):.1f} s of it with the IMU"
     )

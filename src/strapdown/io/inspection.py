@@ -87,4 +87,4 @@ def draft(
     joined = join(open_logs(paths), take)
     if not joined.taken and not joined.left:
         raise DataError(joined.asked[0])
-    return joined.graded(grade).text(folder)
+    return joined.with_grade(grade).text(folder)

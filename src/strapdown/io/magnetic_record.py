@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import Origin
@@ -43,7 +43,7 @@ AS_THE_BODY = np.eye(3)
 """The matrix of a sensor whose axes are those of the body."""
 
 
-def sound(
+def sound_samples(
     t: Array, raw: Array, imu: Imu, name: str, origin: Origin, matrix: Array = AS_THE_BODY
 ) -> tuple[Mask, list[str]]:
     """(mask (m,), notes): the samples that are neither stuck nor saturated, and how many were; t
@@ -140,13 +140,13 @@ def vertical(t: Array, imu: Imu) -> tuple[Array, Mask]:
     return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
 
 
-def _strength(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool) -> list[Reason]:
+def _strength(source: Source, field: ArrayLike | None, is_calibrated: bool) -> list[Reason]:
     """A Reason where the strength (T) varies, or is not that of `field` (3,) T; None: unknown."""
-    if len(aiding.t) < 10:
+    if len(source.t) < 10:
         return []
-    name = aiding.name or aiding.kind
+    name = source.name or source.kind
     low, median, high = (
-        float(value) for value in np.nanpercentile(np.linalg.norm(aiding.y, axis=1), [5, 50, 95])
+        float(value) for value in np.nanpercentile(np.linalg.norm(source.y, axis=1), [5, 50, 95])
     )
     remedy = (
         "the calibration does not fit this record, or iron or currents are near"
@@ -170,7 +170,7 @@ def _strength(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool) -> l
 
 
 def facts_and_reasons(
-    aiding: Aiding,
+    source: Source,
     imu: Imu,
     matrix: Array = AS_THE_BODY,
     known: bool = True,
@@ -182,20 +182,20 @@ def facts_and_reasons(
     matrix: from its columns to the body; known: whether the parameters are the Earth's field, not
     that of the record itself.
     """
-    facts, of_axes = _axes(aiding, imu, matrix, known)
-    of_strength = _strength(aiding, aiding.parameters if known else None, is_calibrated)
+    facts, of_axes = _axes(source, imu, matrix, known)
+    of_strength = _strength(source, source.parameters if known else None, is_calibrated)
     return facts, of_strength or of_axes  # uncalibrated, the dip says little
 
 
-def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[str], list[Reason]]:
-    name = aiding.name or aiding.kind
-    down, quiet = vertical(aiding.t, imu)
-    rows = np.flatnonzero(quiet & np.isfinite(aiding.y).all(axis=1))
+def _axes(source: Source, imu: Imu, matrix: Array, known: bool) -> tuple[list[str], list[Reason]]:
+    name = source.name or source.kind
+    down, quiet = vertical(source.t, imu)
+    rows = np.flatnonzero(quiet & np.isfinite(source.y).all(axis=1))
     if len(rows) < 50:
         return [], []
     rows = rows[:: max(1, len(rows) // 5000)]
-    field = aiding.y[rows] / np.linalg.norm(aiding.y[rows], axis=1)[:, None]
-    reference = np.array(aiding.parameters[:3])
+    field = source.y[rows] / np.linalg.norm(source.y[rows], axis=1)[:, None]
+    reference = np.array(source.parameters[:3])
     earth = np.arcsin(reference[2] / np.linalg.norm(reference)) if known else None
     table = np.einsum("ni,nj->nij", down[rows], field @ matrix)  # back in the axes of the columns
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ..aiding import find
-from ..checks import DataError, check_number, did_you_mean, located
+from ..checks import DataError, check_number, check_path, did_you_mean, locate_errors
 from ..data.recording import Recording, check_recording
-from ..data.solution import Aiding, Correlated
+from ..data.solution import Correlated, Source
 from ..fileio.files import read_toml, replacing
 from ..fileio.toml_keys import Key, flag, items, read_table, section
 from ..typing import File
 from ..units.constants import MAX_TIME_CONSTANT
 from ..units.quantities import shown_unit
 
-FACTOR, CORRELATED = "sd_factor", "correlated"
+FACTOR, CORRELATED = "std_factor", "correlated"
 """Keys of a section."""
 MAX_FACTOR = 1e6
 
@@ -24,7 +24,7 @@ class SourceNoise(NamedTuple):
     """The noise of a source, from the section of its name."""
 
     factor: tuple[float, ...] = (1.0,)  # on its standard deviations: one, or one per row
-    # sd in the units of tables, one or one per row; None: as the recording has them
+    # std in the units of tables, one or one per row; None: as the recording has them
     correlated: Correlated | None = None
     said: str = ""  # comment behind the factor
 
@@ -32,22 +32,36 @@ class SourceNoise(NamedTuple):
 def read_noise(path: File) -> dict[str, SourceNoise]:
     """{name of a source: SourceNoise} of a file. Raises DataError."""
     table = read_toml(path, "give the file that `strapdown tune` wrote")
-    with located(path):
+    with locate_errors(path):
         return {
             name: SourceNoise(**section(_section)(content, name)) for name, content in table.items()
         }
 
 
 def with_noise(recording: Recording, file: File) -> Recording:
-    """The recording with the noise of its sources as a file says, which `strapdown tune` wrote
-    (NAME-sources.toml); sources that it does not name stay as they are.
+    """Return the recording with the noise of its sources as a file of `strapdown tune` says.
 
-    Raises DataError where the file cannot be read, or names a source that the recording has not, or
-    has twice.
+    Parameters
+    ----------
+    recording : Recording
+        Sources that the file does not name stay as they are.
+    file : str or path
+        NAME-sources.toml.
+
+    Returns
+    -------
+    Recording
+        With these standard deviations and time-correlated errors.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read, or names a source that the recording has not, or has twice.
     """
     check_recording(recording)
+    check_path(file, "file")
     found = read_noise(file)
-    names = [a.name or a.kind for a in recording.aidings]
+    names = [a.name or a.kind for a in recording.sources]
     for name in found:
         if names.count(name) != 1:
             there = "several sources" if name in names else "no source"
@@ -56,12 +70,12 @@ def with_noise(recording: Recording, file: File) -> Recording:
                 f"{did_you_mean(name, names)}; it has {', '.join(names) or 'none'}"
             )
     noises = [found.get(name) for name in names]
-    aidings = [
+    sources = [
         a if noise is None else _with_noise(a, noise, f"{file}: [{name}]")
-        for a, name, noise in zip(recording.aidings, names, noises)
+        for a, name, noise in zip(recording.sources, names, noises)
     ]
     # it is no longer as its own file has it
-    return replace(recording, aidings=tuple(aidings)).forgetting("installed")
+    return replace(recording, sources=tuple(sources)).without_meta("installed")
 
 
 def write_noise(path: File, noises: Mapping[str, SourceNoise], comments: Iterable[str]) -> None:
@@ -80,14 +94,14 @@ def write_noise(path: File, noises: Mapping[str, SourceNoise], comments: Iterabl
 def in_tables(correlated: Correlated, kind: str) -> Correlated:
     """Correlated errors of a kind of source in the units of tables, of SI."""
     sizes = [shown_unit(quantity)[1] for quantity in find(kind).quantities]
-    return correlated._replace(sd=tuple(sd * size for sd, size in zip(correlated.sd, sizes)))
+    return correlated._replace(std=tuple(std * size for std, size in zip(correlated.std, sizes)))
 
 
 def correlated_text(correlated: Correlated) -> str:
     """The value of the key `correlated` in TOML, of standard deviations in the units of tables."""
-    sd = ", ".join(f"{each:.4g}" for each in correlated.sd)
+    std = ", ".join(f"{each:.4g}" for each in correlated.std)
     states = "" if correlated.states else ", states = false"
-    return f"{{ sd = [{sd}], time = {correlated.time:.4g}{states} }}"
+    return f"{{ std = [{std}], time = {correlated.time:.4g}{states} }}"
 
 
 def _factors_text(factor: tuple[float, ...]) -> str:
@@ -123,7 +137,7 @@ def _time(value: Any, where: str) -> float:
 
 
 OF_CORRELATED = {
-    "sd": Key("sd", _deviations, "write sd = [1.5, 1.5, 3.0], in the units of tables"),
+    "std": Key("std", _deviations, "write std = [1.5, 1.5, 3.0], in the units of tables"),
     "time": Key("time", _time, "write time = 30.0, in s"),
     "states": Key("states", flag),
 }
@@ -131,18 +145,18 @@ KEYS = {FACTOR: Key("factor", _factor), CORRELATED: Key("correlated", _read_corr
 """Keys of a section."""
 
 
-def _with_noise(a: Aiding, noise: SourceNoise, where: str) -> Aiding:
+def _with_noise(a: Source, noise: SourceNoise, where: str) -> Source:
     """A source with that noise. Raises DataError."""
     sizes = [shown_unit(quantity)[1] for quantity in find(a.kind).quantities]
     factor = _of_each(noise.factor, len(sizes), f"{where} {FACTOR}", a.kind)
-    a = replace(a, sd=a.sd * factor)
+    a = replace(a, std=a.std * factor)
     if noise.correlated is None:
         return a
-    sd = _of_each(noise.correlated.sd, len(sizes), f"{where} {CORRELATED}, sd", a.kind)
-    if not any(sd):
-        raise DataError(f"{where} {CORRELATED}, sd: none is above zero; leave {CORRELATED} out")
-    si = tuple(each / size for each, size in zip(sd, sizes))
-    return replace(a, correlated=noise.correlated._replace(sd=si))
+    std = _of_each(noise.correlated.std, len(sizes), f"{where} {CORRELATED}, std", a.kind)
+    if not any(std):
+        raise DataError(f"{where} {CORRELATED}, std: none is above zero; leave {CORRELATED} out")
+    si = tuple(each / size for each, size in zip(std, sizes))
+    return replace(a, correlated=noise.correlated._replace(std=si))
 
 
 def _of_each(values: tuple[float, ...], many: int, where: str, kind: str) -> tuple[float, ...]:

@@ -65,7 +65,7 @@ ROLES = {
     "attitude": "source of attitudes",
     "reference": "reference",
 }
-"""What the sections of a log are of. Of each role one instance is taken, and a user may name
+"""Sensors of the sections of a log. Of each role one instance is taken, and a user may name
 another."""
 
 
@@ -81,7 +81,7 @@ class Section(NamedTuple):
     another table.
     """
 
-    of: str  # "imu", "aiding" or "reference"
+    of: str  # "imu", "source" or "reference"
     role: str  # one of ROLES; sections of one role and instance are taken together
     keys: Mapping[str, Any]
     instance: int = 0  # which of several alike, as the format counts them

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..checks import DataError, printable
+from ..checks import DataError, check_path, printable
 from ..data.recording import Recording
 from ..fileio.limits import reading_within
 from ..typing import File
@@ -10,12 +10,37 @@ from .registry import ask, taker
 
 
 def read(path: File, /, *more: File, **instances: int | None) -> Recording:
-    """A Recording from a file of any format that `readers` lists, or from several that belong
-    together, such as an IMU's and a receiver's; docs/reference/recording-format.md tells of them.
+    """Return the recording in a file of any format, or in several files that belong together.
 
-    `instances` says which of several alike is taken from the logs of devices, `imu=1`, and None that
-    none is, `magnetometer=None`. Raises DataError of one line.
+    Parameters
+    ----------
+    path, *more : str or path
+        A recording.toml, a table, or the log of a device; several where an IMU and a receiver, say,
+        wrote one each. docs/reference/recording-format.md and docs/how-to/logs.md list the formats.
+    **instances : int or None
+        Which of several sensors alike is taken from the logs of devices, `imu=1`; None for none of
+        them, `magnetometer=None`.
+
+    Returns
+    -------
+    Recording
+        In SI; what was handled while reading stands in `recording.meta["notes"]`.
+
+    Raises
+    ------
+    DataError
+        In one line, with file, row or field and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile, strapdown as sd
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sd.simulate("car", 10.0, seed=1).save(f"{folder}/car.nc")
+    ...     len(sd.read(f"{folder}/car.nc"))
+    1000
     """
+    for each in (path, *more):
+        check_path(each)
     paths = [Path(each) for each in (path, *more)]
     reader = [taker(each) for each in paths][0]
     if len(paths) == 1 and reader.read is not None:
@@ -38,7 +63,7 @@ def _printable(recording: Recording) -> Recording:
     """The same with lines that are told without control characters, which names in files may have."""
     notes, read = recording.meta.get("notes"), recording.meta.get("read")
     if isinstance(notes, list):
-        recording = recording.knowing(notes=[*map(printable, map(str, notes))])
+        recording = recording.with_meta(notes=[*map(printable, map(str, notes))])
     if isinstance(read, list):
-        recording = recording.knowing(read=[*map(printable, map(str, read))])
+        recording = recording.with_meta(read=[*map(printable, map(str, read))])
     return recording

@@ -26,7 +26,7 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 @cache
-def _own() -> dict[str, Reader]:
+def _own_readers() -> dict[str, Reader]:
     folder = f"{__package__}.readers"
     path = importlib.import_module(folder).__path__
     modules = [
@@ -37,14 +37,14 @@ def _own() -> dict[str, Reader]:
 
 def readers() -> dict[str, Reader]:
     """{name: Reader} of all formats, those of plugins last."""
-    return _own() | {name: reader for name, (reader, _) in REGISTRY.brought().items()}
+    return _own_readers() | {name: reader for name, (reader, _) in REGISTRY.plugin_values().items()}
 
 
 def check(reader: Reader) -> None:
     """Refuse a Reader that cannot be used, or whose suffix is that of one of the library's without
     a `sniff` that tells the two apart. Raises DataError."""
     _check_fields(reader)
-    for other in _own().values():
+    for other in _own_readers().values():
         shared = set(reader.suffixes) & set(other.suffixes)
         if shared and reader.sniff is None and other.sniff is None:
             raise DataError(
@@ -88,7 +88,11 @@ def _check_fields(reader: Reader) -> None:
 
 
 REGISTRY = plugins.Registry(
-    Reader, "no reader is called", lambda name: _own().get(name), lambda: _own(), check
+    Reader,
+    "no reader is called",
+    lambda name: _own_readers().get(name),
+    lambda: _own_readers(),
+    check,
 )
 
 

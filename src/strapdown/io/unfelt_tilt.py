@@ -45,7 +45,7 @@ def decide_accusation(recording: Recording, accused: str) -> Recording:
     evidence = in_degrees(recording)
     if evidence < -EVIDENCE:
         note = f"imu: the gyro tilts {UNFELT}, as on a multicopter: the fixes confirm its unit"
-        return recording.noting([note])
+        return recording.with_notes([note])
     if recording.meta.get("vehicle", "any") != "any" or evidence > EVIDENCE:
         raise DataError(accused)
-    return recording.knowing(undecided_gyro=accused)
+    return recording.with_meta(undecided_gyro=accused)

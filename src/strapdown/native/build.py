@@ -40,7 +40,7 @@ so many. Fewer would each type and lower again the helpers that kernels share.""
 KEEP = 3
 """Versions of one object that stay in the cache."""
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 COMPILING = ("compiler", "numba_parts", "records", "lane_types", "signatures")
@@ -86,7 +86,7 @@ def kernels_of_package(only: Sequence[str] = ()) -> list[Kernel]:
     return sorted(chosen, key=lambda kernel: not any(part in kernel.stem for part in SLOW))
 
 
-def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) -> str:
+def build(folder: Path, levels: Sequence[str], only: Sequence[str], notify: Notify) -> str:
     """Build the library into a folder, all of it or nothing; the platform that it is for.
 
     only: stems of kernels, for all of them none. Raises DataError with what is missing, RuntimeError
@@ -100,7 +100,7 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     sources = {kernel.stem: _sources(kernel) for kernel in kernels}
     files = _digests(sources.values())
     with tempfile.TemporaryDirectory() as temporary:
-        objects = _objects(kernels, levels, _cache() or Path(temporary), say)
+        objects = _objects(kernels, levels, _cache() or Path(temporary), notify)
         made = {
             level: machine_code.file_content(
                 *relocation.place([path.read_bytes() for path in paths])
@@ -119,7 +119,7 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
 
 
 def _objects(
-    kernels: Sequence[Kernel], levels: Sequence[str], place: Path, say: Say
+    kernels: Sequence[Kernel], levels: Sequence[str], place: Path, notify: Notify
 ) -> dict[str, list[Path]]:
     """Objects of all kernels by level, in a folder; in as many processes as there are cores."""
     paths = {
@@ -130,7 +130,7 @@ def _objects(
     ]
     begin, done = time.perf_counter(), len(paths) - len(todo)
     if done:
-        say(f"{done} of {len(paths)} kernels did not change")
+        notify(f"{done} of {len(paths)} kernels did not change")
     cores = os.cpu_count() or 1
     # not max_tasks_per_child, with which Python 3.11 and 3.12 wait for ever
     for first in range(0, len(todo), TASKS * cores):
@@ -142,7 +142,7 @@ def _objects(
                 each.result()
                 done += 1
                 seconds = time.perf_counter() - begin
-                say(f"{done} of {len(paths)}: {running[each]}, {seconds:.0f} s")
+                notify(f"{done} of {len(paths)}: {running[each]}, {seconds:.0f} s")
         finally:
             pool.shutdown(cancel_futures=True)
     for by_level in paths.values():

@@ -121,8 +121,8 @@ LIBM = frozenset(
 )
 MEMORY = frozenset(("memset", "memcpy", "memmove"))
 OF_THE_COMPILER = re.compile(r"__aeabi_\w+|__chkstk")
-"""What every C compiler for ARM brings along, doubles in software and those of MEMORY; and what Windows
-calls for a large frame on the stack."""
+"""Functions that every C compiler for ARM brings along, doubles in software and those of MEMORY;
+and what Windows calls for a large frame on the stack."""
 
 DEFINITION = re.compile(r"^(define .*\))([^()\n]*) \{$", re.MULTILINE)
 LOOSE = re.compile(

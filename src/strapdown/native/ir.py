@@ -18,7 +18,7 @@ from typing import Any
 
 from ..core.compile.jit import Kernel
 from ..core.compile.signatures import Function, Number, Signature
-from ..core.loop.contract import Filter, Measurement, side_by_side
+from ..core.loop.contract import Filter, MeasurementModel, side_by_side
 
 NEUTRAL = {
     "NUMBA_OPT": "0",
@@ -54,7 +54,7 @@ def declared_kernels(module: str) -> Iterator[Kernel]:
     for value in values:
         if isinstance(value, Filter) and value.lanes:
             found += map(side_by_side, (value.predict, value.correct))
-        if isinstance(value, Measurement) and value.lanes:
+        if isinstance(value, MeasurementModel) and value.lanes:
             found.append(side_by_side(value.observe))
     yield from (kernel for kernel in dict.fromkeys(found) if kernel.__module__ == module)
 

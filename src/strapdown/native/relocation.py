@@ -17,7 +17,7 @@ from .object_files import Flag, ObjectSection, Relocation, RelocationKind
 JUMP = 16
 """Bytes for a jump through the table."""
 ALIGN = 64
-"""Of the code of an object: a line of the processor's cache."""
+"""Alignment of the code of an object: a line of the processor's cache."""
 X86_64, AARCH64 = 62, 183
 """Numbers of the processors in ELF."""
 

@@ -17,7 +17,7 @@ from ..units.time_scales import utc
 from ..units.wording import count_text, duration_text, metres, number
 from .drawing import outages
 from .parts import paragraphs
-from .summary import claimed_sd
+from .summary import claimed_std
 from .verdict_block import verdict_text
 
 
@@ -43,7 +43,7 @@ def _card(heading: str, large: str, lines: list[str]) -> str:
 
 
 def _recording_card(solution: Solution) -> tuple[str, list[str]]:
-    """How long and how far; when, with which sensors."""
+    """Duration and distance, date and sensors."""
     if not len(solution.t):
         return "nothing", ["The solution has no rows."]
     large = duration_text(float(solution.t[-1] - solution.t[0]))
@@ -71,15 +71,15 @@ def _verdict_card(
     """The verdict; errors and what the filter claims; fixes taken, time without them."""
     if not len(solution.t):
         return solution.verdict.word.capitalize(), []
-    sd = claimed_sd(solution)
+    std = claimed_std(solution)
     parts = []
     for label, unit, claimed, true in (
-        ("horizontal", "m", np.hypot(sd[:, 0], sd[:, 1]), None if e is None else e.horizontal),
+        ("horizontal", "m", np.hypot(std[:, 0], std[:, 1]), None if e is None else e.horizontal),
         (
             "heading",
             "deg",
-            np.degrees(sd[:, 8]),
-            None if e is None or e.rph is None else np.degrees(e.rph[:, 2]),
+            np.degrees(std[:, 8]),
+            None if e is None else np.degrees(e.rph[:, 2]),
         ),
     ):
         of = [f"claimed {_rms(claimed)} {unit}"] if np.isfinite(claimed).any() else []

@@ -26,10 +26,10 @@ MAX_POINTS/2 stretches, so that no peak is lost."""
 BAND_POINTS = 500
 """Points per edge of a band at most: bands change slowly, and are read for their size."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Of solutions, and of north, east, down: those of Okabe and Ito, which the colour-blind tell
+"""Colours of solutions, and of north, east, down: those of Okabe and Ito, which the colour-blind tell
 apart."""
 DASHES = ("solid", "dash", "dashdot")
-"""Of lines of solutions, from one round of the colours to the next."""
+"""Dashes of lines of solutions, from one round of the colours to the next."""
 GREY, RED = "#868e96", "#e03131"
 SHADES: dict[int, str] = {
     BRIDGED: "rgba(240,180,0,0.22)",
@@ -37,9 +37,9 @@ SHADES: dict[int, str] = {
     INVALID: "rgba(224,49,49,0.16)",
 }
 WITHHELD = "rgba(59,125,216,0.13)"
-"""Of the windows whose fixes were withheld."""
+"""Colour of the windows whose fixes were withheld."""
 OUTAGE = "rgba(134,142,150,0.18)"
-"""Of the stretches without an accepted fix of the position."""
+"""Colour of the stretches without an accepted fix of the position."""
 OUTAGE_INTERVALS = 3.0
 """Usual intervals between accepted fixes of the position from which a pause is an outage."""
 FAR = 5.0
@@ -64,10 +64,10 @@ def thin(y: ArrayLike, most: int = MAX_POINTS) -> Ints:
     high = first + np.where(np.isnan(stretches), -np.inf, stretches).argmax(axis=1)
     unknown = np.isnan(y)
     breaks = np.flatnonzero(unknown[1:] & ~unknown[:-1]) + 1
-    return np.unique(np.r_[0, low, high, breaks[even(len(breaks), most // 4)], len(y) - 1])
+    return np.unique(np.r_[0, low, high, breaks[even_indices(len(breaks), most // 4)], len(y) - 1])
 
 
-def even(n: int, most: int = MAX_POINTS) -> Ints:
+def even_indices(n: int, most: int = MAX_POINTS) -> Ints:
     """Indices of at most `most` of n rows at even steps, the last one included."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int)) if n else np.arange(0)
 
@@ -283,14 +283,14 @@ def line(
     legend: bool | None = None,
     rank: int = 1000,
     unit: str = "",
-    sd: Array | None = None,
+    std: Array | None = None,
     **style: str | float,
 ) -> None:
     """One thinned line; `rank` is its place in the legend, where it is shown if
     `legend` says so, by default in the first row. The pointer shows its value with the unit, and
-    with the standard deviations `sd` where there are any."""
+    with the standard deviations `std` where there are any."""
     keep = thin(y, MAX_POINTS)
-    claimed = sd is not None and bool(np.isfinite(sd).any())
+    claimed = std is not None and bool(np.isfinite(std).any())
     figure.add_trace(
         go.Scatter(
             x=column(t[keep]),
@@ -302,7 +302,7 @@ def line(
             showlegend=row == 1 if legend is None else legend,
             line={"color": colour, "width": 1.4, **style},
             hovertemplate=f"%{{y:.4g}}{' ± %{customdata:.2g}' if claimed else ''} {escape(unit)}".rstrip(),
-            customdata=column(_two_digits(sd[keep])) if sd is not None and claimed else None,
+            customdata=column(_two_digits(std[keep])) if std is not None and claimed else None,
         ),
         row=row,
         col=1,
@@ -359,7 +359,7 @@ def _two_digits(values: Array) -> Array:
 
 
 class BandStyle(NamedTuple):
-    """How a band is drawn."""
+    """Colours of a band."""
 
     colour: str = GREY
     # name of the line whose entry of the legend it belongs to; None: it has its own
@@ -368,7 +368,7 @@ class BandStyle(NamedTuple):
 
 
 PLAIN_BAND = BandStyle()
-"""Of the only solution on a page."""
+"""Style of the only solution on a page."""
 
 
 def band(
@@ -431,7 +431,7 @@ def marks(
     """The known values as marks, thinned at even steps; in the legend where the name is not there
     yet."""
     chosen = np.flatnonzero(np.isfinite(values))
-    chosen = chosen[even(len(chosen))]
+    chosen = chosen[even_indices(len(chosen))]
     if not len(chosen):
         return
     new = escape(name) not in legend_names(figure)
@@ -632,7 +632,7 @@ def outages(solution: Solution) -> list[tuple[float, float]]:
 
 
 def kind(solution: Solution, name: str) -> str:
-    """The kind of aiding behind a source: the solution says it in `meta["kinds"]`; by default
+    """The kind of measurement behind a source: the solution says it in `meta["kinds"]`; by default
     sources are named after it."""
     kinds: dict[str, str] = solution.meta.get("kinds", {})
     return kinds.get(name, name)

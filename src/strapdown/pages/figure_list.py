@@ -15,13 +15,13 @@ from ..data.solution import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from . import figures, fix_figures, installation_figures, sensor_figures, separation_figures
-from .summary import claimed_sd
+from .summary import claimed_std
 
 Text: TypeAlias = str | Callable[[Sequence[Solution]], str]
 """A text, or what makes it of the solutions that it is about."""
 Draw: TypeAlias = Callable[..., go.Figure | None]
 TAKES = ("errors", "scores", "colour", "window", "recording", "solutions")
-"""What `Figure.takes` may name."""
+"""Names that `Figure.takes` may have."""
 
 
 class Figure(NamedTuple):
@@ -53,10 +53,10 @@ class Figure(NamedTuple):
 
 def figures_of_page() -> list[Figure]:
     """Those of the library, then those of plugins."""
-    return [*FIGURES, *(figure for figure, _ in REGISTRY.brought().values())]
+    return [*FIGURES, *(figure for figure, _ in REGISTRY.plugin_values().values())]
 
 
-def _own(name: str) -> Figure | None:
+def _own_figure(name: str) -> Figure | None:
     return next((figure for figure in FIGURES if figure.name == name), None)
 
 
@@ -73,7 +73,7 @@ def check(figure: Figure) -> None:
 
 
 REGISTRY = plugins.Registry(
-    Figure, "no figure is called", _own, lambda: [figure.name for figure in FIGURES], check
+    Figure, "no figure is called", _own_figure, lambda: [figure.name for figure in FIGURES], check
 )
 
 
@@ -84,7 +84,7 @@ def _band_caption(states: slice, claimed: str, before: str = "", after: str = ""
 
 
 def _any_claimed(shown: Sequence[Solution], states: slice) -> bool:
-    return any(metrics.any_known(claimed_sd(solution)[:, states]) for solution in shown)
+    return any(metrics.any_known(claimed_std(solution)[:, states]) for solution in shown)
 
 
 def _whitens(solution: Solution) -> bool:
@@ -109,7 +109,7 @@ def _claimed_title(shown: Sequence[Solution]) -> str:
 def _of_errors(draw: Draw) -> Draw:
     """`draw` of the errors where there is a reference."""
 
-    def drawn(
+    def draw_errors(
         solutions: dict[str, Solution],
         reference: Trajectory | None,
         scores: dict[str, Errors],
@@ -117,21 +117,21 @@ def _of_errors(draw: Draw) -> Draw:
     ) -> go.Figure | None:
         return draw(solutions, scores, window) if scores else None
 
-    return drawn
+    return draw_errors
 
 
 def _draw_scored(part: str, draw: Draw) -> Draw:
     """`draw` of those solutions whose errors of that `part` are known."""
 
-    def drawn(
+    def draw_known(
         solutions: dict[str, Solution],
         scores: dict[str, Errors],
         window: tuple[float, float] | None,
     ) -> go.Figure | None:
-        known = {name: e for name, e in scores.items() if getattr(e, part) is not None}
+        known = {name: e for name, e in scores.items() if metrics.any_known(getattr(e, part))}
         return draw(solutions, known, window) if known else None
 
-    return _of_errors(drawn)
+    return _of_errors(draw_known)
 
 
 def _angles(

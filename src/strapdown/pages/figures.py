@@ -40,7 +40,7 @@ from .drawing import (
     cut_wraps,
     each,
     east_north_up,
-    even,
+    even_indices,
     extent,
     finish,
     frame,
@@ -59,12 +59,12 @@ from .drawing import (
     time_axis,
     together,
 )
-from .summary import claimed_sd
+from .summary import claimed_std
 
 Solutions: TypeAlias = Solution | Mapping[str, Solution]
 """One, or several by name."""
 Reference: TypeAlias = Trajectory | Errors | Mapping[str, Errors] | None
-"""What solutions are compared with, or the errors against it, of one or by name."""
+"""Reference that solutions are compared with, or the errors against it, of one or by name."""
 Window: TypeAlias = tuple[float, float] | None
 """(start, stop) s that is scored."""
 Marked: TypeAlias = tuple[str, Mapping[str, object], Array, Array]
@@ -74,16 +74,16 @@ FIX_MARKS = (
     (False, "rejected", {"color": RED, "size": 8, "symbol": "x"}),
 )
 ENDS = ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40"))
-"""Of a track: row, name, symbol and colour."""
+"""Ends of a track: row, name, symbol and colour."""
 FROM_SOUTH = {"x": 0.25, "y": -1.0, "z": 0.75}
 """Where a track in three dimensions is seen from: north is away, as on a map."""
 AWAY = 0.25
 """Part of the time for which it must be so far to leave it."""
 MIN_SHARE, MAX_TIMES = 1e-6, 1e4
-"""Of the peak of the best solution: lower and upper end of a logarithmic axis at most."""
+"""Shares of the peak of the best solution: lower and upper end of a logarithmic axis at most."""
 TO_SEE_ALL = "Double-click a panel to see all of it."
 DOTTED = {"color": GREY, "dash": "dot", "width": 1.5}
-"""Of the reference."""
+"""Line of the reference."""
 
 
 def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figure | None:
@@ -100,13 +100,13 @@ def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     for label, marker, t, seen in _fixes(first.solution, paths[0]):
         path(figure, seen[:, :2], label, mode="markers", marker=marker, t=t)
     for rank, one, there in places.last_first():
-        keep = even(len(there), MAX_POINTS)
+        keep = even_indices(len(there), MAX_POINTS)
         style = {"color": one.colour, "width": 2, "dash": one.dash}
         t = one.solution.t[keep]
         path(figure, there[keep, :2], one.label(), line=style, legendrank=rank, t=t)
     if places.reference is not None:
         t, there = places.reference
-        keep = even(len(there), MAX_POINTS)
+        keep = even_indices(len(there), MAX_POINTS)
         path(figure, there[keep, :2], "reference", line=DOTTED, t=t[keep])
     for label, marker, t, there in places.ends():
         path(figure, there[:, :2], label, mode="markers", marker=marker, t=t)
@@ -123,8 +123,8 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     figure = finish(go.Figure(), 560)
     figure.layout.meta["track"] = True
 
-    def drawn(t: Array, there: Array, name: str, rank: int, **style: object) -> None:
-        keep = even(len(there), MAX_POINTS)
+    def draw_line(t: Array, there: Array, name: str, rank: int, **style: object) -> None:
+        keep = even_indices(len(there), MAX_POINTS)
         figure.add_trace(
             go.Scatter3d(
                 **dict(zip("xyz", map(column, there[keep].T))),
@@ -140,9 +140,9 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
 
     for rank, one, there in places.last_first():
         style = {"color": one.colour, "width": 4, "dash": one.dash}
-        drawn(one.solution.t, there, one.label(), rank, **style)
+        draw_line(one.solution.t, there, one.label(), rank, **style)
     if places.reference is not None:
-        drawn(*places.reference, "reference", 1000, color=GREY, width=3, dash="dot")
+        draw_line(*places.reference, "reference", 1000, color=GREY, width=3, dash="dot")
     low, high = _frame_track(figure, places, 3)
     room = 0.06 * max((high - low).max(), 10.0)
     spans = high - low + 2 * room
@@ -182,7 +182,7 @@ class _Places(NamedTuple):
         known = (
             None
             if reference is None
-            else reference.taking(np.flatnonzero(np.isfinite(reference.lla).all(axis=1)))
+            else reference.take(np.flatnonzero(np.isfinite(reference.lla).all(axis=1)))
         )
         known = known if known is not None and len(known) else None
         start = _first_known(shown[0].solution.trajectory.lla if known is None else known.lla)
@@ -225,7 +225,7 @@ def _fixes(solution: Solution, estimates: Array, of: str = "position") -> list[M
         own = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
         for good, label, marker in FIX_MARKS:
             chosen = np.flatnonzero(own & (fixes.accepted == good))
-            chosen = chosen[even(len(chosen), MAX_POINTS)]
+            chosen = chosen[even_indices(len(chosen), MAX_POINTS)]
             if len(chosen):
                 t, seen = fixes.t[chosen], fixes.innovation[chosen]
                 seen = seen[:, [1, 0, 2]] * [1, 1, -1] if of == "position" else seen
@@ -273,8 +273,8 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
     for label, marker, t, seen in _fixes(first, up):
         marks(figure, t - zero, seen[:, 2] + _first_known(lla)[2], label, marker, unit="m")
     for rank, one in list(enumerate(shown))[::-1]:
-        values, sd = one.solution.trajectory.lla[:, 2], claimed_sd(one.solution)[:, 2]
-        _curve(figure, one, rank, _Series(one.solution.t - zero, values, "m", sd))
+        values, std = one.solution.trajectory.lla[:, 2], claimed_std(one.solution)[:, 2]
+        _curve(figure, one, rank, _Series(one.solution.t - zero, values, "m", std))
     spans = [extent(one.solution.trajectory.lla[:, 2]) for one in shown]
     low, high = min(spans, key=lambda span: span[1] - span[0])
     if reference is not None:
@@ -300,7 +300,7 @@ class _Series(NamedTuple):
     t: Array  # (n,) s
     values: Array  # (n,)
     unit: str
-    sd: Array | None = None  # (n,)
+    std: Array | None = None  # (n,)
 
 
 def _curve(
@@ -313,7 +313,7 @@ def _curve(
 ) -> None:
     """The line of a solution."""
     name, dash = one.label(label), one.dash
-    line(figure, of.t, of.values, name, one.colour, row, None, rank, of.unit, of.sd, dash=dash)
+    line(figure, of.t, of.values, name, one.colour, row, None, rank, of.unit, of.std, dash=dash)
 
 
 def _band(
@@ -348,7 +348,7 @@ def horizontal(solutions: Solutions, reference: Reference) -> go.Figure | None:
         e = _errors(one, reference)
         if e is None or not metrics.any_known(e.horizontal):
             continue
-        zero, claimed = origin(one.solution.t), 3 * np.hypot(*claimed_sd(e)[:, :2].T)
+        zero, claimed = origin(one.solution.t), 3 * np.hypot(*claimed_std(e)[:, :2].T)
         _curve(figure, one, rank, _Series(e.t - zero, e.horizontal, "m"), label="error")
         if np.isfinite(claimed).any():
             name = one.label("error")
@@ -389,7 +389,7 @@ def position(
         return None
     start = _first_known(shown[0].solution.trajectory.lla)
 
-    def estimated(solution: Solution) -> Array:
+    def estimated_position(solution: Solution) -> Array:
         moved = east_north_up(solution.trajectory.lla, start)
         return np.c_[moved[:, [1, 0]], solution.trajectory.lla[:, 2]]
 
@@ -398,7 +398,7 @@ def position(
         shown[0].solution, east_north_up(shown[0].solution.trajectory.lla, start)
     ):
         fixes.append((label, style, t, seen[:, [1, 0, 2]] + [0, 0, start[2]]))
-    quantity = _Quantity(("north", "east", "height"), "m", POS, estimated)
+    quantity = _Quantity(("north", "east", "height"), "m", POS, estimated_position)
     return _errors_or_estimates(shown, quantity, reference, "position", window, fixes=fixes)
 
 
@@ -453,7 +453,7 @@ def attitude(
         "deg",
         ATT,
         lambda s: np.degrees(s.trajectory.rph),
-        lambda s: np.degrees(euler_sd(s.trajectory.rph, claimed_sd(s)[:, ATT])),
+        lambda s: np.degrees(euler_std(s.trajectory.rph, claimed_std(s)[:, ATT])),
     )
     return _errors_or_estimates(each(solutions), quantity, reference, "rph", window, beside)
 
@@ -461,14 +461,13 @@ def attitude(
 def attitude_angles(
     solutions: Solutions, reference: Reference, window: Window = None
 ) -> go.Figure | None:
-    """How far the attitude is off, deg: the angle of the whole rotation, of the vertical
+    """Attitude errors, deg: the angle of the whole rotation, of the vertical
     (inclination) and about it (heading)."""
     shown, curves = [], []
     for one in each(solutions):
         e = _errors(one, reference)
-        found = None if e is None else metrics.attitude_angles(e)
-        if e is not None and found is not None and metrics.any_known(e.attitude):
-            angles = np.degrees(found).T
+        if e is not None and metrics.any_known(e.attitude):
+            angles = np.degrees(metrics.attitude_angles(e)).T
             shown.append(one)
             curves.append(_Curve(e.t, angles, np.full_like(angles, np.nan)))
     names = metrics.AttitudeAngles._fields
@@ -476,14 +475,14 @@ def attitude_angles(
     return _draw_panels(shown, quantity._replace(label="angle of the error"), curves, window)
 
 
-def euler_sd(rph: Array, sd: Array) -> Array:
+def euler_std(rph: Array, std: Array) -> Array:
     """Standard deviations of roll, pitch and heading from those of the rotation vector in n, rad.
 
     Correlations are neglected; NaN beyond 85 deg of pitch, where roll and heading lose their
     meaning.
     """
     pitch, heading = rph[:, 1], rph[:, 2]
-    variance_n, variance_e, variance_d = (sd**2).T
+    variance_n, variance_e, variance_d = (std**2).T
     forward = np.cos(heading) ** 2 * variance_n + np.sin(heading) ** 2 * variance_e
     right = np.sin(heading) ** 2 * variance_n + np.cos(heading) ** 2 * variance_e
     steep = np.where(np.abs(pitch) > np.radians(85), np.nan, 1.0)
@@ -535,7 +534,7 @@ class _Quantity(NamedTuple):
     unit: str
     states: slice  # of the standard deviations claimed
     of: Callable[[Solution], Array]  # (n, k) estimates
-    sd_of: Callable[[Solution], Array] | None = None  # (n, k); by default those of `states`
+    std_of: Callable[[Solution], Array] | None = None  # (n, k); by default those of `states`
     framed: Callable[[Array, Array, Array, Window], tuple[float, float, float]] = _around_all
     label: str = "estimate"
     height: int = 170  # of a panel
@@ -556,9 +555,9 @@ def _none(solution: Solution) -> Array:
 
 
 def _half(solution: Solution, quantity: _Quantity) -> Array:
-    if quantity.sd_of is not None:
-        return 3 * quantity.sd_of(solution)
-    return 3 * claimed_sd(solution)[:, quantity.states] * quantity.scale
+    if quantity.std_of is not None:
+        return 3 * quantity.std_of(solution)
+    return 3 * claimed_std(solution)[:, quantity.states] * quantity.scale
 
 
 def _estimates(one: ShownSolution, quantity: _Quantity) -> _Curve:
@@ -576,7 +575,7 @@ def _errors_or_estimates(
 ) -> go.Figure | None:
     """The `part` of the Errors of those whose the reference knows, else the estimates of all."""
     found = [(one, e, _part(e, part)) for one in shown if (e := _errors(one, reference))]
-    known = [(one, e, errors) for one, e, errors in found if errors is not None]
+    known = [(one, e, errors) for one, e, errors in found if metrics.any_known(errors)]
     if not known:
         curves = [_estimates(one, quantity) for one in shown]
         return _draw_panels(shown, quantity, curves, window, beside, fixes)
@@ -588,9 +587,9 @@ def _errors_or_estimates(
     return _draw_panels([one for one, *_ in known], quantity, curves, window)
 
 
-def _part(e: Errors, part: str) -> Array | None:
-    errors: Array | None = getattr(e, part)
-    return np.degrees(errors) if errors is not None and part == "rph" else errors
+def _part(e: Errors, part: str) -> Array:
+    errors: Array = getattr(e, part)
+    return np.degrees(errors) if part == "rph" else errors
 
 
 def _draw_panels(
@@ -695,7 +694,7 @@ class _Panel(NamedTuple):
             notes.beyond(one, self.quantity, self.i, beyond)
         return found
 
-    def drawn(self, rank: int) -> tuple[Array, Array]:
+    def band_values(self, rank: int) -> tuple[Array, Array]:
         """(values, half the height of their band) of a solution; where the angle wraps, they end."""
         values, half = self.columns[rank], self.curves[rank].half[:, self.i]
         return (
@@ -708,12 +707,12 @@ class _Panel(NamedTuple):
         """Draw the bands of all solutions, and their values above them."""
         is_estimate = self.quantity.label == "estimate"
         for rank in self.known:
-            values, half = self.drawn(rank)
+            values, half = self.band_values(rank)
             since = self.curves[rank].t - zero
             centre = values if is_estimate else np.zeros(len(since))
             _band(figure, self.shown[rank], since, centre, half, row, len(self.shown))
         for rank in self.known:
-            values, half = self.drawn(rank)
+            values, half = self.band_values(rank)
             since = self.curves[rank].t - zero
             series = _Series(since, values, self.quantity.unit, half / 3)
             _curve(figure, self.shown[rank], rank, series, row, self.quantity.label)
@@ -811,7 +810,7 @@ def sigma(solutions: Solutions) -> go.Figure | None:
         (
             f"{name} [{unit}]",
             unit,
-            [3 * scale * _length(claimed_sd(one.solution), states) for one in shown],
+            [3 * scale * _length(claimed_std(one.solution), states) for one in shown],
         )
         for name, unit, states, scale in SIGMAS
     ]
@@ -832,9 +831,9 @@ def sigma(solutions: Solutions) -> go.Figure | None:
     return time_axis(figure, shown, zero)
 
 
-def _length(sd: Array, states: slice) -> Array:
+def _length(std: Array, states: slice) -> Array:
     """(n,) root of the sum of squares of the standard deviations of these states."""
-    return np.sqrt(np.square(sd[:, states]).sum(axis=1))
+    return np.sqrt(np.square(std[:, states]).sum(axis=1))
 
 
 SIGMAS = (
@@ -884,7 +883,7 @@ def extra(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     of_installation = {
         name
         for each in estimated_installation(solution).parameters
-        for name in (each.column, each.sd_column)
+        for name in (each.column, each.std_column)
     }
     numeric = {
         name: np.asarray(values, float)

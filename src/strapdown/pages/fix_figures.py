@@ -26,7 +26,7 @@ from .drawing import (
     ShownSolution,
     band,
     each,
-    even,
+    even_indices,
     kind,
     level,
     line,
@@ -105,7 +105,7 @@ def innovations(
         t, values, good = fixes.t[own] - zero, fixes.innovation[own] * factor, fixes.accepted[own]
         names = rows if np.isfinite(values[:, 1:]).any() else ("single component",)
         if fixes.root is not None:
-            expected = factor * _expected_sd(fixes.root[own])
+            expected = factor * _expected_std(fixes.root[own])
             _bounds(figure, row, t, np.where(np.isfinite(values), expected, np.nan))
         for i, name in enumerate(names):
             mark = {"color": COLOURS[i], "size": 4}
@@ -128,24 +128,24 @@ def innovations(
     return time_axis(figure, solution, zero)
 
 
-def _expected_sd(root: Array) -> Array:
+def _expected_std(root: Array) -> Array:
     """(m, 3) standard deviations of innovations from the rows (m, 6) of the root of their
     covariance."""
     a, b, c, d, e, f = np.square(root).T
     return np.sqrt(np.column_stack([a, b + c, d + e + f]))
 
 
-def _bounds(figure: go.Figure, row: int, t: Array, sd: Array) -> None:
+def _bounds(figure: go.Figure, row: int, t: Array, std: Array) -> None:
     """±2 standard deviations (m, 3), dotted, of those components that differ, in their colours."""
     drawn: list[tuple[float, int]] = []
-    for i, column in enumerate(sd.T):
+    for i, column in enumerate(std.T):
         size = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
         if size and all(abs(size / other - 1) > ALIKE for other, _ in drawn):
             drawn.append((size, i))
     for _, i in drawn:
         colour, group = COLOURS[i] if len(drawn) > 1 else GREY, None if i == drawn[0][1] else "±2σ"
-        known = np.isfinite(sd[:, i])
-        centre, half = np.zeros(known.sum()), 2 * sd[known, i]
+        known = np.isfinite(std[:, i])
+        centre, half = np.zeros(known.sum()), 2 * std[known, i]
         band(figure, t[known], centre, half, row, "±2σ", BandStyle(colour, group, False))
 
 
@@ -317,7 +317,7 @@ def _quantiles(solution: Solution, source: int) -> tuple[Array, Array] | None:
     seen = np.sort(fixes.nis[own][rows == freedom])
     if not freedom or len(seen) < FEWEST:
         return None
-    kept = even(len(seen), QUANTILES)
+    kept = even_indices(len(seen), QUANTILES)
     return _chi_square(freedom, (kept + 0.5) / len(seen)), seen[kept]
 
 

@@ -72,14 +72,14 @@ def _panel(
     """Draw a parameter of one solution of `of`; return half the height of its axis, and its
     largest."""
     columns, t = one.solution.columns, one.solution.t - zero
-    values, sd = columns[found.column], columns[found.sd_column]
-    half, label = SIGMAS * sd, one.label()
+    values, std = columns[found.column], columns[found.std_column]
+    half, label = SIGMAS * std, one.label()
     if one.alone:
         band(figure, t, values, half, row, "±2σ")
     else:
         style = BandStyle(one.colour, label, of <= SHADED_BANDS)
         band(figure, t, values, half, row, f"{label} ±2σ", style)
-    line(figure, t, values, label, one.colour, row, unit=found.unit, sd=sd, dash=one.dash)
+    line(figure, t, values, label, one.colour, row, unit=found.unit, std=std, dash=one.dash)
     return frame(t, values, np.abs(values) + half)
 
 
@@ -102,7 +102,7 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
                 parameter.given,
                 parameter.value,
                 parameter.change,
-                parameter.sd,
+                parameter.std,
                 parameter.prior,
             )
             numbers = (f"{value:.{3 if parameter.unit else 4}f}" for value in values)

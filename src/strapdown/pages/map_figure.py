@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from ..data.solution import Solution, Trajectory
 from ..typing import Array
-from .drawing import GREY, MAX_POINTS, each, even, finish
+from .drawing import GREY, MAX_POINTS, each, even_indices, finish
 
 HEIGHT = 560
 """px."""
@@ -28,9 +28,9 @@ def track_map(
     known."""
     figure, seen = finish(go.Figure(), HEIGHT), []
 
-    def drawn(t: Array, lla: Array, name: str, **line: object) -> None:
+    def draw_line(t: Array, lla: Array, name: str, **line: object) -> None:
         known = np.flatnonzero(np.isfinite(lla[:, :2]).all(axis=1))
-        rows = known[even(len(known), MAX_POINTS)]
+        rows = known[even_indices(len(known), MAX_POINTS)]
         if not len(rows):
             return
         places = np.degrees(np.unwrap(lla[rows, :2], axis=0))
@@ -48,9 +48,11 @@ def track_map(
         )
 
     if reference is not None:
-        drawn(reference.t, reference.lla, "reference", color=GREY, width=4)
+        draw_line(reference.t, reference.lla, "reference", color=GREY, width=4)
     for one in reversed(each(solutions)):
-        drawn(one.solution.t, one.solution.trajectory.lla, one.label(), color=one.colour, width=2)
+        draw_line(
+            one.solution.t, one.solution.trajectory.lla, one.label(), color=one.colour, width=2
+        )
     if not seen:
         return None
     low, high = (end(np.concatenate(seen), axis=0) for end in (np.min, np.max))

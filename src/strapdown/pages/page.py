@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
-from ..checks import DataError
+from ..checks import DataError, check_type
 from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data.recording import Recording
 from ..data.solution import Solution, Trajectory
@@ -68,16 +68,45 @@ def report(
     recording: Recording | None = None,
     map: bool = False,
 ) -> Page:
-    """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
+    """Return a page about one solution, or several side by side.
 
-    reference: Trajectory that errors are taken against. window: (start, stop) in s over which
-    errors are scored and error axes are framed. added: further sections and facts.
-    recording: whose sensors are shown; by default that of the first solution, unless it was read
-    from a file.
-    map: also the track on a street map, for which the page then asks the network; no other page
-    does. Raises DataError without a solution.
+    Parameters
+    ----------
+    solutions : Solution, list of Solution or dict
+        {name: Solution} names them.
+    reference : Trajectory, optional
+        That errors are taken against.
+    title : str, optional
+        Heading of the page.
+    window : (float, float), optional
+        Start and stop, s, of the time over which errors are scored and error axes are framed.
+    added : Added
+        Further sections and facts.
+    recording : Recording, optional
+        Whose sensors are shown; by default that of the first solution, unless it was read from a file.
+    map : bool
+        Also the track on a street map, for which the page then asks the network; no other page does.
+
+    Returns
+    -------
+    Page
+        Whose `save` writes one file of HTML, and which shows itself in a notebook.
+
+    Raises
+    ------
+    DataError
+        Where there is no solution.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> recording = sd.simulate("car", 60.0, seed=1)
+    >>> page = sd.report(sd.fuse(recording), recording.reference)
+    >>> page.html[:15]
+    '<!DOCTYPE html>'
     """
     solutions = _name_solutions(solutions)
+    check_type(reference, "reference", Trajectory | None, "a Trajectory, or None")
     if not solutions:
         raise DataError("a report needs a solution; none is given")
     scores, unscored = _scores(solutions, reference)
@@ -146,10 +175,14 @@ def _name_solutions(
 ) -> dict[str, Solution]:
     """{name: Solution} by filter, and whether it was smoothed; names that occur twice are
     numbered."""
+    several = isinstance(solutions, (list, tuple, dict))
+    for each in _solution_list(solutions):
+        wanted = "a Solution, a list of them or {name: Solution}"
+        check_type(each, "one of solutions" if several else "solutions", Solution, wanted)
     if isinstance(solutions, dict):
         return solutions
-    named = {}
-    for solution in solutions if isinstance(solutions, (list, tuple)) else [solutions]:
+    named: dict[str, Solution] = {}
+    for solution in _solution_list(solutions):
         base = f"{solution.meta.get('filter', 'solution')}{', smoothed' if solution.meta.get('smoothed') else ''}"
         name, count = base, 1
         while name in named:
@@ -157,6 +190,14 @@ def _name_solutions(
             name = f"{base} {count}"
         named[name] = solution
     return named
+
+
+def _solution_list(
+    solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
+) -> list[Solution]:
+    if isinstance(solutions, dict):
+        return list(solutions.values())
+    return list(solutions) if isinstance(solutions, (list, tuple)) else [solutions]
 
 
 def _scores(
@@ -169,7 +210,9 @@ def _scores(
     try:
         found = {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
         if all(
-            part is None for e in found.values() for part in (e.position, e.velocity, e.attitude)
+            not metrics.any_known(part)
+            for e in found.values()
+            for part in (e.position, e.velocity, e.attitude)
         ):
             raise DataError("the reference knows nothing of what was estimated")
         return found, ""
@@ -294,7 +337,7 @@ class _Drawer:
         """HTML of a Figure: one of all solutions, or one for each, side by side; the colour of a
         solution is the same everywhere."""
         if figure.together:
-            return self._drawn(figure, self.solutions, list(self.solutions.values()))
+            return self._draw_figure(figure, self.solutions, list(self.solutions.values()))
         shown = []
         for i, (name, solution) in enumerate(self.solutions.items()):
             if not len(solution.t):
@@ -303,10 +346,10 @@ class _Drawer:
             mark = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>"
             tag = mark if len(self.solutions) > 1 else ""
             given = {"errors": self.scores.get(name), "colour": colour}
-            shown.append(self._drawn(figure, solution, [solution], given, tag))
+            shown.append(self._draw_figure(figure, solution, [solution], given, tag))
         return around("grid", *shown)
 
-    def _drawn(
+    def _draw_figure(
         self,
         figure: Figure,
         subject: Solution | dict[str, Solution],

@@ -3,7 +3,7 @@ const bar = document.getElementById("playback");
 const slider = bar.querySelector("input"), button = bar.querySelector("button"), rate = bar.querySelector("[name=rate]"), which = bar.querySelector("[name=solution]");
 let tracks = null, playing = false, since = 0;
 
-const digits = (value, unit, sd) => Number.isFinite(value) ? `${value.toFixed(Math.abs(value) < 100 ? 2 : 1)}${Number.isFinite(sd) ? ` ± ${Number(sd.toPrecision(2))}` : ""} ${unit}` : "–";
+const digits = (value, unit, std) => Number.isFinite(value) ? `${value.toFixed(Math.abs(value) < 100 ? 2 : 1)}${Number.isFinite(std) ? ` ± ${Number(std.toPrecision(2))}` : ""} ${unit}` : "–";
 
 function tell(t) {
   if (!tracks || t === null) return;
@@ -14,8 +14,8 @@ function tell(t) {
   bar.querySelector(".utc").textContent = day;
   slider.setAttribute("aria-valuetext", `${t.toFixed(1)} s ${day}`);
   for (const cell of bar.querySelectorAll("dd")) {
-    const values = rows[cell.dataset.of], sds = rows["sd " + cell.dataset.of];
-    cell.textContent = values ? digits(values[row], cell.dataset.unit, sds ? sds[row] : NaN) : "–";
+    const values = rows[cell.dataset.of], stds = rows["std " + cell.dataset.of];
+    cell.textContent = values ? digits(values[row], cell.dataset.unit, stds ? stds[row] : NaN) : "–";
   }
 }
 window.told = tell;

@@ -13,10 +13,10 @@ from ..core.mathematics.rotation import quaternion_to_euler
 from ..data.solution import Solution
 from ..typing import Array
 from ..units.time_scales import utc
-from .drawing import even, ground
-from .figures import euler_sd
+from .drawing import even_indices, ground
+from .figures import euler_std
 from .packing import pack_json
-from .summary import claimed_sd
+from .summary import claimed_std
 
 SHOWN = (
     ("north", "m"),
@@ -27,7 +27,7 @@ SHOWN = (
     ("pitch", "deg"),
     ("heading", "deg"),
 )
-"""What the bar says, and its unit; north and east are from the start."""
+"""Numbers of the bar, and their units; north and east are from the start."""
 RATES = (1, 10, 100)
 """Seconds of the recording per second."""
 
@@ -72,25 +72,25 @@ def playback_bar(solutions: Mapping[str, Solution]) -> str:
 
 
 def _rows(solution: Solution) -> dict[str, Any]:
-    """{column: values} at even steps, and {"sd " + column: standard deviations that are claimed}."""
-    keep = even(len(solution.t))
-    sd = claimed_sd(solution)[keep]
+    """{column: values} at even steps, and {"std " + column: standard deviations that are claimed}."""
+    keep = even_indices(len(solution.t))
+    std = claimed_std(solution)[keep]
     trajectory = solution.trajectory
     found: dict[str, Array] = {"t": solution.t[keep]}
     if solution.has_position:
         lla = trajectory.lla
         east, north = ground(lla[keep], lla[np.isfinite(lla).all(axis=1)][0]).T
         found |= {"north": north, "east": east, "height": lla[keep, 2]}
-        found |= dict(zip(("sd north", "sd east", "sd height"), sd[:, POS].T))
+        found |= dict(zip(("std north", "std east", "std height"), std[:, POS].T))
     if trajectory.v_n is not None:
         v = trajectory.v_n[keep]
         found["speed"] = np.linalg.norm(v, axis=1)
         along = v / np.maximum(found["speed"], 1e-3)[:, None]
-        found["sd speed"] = np.linalg.norm(along * sd[:, VEL], axis=1)
+        found["std speed"] = np.linalg.norm(along * std[:, VEL], axis=1)
     if trajectory.q_nb is not None:
         rph = quaternion_to_euler(trajectory.q_nb[keep])
         rph[:, 2] %= 2 * np.pi
         found |= dict(zip(("roll", "pitch", "heading"), np.degrees(rph).T))
-        angles = np.degrees(euler_sd(rph, sd[:, ATT]))
-        found |= dict(zip(("sd roll", "sd pitch", "sd heading"), angles.T))
+        angles = np.degrees(euler_std(rph, std[:, ATT]))
+        found |= dict(zip(("std roll", "std pitch", "std heading"), angles.T))
     return {name: np.asarray(values, float) for name, values in found.items()}

@@ -1,4 +1,4 @@
-"""How the sensors of a recording did: rates, jitter and gaps, what they read, vibration, and how
+"""Figures of the sensors of a recording: rates, jitter and gaps, what they read, vibration, and how
 often they stood at the end of their range.
 
 Each figure takes a Recording and, for their events and shades, the solutions made of it.
@@ -21,7 +21,7 @@ from ..data.solution import Solution
 from ..engine.plausible_limits import AT_FULL_SCALE
 from ..io.magnetic_record import MIN_LEVELS, PILE, TIMES
 from ..preprocessing.imu_samples import GAP_MEDIANS
-from ..sensor_models.imu import ImuSpec, grade
+from ..sensor_models.imu import ImuSpec, imu as imu_spec
 from ..typing import Array
 from ..units.wording import number
 from .drawing import (
@@ -44,7 +44,7 @@ MAX_SAMPLES = 2**20
 SEGMENT, SEGMENTS, MIN_SEGMENT = 20.0, 8, 64
 """s of the segments of Welch's method, the least number of segments, and their least samples."""
 SPECTRUM_POINTS = 250
-"""Of a spectrum that are drawn: means over bins of like width on a logarithmic axis."""
+"""Points of a spectrum that are drawn: means over bins of like width on a logarithmic axis."""
 MAX_SOURCES = 6
 """Sources at most whose intervals are drawn; the table has all."""
 
@@ -78,7 +78,7 @@ def _known_grade(recording: Recording) -> ImuSpec | None:
     """The IMU as its grade has it, None where none is named or it is not known here."""
     named = recording.meta.get("grade")
     try:
-        return None if named is None else grade(named)
+        return None if named is None else imu_spec(named)
     except DataError:
         return None
 
@@ -104,9 +104,9 @@ def at_limit(triad: TriadFigure) -> float:
 
 def _sources(recording: Recording) -> Iterator[tuple[str, Array]]:
     """(name, times) of the sources that were recorded and have an interval."""
-    for aiding in recording.aidings:
-        if len(aiding.t) > 1 and _is_recorded(aiding.kind):
-            yield aiding.name or aiding.kind, aiding.t
+    for source in recording.sources:
+        if len(source.t) > 1 and _is_recorded(source.kind):
+            yield source.name or source.kind, source.t
 
 
 def _is_recorded(kind: str) -> bool:

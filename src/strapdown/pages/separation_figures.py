@@ -1,4 +1,4 @@
-"""How far a filter was from its smoother."""
+"""Figures of the separation of a filter from its smoother."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..data.solution import Solution
 from .drawing import each, line, log_range, origin, panels, positive, time_axis
 
 PARTS = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", np.degrees(1)))
-"""What is compared: name, unit and its size."""
+"""Quantities that are compared: name, unit and its size."""
 
 
 def separation(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:

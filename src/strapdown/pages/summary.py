@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import ATT, BRIDGED, DOUBTFUL, INVALID, POS, VEL
 from ..data.solution import Solution
+from ..data.verdict import RISK
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
+from ..evaluation.protection import COVERED
 from ..filters import find
-from ..typing import Array
+from ..typing import Array, Mask
 from ..units.wording import number
 from .parts import caption, split_cells, table
 
 
-def claimed_sd(made: Solution | Errors) -> Array:
+def claimed_std(made: Solution | Errors) -> Array:
     """(n, 15) standard deviations of the error states that a Solution claims, or those at its
     Errors, SI and radians."""
-    sd = made.sd if isinstance(made, Errors) else made.trajectory.sd
-    assert sd is not None  # a solution has them, NaN where its filter claims none
-    return sd
+    std = made.std if isinstance(made, Errors) else made.trajectory.std
+    assert std is not None  # a solution has them, NaN where its filter claims none
+    return std
 
 
 def heading_held(solution: Solution) -> bool:
@@ -48,10 +50,7 @@ def error_table(
     """
     positioned, rows = all(metrics.any_known(e.horizontal) for e in found.values()), []
     for labels, unit, factor, part in SCORED_QUANTITIES[:-1] if positioned else SCORED_QUANTITIES:
-        values = [
-            np.full((len(e.t), len(labels)), np.nan) if (v := part(e)) is None else v * factor
-            for e in found.values()
-        ]
+        values = [part(e) * factor for e in found.values()]
         running = [i for i, label in enumerate(labels) if label in HEADINGS]
         for v in (v for v, name in zip(values, found) if name in free):
             v[:, running] = np.nan
@@ -69,18 +68,10 @@ def error_table(
     return table(["true − estimate", *split_cells(head, 3)], rows)
 
 
-def _columns(values: Array | Sequence[Array] | None) -> Array | None:
-    return (
-        None
-        if values is None
-        else np.column_stack(values if isinstance(values, tuple) else [values])
-    )
-
-
 NOTHING = ["–"] * 3
 HEADINGS = ("heading", "heading angle", "total angle")
 SCORED_QUANTITIES = (
-    (["horizontal position"], "m", 1.0, lambda e: _columns(e.horizontal)),
+    (["horizontal position"], "m", 1.0, lambda e: e.horizontal[:, None]),
     ([f"{axis} position" for axis in NED_AXES], "m", 1.0, lambda e: e.position),
     ([f"{axis} velocity" for axis in NED_AXES], "m/s", 1.0, lambda e: e.velocity),
     (EULER, "deg", np.degrees(1), lambda e: e.rph),
@@ -88,10 +79,10 @@ SCORED_QUANTITIES = (
         [f"{name} angle" for name in metrics.AttitudeAngles._fields],
         "deg",
         np.degrees(1),
-        lambda e: _columns(metrics.attitude_angles(e)),
+        lambda e: np.column_stack(metrics.attitude_angles(e)),
     ),
 )
-"""What is scored: labels, unit, its size, and the columns of an Errors, None where it has none."""
+"""Quantities that are scored: labels, unit, its size, and the columns of an Errors."""
 
 
 def _scores(values: Array) -> list[list[str]]:
@@ -128,12 +119,13 @@ def contradictions(
     for name, e in found.items():
         inside = e.inside(window)
         for group, unit, factor, states in ERROR_GROUPS:
-            errors, sd = getattr(e, group), None if e.sd is None else e.sd[inside, states]
-            if errors is None or sd is None:
+            errors: Array = getattr(e, group)[inside]
+            if e.std is None or not metrics.any_known(errors):
                 continue
-            errors = errors[inside]
-            known = (np.isfinite(errors) & np.isfinite(sd)).any(axis=1)
-            share = (np.abs(errors) > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
+            std = e.std[inside, states]
+            known = (np.isfinite(errors) & np.isfinite(std)).any(axis=1)
+            beyond: Mask = np.any(np.abs(errors) > SIGMAS * std, axis=1)
+            share = beyond[known].mean() if known.any() else 0.0
             if share > BEYOND_SHARE:
                 why = (of_reference or {}).get(name, "") if group == "position" else ""
                 said.setdefault(name, []).append(
@@ -166,7 +158,20 @@ def run_table(solutions: Mapping[str, Solution]) -> str:
     """Span, gaps and claimed standard deviations of {name: Solution}; without those that none of
     them claims."""
     rows = list(zip(RUN, *map(_run, solutions.values())))
-    return table(["", *solutions], [row for row in rows if set(row[1:]) != {"–"}])
+    shown = table(["", *solutions], [row for row in rows if set(row[1:]) != {"–"}])
+    rest = dict.fromkeys(
+        quantity
+        for solution in solutions.values()
+        if solution.verdict.trusted
+        for each in solution.verdict.untested
+        for quantity in each.rests
+        if quantity in COVERED
+    )
+    if not rest:
+        return shown
+    return shown + caption(
+        f"The protection levels of {' and '.join(rest)} hold only if what was not tested is right."
+    )
 
 
 RUN = (
@@ -178,15 +183,19 @@ RUN = (
     "time doubtful [s]",
     "stretches not valid",
     "time not valid [s]",
-    "horizontal sd, largest / last [m]",
-    "height sd, largest / last [m]",
-    "inclination sd, largest / last [deg]",
-    "heading sd, largest / last [deg]",
+    "horizontal std, largest / last [m]",
+    "height std, largest / last [m]",
+    "inclination std, largest / last [deg]",
+    "heading std, largest / last [deg]",
+    *(
+        f"{quantity} protection level, risk {RISK:g}, largest / last [{unit}]"
+        for quantity, unit in (("horizontal", "m"), ("height", "m"), ("heading", "deg"))
+    ),
 )
 
 
 def _run(solution: Solution) -> list[str]:
-    t, sd = solution.t, claimed_sd(solution)
+    t, std = solution.t, claimed_std(solution)
     texts = [f"{t[0]:.2f} to {t[-1]:.2f}" if len(t) else "–", f"{len(t)}"]
     for status in (BRIDGED, DOUBTFUL, INVALID):
         there = solution.status == status
@@ -196,11 +205,20 @@ def _run(solution: Solution) -> list[str]:
         ]
     return [
         *texts,
-        _largest_and_last(np.hypot(sd[:, 0], sd[:, 1])),
-        _largest_and_last(sd[:, 2]),
-        _largest_and_last(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))),
-        _largest_and_last(np.degrees(sd[:, 8])),
+        _largest_and_last(np.hypot(std[:, 0], std[:, 1])),
+        _largest_and_last(std[:, 2]),
+        _largest_and_last(np.degrees(np.hypot(std[:, 6], std[:, 7]))),
+        _largest_and_last(np.degrees(std[:, 8])),
+        *_protection(solution),
     ]
+
+
+def _protection(solution: Solution) -> list[str]:
+    """Largest and last protection levels; of a solution that is not trusted there are none."""
+    if not solution.verdict.trusted or solution.trajectory.std is None:
+        return ["–"] * 3
+    levels = solution.protection()
+    return [*map(_largest_and_last, levels.as_columns().values())]
 
 
 def _largest_and_last(values: Array) -> str:

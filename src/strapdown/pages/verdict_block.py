@@ -37,14 +37,14 @@ LOOKS = {
 OF_A_PART = (
     "Nothing that could be tested speaks against it as a whole. One part of the run has a problem:"
 )
-"""What "trusted" means where there are reasons."""
+"""Meaning of "trusted" where there are reasons."""
 
 
 CONTRADICTED = (
     "Nothing that the recording itself tells speaks against it, but the reference contradicts what it "
     "claims: one of the two is wrong. The verdict never sees the reference."
 )
-"""What "trusted" means where a reference says otherwise."""
+"""Meaning of "trusted" where a reference says otherwise."""
 
 
 def verdict_block(
@@ -84,7 +84,6 @@ def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str
     elif verdict.trusted and verdict.reasons:
         meaning = OF_A_PART
     whose = f"<span class=whose>{escape(names)}</span>" if names else ""
-    untested = [f"Not tested: {'; '.join(verdict.untested)}."] if verdict.untested else []
     return judgement_html(
         look,
         mark,
@@ -92,8 +91,18 @@ def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str
         paragraphs([meaning]),
         remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
         numbered_list([_reason(reason) for reason in verdict.reasons]),
-        paragraphs(map(_text, untested), "untested"),
+        paragraphs(map(_text, _limits(verdict)), "untested"),
     )
+
+
+def _limits(verdict: Verdict) -> list[str]:
+    """Lines on what could not be tested, first what most rests on, and what smaller errors would not show."""
+    lines = [f"Not tested: {each.line}." for each in verdict.untested]
+    if verdict.bounds:
+        lines.append(
+            f"Errors of the set-up below these would not have shown: {verdict.bounds_line}."
+        )
+    return lines
 
 
 def judgement_html(look: str, mark: str, word: str, *parts: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..data.verdict import Reason
 from ..geometry.rotation_products import running_products
 from ..typing import Array, Ints, Mask
@@ -139,10 +139,10 @@ def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
         else np.cross(vertical(after), vertical(before))
     )
 
-    def shifted(shift: float = 0.0) -> tuple[Array, Array]:
+    def pair_at(shift: float = 0.0) -> tuple[Array, Array]:
         return recorded, gyro(first, shift)
 
-    return shifted
+    return pair_at
 
 
 def _no_turns(shift: float = 0.0) -> tuple[Array, Array]:
@@ -160,15 +160,15 @@ def _gyro_path(imu: Imu) -> "Slerp":
     mean at rest."""
     from scipy.spatial.transform import Rotation, Slerp
 
-    return Slerp(imu.t, running_products(Rotation.from_rotvec(without_bias(imu))))
+    return Slerp(imu.t, running_products(Rotation.from_rotvec(without_bias(imu).copy())))
 
 
-def facts_and_reasons(aiding: Aiding, imu: Imu) -> tuple[list[str], list[Reason]]:
+def facts_and_reasons(source: Source, imu: Imu) -> tuple[list[str], list[Reason]]:
     """(lines, Reasons) on an attitude beside an IMU: how well it turns as the gyro does, what is
     probably wrong with unit, axes or clock."""
-    facts, reasons = _level(aiding, imu)
-    name = aiding.name or aiding.kind
-    fit = turns(aiding.t, aiding.y, imu)
+    facts, reasons = _level(source, imu)
+    name = source.name or source.kind
+    fit = turns(source.t, source.y, imu)
     recorded, gyro = fit()
     if len(gyro) < ENOUGH:
         return facts, reasons
@@ -216,25 +216,25 @@ def _likeness(recorded: Array, gyro: Array) -> float:
     return float((recorded * gyro).sum() / size) if size > 0 else 0.0
 
 
-def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[Reason]]:
+def _level(source: Source, imu: Imu) -> tuple[list[str], list[Reason]]:
     """(lines, Reasons) from the vertical at rest: that of the attitude against that of the
     accelerometer."""
     rest = at_rest(imu)
-    row = np.minimum(np.searchsorted(imu.t, aiding.t), len(imu.t) - 1)
+    row = np.minimum(np.searchsorted(imu.t, source.t), len(imu.t) - 1)
     still = (
         rest[row]
-        & (aiding.t <= imu.t[-1])
-        & (aiding.t > imu.t[0])
-        & np.isfinite(aiding.y[:, :2]).all(axis=1)
+        & (source.t <= imu.t[-1])
+        & (source.t > imu.t[0])
+        & np.isfinite(source.y[:, :2]).all(axis=1)
     )
     if still.sum() < 5:
         return [], []
-    roll, pitch = aiding.y[still, :2].T
+    roll, pitch = source.y[still, :2].T
     down = np.c_[-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)]
     force = imu.dv[row[still]]
     cosine = -(down * force).sum(axis=1) / np.linalg.norm(force, axis=1)
     off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
-    name = aiding.name or aiding.kind
+    name = source.name or source.kind
     fact = f"at rest the vertical of {name} is {off:.1f} deg from that of the accelerometer"
     if off <= 10:
         return [fact], []

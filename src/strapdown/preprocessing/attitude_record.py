@@ -59,7 +59,9 @@ def quaternions(
         turn = Rotation.from_euler("ZYX", values[known][:, ::-1])
     else:
         turn = Rotation.from_quat(
-            _unit(values[known][:, ORDERS[order]], origin.kept(known, len(known)))[:, [1, 2, 3, 0]]
+            _unit(values[known][:, ORDERS[order]], origin.keep_rows(known, len(known)))[
+                :, [1, 2, 3, 0]
+            ]
         )
     if axes is not None:
         body, navigation = map(Rotation.from_matrix, axes_of(axes))
@@ -105,7 +107,7 @@ def angles(values: Array, order: QuaternionOrder | None, axes: str | None, origi
         np.where(level[:, None] & [False, False, True], 0.0, values) if order is None else values
     )
     q = quaternions(filled, order, axes, origin)
-    found = Trajectory(np.zeros(len(q)), np.empty((0, 3)), q_nb=q).rph
+    found = Trajectory(np.zeros(len(q)), np.empty((0, 3)), q_nb=q).rph.copy()
     found[level, 2] = np.nan
     return found
 

@@ -1,4 +1,4 @@
-"""Fixes of an aiding and rows of a reference: cleaned, put in order, checked against what is
+"""Fixes of a source and rows of a reference: cleaned, put in order, checked against what is
 possible and against the span of the IMU."""
 
 from collections.abc import Iterable, Sequence
@@ -8,9 +8,9 @@ import numpy as np
 
 from ..aiding import find
 from ..checks import DataError
-from ..core.loop.contract import Imu, Measurement
+from ..core.loop.contract import Imu, MeasurementModel
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..data.vehicle import GivenVehicle
 from ..data.verdict import Reason
 from ..typing import Array, ArrayLike
@@ -26,7 +26,7 @@ PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
 standard atmosphere of the library ends, and a pressurised or submerged sensor."""
 MIN_SHARE, LONG_RECORD = 0.2, 10.0
-"""An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than MIN_SHARE of
+"""A source and an IMU record, both longer than LONG_RECORD (s), that have less than MIN_SHARE of
 one of them in common, probably differ in clock."""
 PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
@@ -38,68 +38,70 @@ PRESSURE_SLIPS = {
     1e3: "Pa read as kPa",
     1e5: "Pa read as bar",
 }
-"""What a mistaken unit makes of the pressure near the ground, and what to say then."""
+"""Factors that a mistaken unit makes in the pressure near the ground, and what to say then."""
 
 
 def clean_recording(
     t: ArrayLike,
     gyro: ArrayLike,
     accel: ArrayLike,
-    aidings: Iterable[Aiding],
+    sources: Iterable[Source],
     kind: str,
     vehicle: GivenVehicle | None,
-) -> tuple[Imu, tuple[Aiding, ...], list[str]]:
-    """(Imu, aidings, notes) of a recording from arrays, as `Recording.from_arrays` takes them, cleaned
+) -> tuple[Imu, tuple[Source, ...], list[str]]:
+    """(Imu, sources, notes) of a recording from arrays, as `Recording.from_arrays` takes them, cleaned
     and checked. Raises DataError."""
     imu, notes = imu_from_arrays(t, gyro, accel, kind, vehicle)
-    sources, more = checked_aidings(imu, aidings)
-    return imu, sources, [*notes, *more]
+    checked, more = checked_sources(imu, sources)
+    return imu, checked, [*notes, *more]
 
 
-def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
-    """(aidings, notes): each aiding cleaned and checked by its kind's Measurement. Raises
+def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, ...], list[str]]:
+    """(sources, notes): each source cleaned and checked by its kind's MeasurementModel. Raises
     DataError."""
-    done: list[Aiding] = []
+    done: list[Source] = []
     notes: list[str] = []
-    for aiding in aidings:
+    for source in sources:
         if (
-            find(aiding.kind).parameters == "field"
-            and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6
+            find(source.kind).parameters == "field"
+            and not 1e-6 <= np.linalg.norm(source.parameters) <= 100e-6
         ):
             raise DataError(
-                f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where "
+                f"{source.name or source.kind}: parameters are {tuple(source.parameters)}, where "
                 f"the Earth's field north, east, down "
                 "in T is needed; geomagnetic_field gives it"
             )
-        if aiding.kind == "attitude":
-            possible_attitude(np.asarray(aiding.y, float), Origin(aiding.name or aiding.kind))
-        aiding, more = clean(aiding, find(aiding.kind))
-        if find(aiding.kind).recorded:
-            overlap(imu, aiding.t, aiding.name or aiding.kind)
-            more = more + [each.line for each in little_overlap(imu, aiding)]
-        if aiding.kind == "attitude":
-            refuse_unit(aiding.t, aiding.y, imu, aiding.name or aiding.kind)
-        done.append(aiding)
+        if source.kind == "attitude":
+            possible_attitude(np.asarray(source.y, float), Origin(source.name or source.kind))
+        source, more = clean(source, find(source.kind))
+        if find(source.kind).recorded:
+            overlap(imu, source.t, source.name or source.kind)
+            more = more + [each.line for each in little_overlap(imu, source)]
+        if source.kind == "attitude":
+            refuse_unit(source.t, source.y, imu, source.name or source.kind)
+        done.append(source)
         notes += more
     return tuple(done), notes
 
 
 def clean(
-    aiding: Aiding, sensor: Measurement, origin: Origin | None = None
-) -> tuple[Aiding, list[str]]:
-    """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones
+    source: Source, sensor: MeasurementModel, origin: Origin | None = None
+) -> tuple[Source, list[str]]:
+    """(Source, notes): rows without a time or a value are dropped, late ones sorted, repeated ones
     dropped. Raises DataError naming the row.
 
     A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together.
     A row whose standard deviation is missing is dropped, one where it is zero or negative is
     refused.
     """
-    origin = origin or Origin(aiding.name or aiding.kind)
-    t, y, sd = _arrays(aiding, sensor, origin)
+    origin = origin or Origin(source.name or source.kind)
+    t, y, std = _arrays(source, sensor, origin)
     y = np.where(np.isfinite(y), y, np.nan)
     y = together(y) if sensor.name == "attitude" else y
-    keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
-    rows = RowsOfFile(origin, (t, y, sd), []).without(
+    keep = (
+        np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(std)).all(axis=1)
+    )
+    rows = RowsOfFile(origin, (t, y, std), []).without(
         ~keep, "row", "without time, value or standard deviation dropped"
     )
     if len(keep) and not keep.any():
@@ -108,20 +110,20 @@ def clean(
     t, y, _ = rows.columns
     repeated = (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)
     rows = rows.without(np.r_[False, repeated][: len(t)], "repeated row")
-    t, y, sd = rows.columns
+    t, y, std = rows.columns
     # its angles are judged as they were recorded, before anything turned them
     if sensor.name != "attitude":
         possible(y, sensor.quantities, rows.origin)
-    wrong = np.any(~np.isnan(y) & ~(sd > 0), axis=1)
+    wrong = np.any(~np.isnan(y) & ~(std > 0), axis=1)
     rows.origin.refuse(
         wrong,
         lambda row: (
-            f"standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; it must be above 0"
+            f"standard deviation {np.nanmin(std[row]):g} of kind {sensor.name}; it must be above 0"
         ),
     )
     if sensor.name == "attitude":
-        rows.notes.extend(_without_heading(t, y, aiding.name or aiding.kind))
-    return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), rows.notes
+        rows.notes.extend(_without_heading(t, y, source.name or source.kind))
+    return replace(source, t=_column(t), y=_column(y), std=_column(std)), rows.notes
 
 
 def _without_heading(t: Array, y: Array, name: str) -> list[str]:
@@ -142,23 +144,23 @@ def _column(values: Array) -> Array:
     return np.require(values, float, ["C", "W"])
 
 
-def _arrays(aiding: Aiding, sensor: Measurement, origin: Origin) -> tuple[Array, Array, Array]:
-    t, y, sd = (np.asarray(values, float) for values in (aiding.t, aiding.y, aiding.sd))
+def _arrays(source: Source, sensor: MeasurementModel, origin: Origin) -> tuple[Array, Array, Array]:
+    t, y, std = (np.asarray(values, float) for values in (source.t, source.y, source.std))
     y = y[:, None] if y.ndim == 1 and len(sensor.quantities) == 1 else y
     shape = (len(t), len(sensor.quantities))
     try:
-        sd = np.broadcast_to(
-            sd[:, None] if sd.ndim == 1 and shape[1] == 1 and len(sd) == len(t) else sd, shape
+        std = np.broadcast_to(
+            std[:, None] if std.ndim == 1 and shape[1] == 1 and len(std) == len(t) else std, shape
         )
     except ValueError:
         pass
-    if t.ndim != 1 or y.shape != shape or sd.shape != shape:
+    if t.ndim != 1 or y.shape != shape or std.shape != shape:
         raise DataError(
-            f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape "
+            f"{origin.name}: kind {sensor.name} needs y and std of shape {shape} for t of shape "
             f"{t.shape}; "
-            f"y has {y.shape}, sd {sd.shape}"
+            f"y has {y.shape}, std {std.shape}"
         )
-    return t, y, sd
+    return t, y, std
 
 
 def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
@@ -251,25 +253,25 @@ def likely_shift(start: float, stop: float, first: float, last: float) -> str | 
     return f"{shift:+.0f} s added to its time bring it there ({what}); "
 
 
-def little_overlap(imu: Imu, aiding: Aiding) -> list[Reason]:
-    """A Reason where an Aiding has little of its record, or of the IMU's, in common with the
+def little_overlap(imu: Imu, source: Source) -> list[Reason]:
+    """A Reason where a Source has little of its record, or of the IMU's, in common with the
     other."""
-    if not len(aiding.t):
+    if not len(source.t):
         return []
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
-    inside = int(((aiding.t >= start) & (aiding.t <= stop)).sum())
-    common = min(stop, float(aiding.t[-1])) - max(start, float(aiding.t[0]))
+    inside = int(((source.t >= start) & (source.t <= stop)).sum())
+    common = min(stop, float(source.t[-1])) - max(start, float(source.t[0]))
     if (
-        min(stop - start, float(np.ptp(aiding.t))) <= LONG_RECORD
-        or min(inside / len(aiding.t), common / (stop - start)) >= MIN_SHARE
+        min(stop - start, float(np.ptp(source.t))) <= LONG_RECORD
+        or min(inside / len(source.t), common / (stop - start)) >= MIN_SHARE
     ):
         return []
     seen = (
-        f"only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} "
+        f"only {inside} of {len(source.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} "
         f"of its {stop - start:.1f} s"
     )
     remedy = "check unit and offset of time"
-    return [Reason("clock", seen, remedy, aiding.name or aiding.kind)]
+    return [Reason("clock", seen, remedy, source.name or source.kind)]
 
 
 def clean_reference(
@@ -292,7 +294,7 @@ def clean_reference(
             f"{origin.name}: the reference has {keep.sum()} usable rows; at least 2 are needed"
         )
     rows = sort_rows(rows)
-    rows = rows.kept(np.r_[True, np.diff(rows.columns[0]) > 0])
+    rows = rows.keep_rows(np.r_[True, np.diff(rows.columns[0]) > 0])
     index = rows.columns[1]
     possible(lla[index], ("latitude", "longitude", "length"), rows.origin)
     v_n, q_nb = (None if each is None else _column(each[index]) for each in (v_n, q_nb))

@@ -26,7 +26,7 @@ so many in a row are dropped as stray."""
 MAX_INTERVAL, MIN_INTERVAL = 1.0, 2e-5
 """Median intervals that an IMU may have, s; others are a mistaken unit of time."""
 ARRAYS = Origin("IMU")
-"""What messages name where samples come from arrays and no file."""
+"""Origin that messages name where samples come from arrays and no file."""
 
 
 def imu_from_arrays(
@@ -72,8 +72,8 @@ def increments(
     dt = _intervals(t, rows.origin, rows.notes)
     if kind == "rate":
         gyro, accel = gyro * dt[:, None], accel * dt[:, None]
-    columns = (np.require(column, float, ["C", "W"]) for column in (t, dt, gyro, accel))
-    return Imu(*columns), rows.notes
+    columns = (t, dt, gyro, accel)
+    return Imu(*(np.require(column, float, "C") for column in columns)), rows.notes
 
 
 def _columns(
@@ -108,7 +108,7 @@ def sort_rows(rows: RowsOfFile) -> RowsOfFile:
     index = np.argsort(t, kind="stable")
     if np.abs(index - np.arange(len(t))).max() <= LATE:
         rows.note(np.flatnonzero(steps < 0) + 1, "late row", "sorted by time")
-        return rows.kept(index)
+        return rows.keep_rows(index)
     keep = _longest_rising(t)
     stray = np.flatnonzero(~np.isin(np.arange(len(t)), keep))
     run = max(len(part) for part in np.split(stray, np.flatnonzero(np.diff(stray) > 1) + 1))
@@ -120,7 +120,7 @@ def sort_rows(rows: RowsOfFile) -> RowsOfFile:
             "cut the file there or correct its time column"
         )
     rows.note(stray, "row", "with a stray time dropped")
-    return rows.kept(keep)
+    return rows.keep_rows(keep)
 
 
 def _longest_rising(t: Array) -> Ints:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..checks import DataError, check_array
 from ..core.loop.contract import Imu
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..geometry.geodesy import displace_lla
 from ..typing import Array, ArrayLike
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 ARM, METRES = "lever arm", "numbers, m forward, right, down"
 CONTIGUOUS = 0.5
-"""Of a sample: what may be missing between two samples for their rates to be compared, as in the
+"""Share of a sample that may be missing between two samples for their rates to be compared, as in the
 loop."""
 
 
-def lever_arm_of(aiding: Aiding) -> Array:
+def lever_arm_of(source: Source) -> Array:
     """(3,) the lever arm of a source, m, body; zeros where it has none."""
-    return np.array((*aiding.parameters, 0.0, 0.0, 0.0)[:3], float)
+    return np.array((*source.parameters, 0.0, 0.0, 0.0)[:3], float)
 
 
 def specific_force_at(
@@ -67,13 +67,13 @@ def imu_at(imu: Imu, lever_arm: ArrayLike) -> Imu:
     before, after = _edges(imu, rate)
     change = after - before
 
-    def turned(w: Array) -> Array:
+    def centripetal(w: Array) -> Array:
         return np.cross(w, np.cross(w, lever_arm))
 
     dv = (
         imu.dv
         + np.cross(change, lever_arm)
-        + imu.dt[:, None] * (turned(rate) + turned(change) / 12)
+        + imu.dt[:, None] * (centripetal(rate) + centripetal(change) / 12)
     )
     return Imu(imu.t, imu.dt, imu.dtheta, dv)
 
@@ -97,21 +97,21 @@ def _edges(imu: Imu, rate: Array) -> tuple[Array, Array]:
 
 
 def gnss_at(
-    fixes: Aiding,
+    fixes: Source,
     attitude: Trajectory | tuple[ArrayLike, ArrayLike],
     imu: Imu | None = None,
     lever_arm: ArrayLike | None = None,
-    attitude_sd: ArrayLike | None = None,
-    rate_sd: float = 0.0,
-) -> Aiding:
-    """An Aiding of "position" or "velocity" moved from the antenna to the IMU: p - C l, v - C (w x
+    attitude_std: ArrayLike | None = None,
+    rate_std: float = 0.0,
+) -> Source:
+    """A Source of "position" or "velocity" moved from the antenna to the IMU: p - C l, v - C (w x
     l); its parameters become zero.
 
     attitude: a Trajectory with attitude (a solution's, a reference), or (t, rph) in s and rad, of a
     vertical reference unit with a compass; between its rows the body turns evenly. imu: Imu
     samples, whose mean rate over the sample at the fix is w, for velocities. lever_arm: (3,) m,
-    body, from the IMU to the antenna, by default the fixes' own. attitude_sd: (3,) rad, of the
-    rotation about north, east and down, by default the trajectory's, else 0; rate_sd: rad/s, of w.
+    body, from the IMU to the antenna, by default the fixes' own. attitude_std: (3,) rad, of the
+    rotation about north, east and down, by default the trajectory's, else 0; rate_std: rad/s, of w.
     They add to the standard deviations what they do through the lever arm. The filters here take
     the lever arm into account themselves, with the attitude they estimate: this is for what has no
     lever arm of its own. Raises DataError.
@@ -133,18 +133,18 @@ def gnss_at(
         )
     turn = Slerp(t, turns)(fixes.t)
     between = np.stack([np.interp(fixes.t, t, column) for column in deviations.T], axis=1)
-    sd = np.broadcast_to(between if attitude_sd is None else attitude_sd, (len(fixes.t), 3))
+    std = np.broadcast_to(between if attitude_std is None else attitude_std, (len(fixes.t), 3))
     if fixes.kind == "position":
-        arm = turn.apply(lever_arm)
+        arm = turn.apply(np.array(lever_arm, float))
         return replace(
             fixes,
             y=displace_lla(fixes.y, -arm),
-            sd=lever_arm_std(fixes.sd, arm, sd),
+            std=lever_arm_std(fixes.std, arm, std),
             parameters=(0.0, 0.0, 0.0),
         )
     swing = turn.apply(np.cross(_rates(imu, fixes.t), lever_arm))
-    grown = np.hypot(lever_arm_std(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
-    return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
+    grown = np.hypot(lever_arm_std(fixes.std, swing, std), rate_std * np.linalg.norm(lever_arm))
+    return replace(fixes, y=fixes.y - swing, std=grown, parameters=(0.0, 0.0, 0.0))
 
 
 def _attitude(
@@ -157,15 +157,15 @@ def _attitude(
     if isinstance(attitude, Trajectory):
         if attitude.q_nb is None:
             raise DataError("the trajectory has no attitude; give (t, rph)")
-        sd = (
-            attitude.sd[:, 6:9]
-            if attitude.sd is not None and attitude.sd.shape[1] >= 9
+        std = (
+            attitude.std[:, 6:9]
+            if attitude.std is not None and attitude.std.shape[1] >= 9
             else np.zeros((len(attitude), 3))
         )
         t, turns = attitude.t, attitude.rotation
     else:
         t, rph = (np.asarray(part, float) for part in attitude)
-        turns, sd = Rotation.from_euler("ZYX", rph[:, ::-1]), np.zeros((len(t), 3))
+        turns, std = Rotation.from_euler("ZYX", rph[:, ::-1]), np.zeros((len(t), 3))
     known = np.all(np.isfinite(turns.as_quat()), axis=1)
     if known.sum() < 2:
         raise DataError(
@@ -179,7 +179,7 @@ def _attitude(
             f"{t[row + 1]:.6g} s; "
             "sort its rows and leave out the doubles"
         )
-    return t, turns[known], np.nan_to_num(sd[known])
+    return t, turns[known], np.nan_to_num(std[known])
 
 
 def _rates(imu: Imu | None, at: Array) -> Array:
@@ -197,14 +197,14 @@ def _rates(imu: Imu | None, at: Array) -> Array:
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
-def lever_arm_std(sd: Array, arm: Array, attitude_sd: Array) -> Array:
-    """Standard deviations (n, 3) or (3,) grown by what a rotation error of `attitude_sd`, about
+def lever_arm_std(std: Array, arm: Array, attitude_std: Array) -> Array:
+    """Standard deviations (n, 3) or (3,) grown by what a rotation error of `attitude_std`, about
     north, east, down, does to `arm` in n, of the same shape."""
     north, east, down = arm.T
-    a, b, c = attitude_sd.T
+    a, b, c = attitude_std.T
     added = [
         (b * down) ** 2 + (c * east) ** 2,
         (a * down) ** 2 + (c * north) ** 2,
         (a * east) ** 2 + (b * north) ** 2,
     ]
-    return np.sqrt(sd**2 + np.stack(added, axis=-1))
+    return np.sqrt(std**2 + np.stack(added, axis=-1))

@@ -26,7 +26,7 @@ class Origin(NamedTuple):
         """`line 12`."""
         return f"{self.word} {i if self.lines is None else self.lines[i]}"
 
-    def kept(self, index: Ints | Mask, count: int) -> "Origin":
+    def keep_rows(self, index: Ints | Mask, count: int) -> "Origin":
         """The same source after only the rows of `index` (numbers or mask) of its `count` rows
         were kept."""
         return self._replace(lines=(np.arange(count) if self.lines is None else self.lines)[index])
@@ -47,9 +47,9 @@ class RowsOfFile(NamedTuple):
     columns: tuple[NDArray[Any], ...]  # (n,) or (n, k) each
     notes: list[str]
 
-    def kept(self, index: Ints | Mask) -> Self:
+    def keep_rows(self, index: Ints | Mask) -> Self:
         """Only these rows, numbers or mask."""
-        origin = self.origin.kept(index, len(self.columns[0]))
+        origin = self.origin.keep_rows(index, len(self.columns[0]))
         return self._replace(origin=origin, columns=tuple(each[index] for each in self.columns))
 
     def note(self, rows: Ints, what: str, done: str) -> None:
@@ -64,4 +64,4 @@ class RowsOfFile(NamedTuple):
         if not wrong.any():
             return self
         self.note(np.flatnonzero(wrong), what, done)
-        return self.kept(~wrong)
+        return self.keep_rows(~wrong)

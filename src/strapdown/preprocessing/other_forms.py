@@ -16,11 +16,11 @@ RADIUS = (6.33e6, 6.87e6)
 ellipsoid to 500 km above it."""
 
 
-def over_ground(values: Array, sd: Array, origin: Origin) -> tuple[Array, Array, list[str]]:
+def over_ground(values: Array, std: Array, origin: Origin) -> tuple[Array, Array, list[str]]:
     """(v_n (m, 3) m/s NED, its standard deviations (m, 3), notes) of a speed over ground and a
     course, and, where there is a third column, the velocity down.
 
-    values: (m, 2 or 3) m/s, rad, m/s; sd (m, k) of these, or of the speed alone (m, 1), which then
+    values: (m, 2 or 3) m/s, rad, m/s; std (m, k) of these, or of the speed alone (m, 1), which then
     is also that across and down. Across the track it is that of the course times the speed,
     and not below the speed's, because a slow vehicle's course says little. The two are
     independent; what turning them to north and east correlates is left out. Without a
@@ -36,8 +36,8 @@ def over_ground(values: Array, sd: Array, origin: Origin) -> tuple[Array, Array,
             f"{origin.name}: {count_text(int(negative.sum()), 'row')} with a speed below zero left out, "
             f"the first in {row}"
         )
-    along = sd[:, 0]
-    across = np.maximum(along, speed * sd[:, 1]) if sd.shape[1] > 1 else along
+    along = std[:, 0]
+    across = np.maximum(along, speed * std[:, 1]) if std.shape[1] > 1 else along
     lost = np.isnan(course)
     resting = lost & (speed <= np.maximum(STANDSTILL, along))
     if lost.any():
@@ -47,16 +47,16 @@ def over_ground(values: Array, sd: Array, origin: Origin) -> tuple[Array, Array,
             f"horizontally"
         )
     north, east = np.cos(course), np.sin(course)
-    rest_sd = np.hypot(along, speed)
+    rest_std = np.hypot(along, speed)
     v_n = np.full((len(values), 3), np.nan)
     turned = np.empty((len(values), 3))
     for axis, (one, other) in enumerate(((north, east), (east, north))):
         v_n[:, axis] = np.where(resting, 0.0, speed * one)
-        turned[:, axis] = np.where(resting, rest_sd, np.hypot(along * one, across * other))
+        turned[:, axis] = np.where(resting, rest_std, np.hypot(along * one, across * other))
     v_n[negative, :2] = np.nan
     if values.shape[1] == 3:
         v_n[:, 2] = values[:, 2]
-    turned[:, 2] = sd[:, 2] if sd.shape[1] == 3 else along
+    turned[:, 2] = std[:, 2] if std.shape[1] == 3 else along
     return v_n, turned, notes
 
 
@@ -80,13 +80,13 @@ def vectors(values: Array, lla: Array) -> Array:
     return np.einsum("nij,nj->ni", geodesy.ned_axes(lla), values)
 
 
-def deviations(sd: Array, lla: Array) -> Array:
+def deviations(std: Array, lla: Array) -> Array:
     """(m, 3) standard deviations north, east, down of those in ECEF at geodetic positions: x, y, z
     (m, 3), or these with the signed roots of the covariances xy, yz, zx (m, 6)."""
-    P = np.zeros((len(sd), 3, 3))
-    P[:, range(3), range(3)] = sd[:, :3] ** 2
-    if sd.shape[1] == 6:
-        for entry, (i, j) in zip(sd[:, 3:].T, ((0, 1), (1, 2), (2, 0))):
+    P = np.zeros((len(std), 3, 3))
+    P[:, range(3), range(3)] = std[:, :3] ** 2
+    if std.shape[1] == 6:
+        for entry, (i, j) in zip(std[:, 3:].T, ((0, 1), (1, 2), (2, 0))):
             P[:, i, j] = P[:, j, i] = entry * np.abs(entry)
     R = geodesy.ned_axes(lla)
     return np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", R, P, R), 0.0))

@@ -30,7 +30,7 @@ ACCEL_SLIPS = (
     (1000.0, "values in mg were read as g, is the unit mg?"),
     (0.001, "values in g were read as mg, is the unit g?"),
 )
-"""What a mistaken unit makes of gravity, and what to say then."""
+"""Factors that a mistaken unit makes in gravity, and what to say then."""
 NO_GRAVITY = "gravity was taken out of them; record the raw accelerometer"
 UNEVEN = 2.0
 """Ratio of the 90th to the 10th percentile of a force that is not mostly gravity."""
@@ -164,8 +164,8 @@ USUAL_GYRO_BIAS = np.radians(2.5)
 """rad/s that gyros without a description may read at rest."""
 
 
-def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[Reason]:
-    """Reasons of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s) is what the description of the IMU
+def doubts(imu: Imu, gyro_bias_std: float = 0.0) -> list[Reason]:
+    """Reasons of what is unusual and may be a mistake; `gyro_bias_std` (rad/s) is what the description of the IMU
     allows, 0 where there is none."""
     rate, force = half_seconds(imu)
     found = []
@@ -175,7 +175,7 @@ def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[Reason]:
         seen = f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on z"
         found.append(Reason("axes", seen, "check axes or mounting"))
     bias = rate_at_rest(imu)
-    most = max(USUAL_GYRO_BIAS, 5 * gyro_bias_sd)
+    most = max(USUAL_GYRO_BIAS, 5 * gyro_bias_std)
     if bias is not None and np.abs(bias).max() > most:
         seen = (
             f"the gyro reads [{' '.join(f'{b:.2f}' for b in np.degrees(bias))}] deg/s at rest: a "

@@ -6,26 +6,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..aiding import find
-from ..data.solution import Aiding
+from ..data.solution import Source
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-def is_of_the_imu(a: Aiding) -> bool:
+def is_of_the_imu(a: Source) -> bool:
     """True where a source is in the axes of the IMU: a filter compares it with the attitude of the
     IMU, so that a mounting does not change its innovations."""
     return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
 
 
-def with_the_imu(a: Aiding, turn: "Rotation") -> Aiding:
+def with_the_imu(a: Source, turn: "Rotation") -> Source:
     """A source in axes to which `turn` leads, where it is in those of the IMU."""
     from scipy.spatial.transform import Rotation
 
     if not is_of_the_imu(a):
         return a
     if a.kind != "attitude":
-        return replace(a, y=turn.apply(a.y))
+        return replace(a, y=turn.apply(a.y.copy()))
     # roll, pitch, heading; the first two know no heading
     angles = np.nan_to_num(a.y)[:, ::-1]
     turned = (Rotation.from_euler("ZYX", angles) * turn.inv()).as_euler("ZYX")[:, ::-1]

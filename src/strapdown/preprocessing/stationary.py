@@ -96,9 +96,9 @@ class Motionless(NamedTuple):
     rate: Array  # (3,) angular rate, rad/s
     # of it, rad/s: scatter of up to `MAX_PARTS` parts of the rest, the largest of the axes, and
     # the mean rate at which it tilts
-    rate_sd: float
+    rate_std: float
     force: Array  # (3,) specific force, m/s^2
-    tilt_sd: float  # rad, by which the steps scatter about the mean tilt
+    tilt_std: float  # rad, by which the steps scatter about the mean tilt
     start: float  # s
     stop: float  # s
 

@@ -10,7 +10,7 @@ UNSEEN = 0.5
 """s without samples from which on a stretch ends; single lost samples end none."""
 
 
-def unbroken(imu: Imu) -> Ints:
+def unbroken_stretches(imu: Imu) -> Ints:
     """(k, 2): the first row and the row after the last of each stretch, in order."""
     missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
     inner = np.flatnonzero(missing > UNSEEN) + 1
@@ -19,7 +19,7 @@ def unbroken(imu: Imu) -> Ints:
 
 def nearest_felt(imu: Imu, t: float) -> tuple[slice, float]:
     """(rows of the stretch that holds t or is nearest to it, the time in it that is nearest to t)."""
-    found = unbroken(imu)
+    found = unbroken_stretches(imu)
     begin, end = imu.t[found[:, 0]] - imu.dt[found[:, 0]], imu.t[found[:, 1] - 1]
     inside = np.clip(t, begin, end)
     nearest = int(np.argmin(np.abs(inside - t)))

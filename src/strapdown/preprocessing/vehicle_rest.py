@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..core.loop.contract import Imu
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..typing import Array, Mask
 from ..units.constants import REST_SPEED
 from .stationary import in_all_windows, window_variance
@@ -22,7 +22,7 @@ SURELY = 4.0  # standard deviations by which a speed is above that of a rest
 HEARD = 1.5  # s for which a speed counts
 
 
-def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
+def vehicle_at_rest(imu: Imu, sources: Iterable[Source] = ()) -> Mask:
     """(n,) bool: every second that holds the sample is quiet, see `FORCE`, in the manner of the
     likelihood ratio of Skog et al. (2010), IEEE TBME 57(11); rates are taken from their median, which
     of a vehicle is the bias of its gyro. And no wheel speed or velocity among the sources shows
@@ -40,21 +40,21 @@ def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
     rate, mean = window_variance(dtheta - bias * dt[:, None], dt, width)
     quiet = (force / FORCE**2 + rate / RATE**2 < 1) & (mean < MEAN**2)
     still = np.repeat(in_all_windows(quiet, width), many)[: len(imu.t)]
-    return still & ~is_moving(aidings, imu.t)
+    return still & ~is_moving(sources, imu.t)
 
 
-def is_moving(aidings: Iterable[Aiding], t: Array) -> Mask:
+def is_moving(sources: Iterable[Source], t: Array) -> Mask:
     """Return True where a wheel speed or velocity shortly before or after the times t (n,), s, is
     significantly above rest (n,)."""
     found = np.zeros(len(t), bool)
-    for a in aidings:
+    for a in sources:
         if a.kind not in ("speed", "velocity") or not len(a.t):
             continue
-        y, sd = (
-            np.where(np.isnan(a.y), 0.0, part) for part in (a.y, a.sd)
+        y, std = (
+            np.where(np.isnan(a.y), 0.0, part) for part in (a.y, a.std)
         )  # what is missing counts 0
-        speed, sd = np.linalg.norm(y, axis=1), np.linalg.norm(sd, axis=1)
-        fast = speed > REST_SPEED + SURELY * sd
+        speed, std = np.linalg.norm(y, axis=1), np.linalg.norm(std, axis=1)
+        fast = speed > REST_SPEED + SURELY * std
         after = np.searchsorted(a.t, t)
         for near in (np.maximum(after - 1, 0), np.minimum(after, len(a.t) - 1)):
             found |= fast[near] & (np.abs(a.t[near] - t) <= HEARD)

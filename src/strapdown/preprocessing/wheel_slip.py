@@ -9,7 +9,7 @@ of a car that does not slip sideways is yaw rate times speed.
 import numpy as np
 
 from ..core.loop.contract import Imu
-from ..data.solution import Aiding
+from ..data.solution import Source
 from ..typing import Array, Mask
 from .lever_arm import lever_arm_of
 from .stationary import rate_at_rest, stretches
@@ -26,7 +26,7 @@ SCALE = 0.02  # of a change of speed, by which a wheel speed may be off without 
 LATE = 0.05  # s by which it may be late
 
 
-def without_slip(wheel: Aiding, imu: Imu) -> tuple[Aiding, list[str]]:
+def without_slip(wheel: Source, imu: Imu) -> tuple[Source, list[str]]:
     """(the wheel speed, of kind speed and below zero backwards, without the fixes that contradict the
     samples of the IMU; a note on them). Where more than `MAX_SHARE` do, all are kept: that is no slip."""
     slips, name = is_slipping(wheel, imu), wheel.name or wheel.kind
@@ -46,7 +46,7 @@ def without_slip(wheel: Aiding, imu: Imu) -> tuple[Aiding, list[str]]:
     ]
 
 
-def is_slipping(wheel: Aiding, imu: Imu) -> Mask:
+def is_slipping(wheel: Source, imu: Imu) -> Mask:
     """(m,) bool: the fixes of a wheel speed that contradict the IMU."""
     found = np.zeros(len(wheel.t), bool)
     inside = np.flatnonzero((wheel.t > imu.t[0] - imu.dt[0]) & (wheel.t <= imu.t[-1]))
@@ -61,8 +61,8 @@ def is_slipping(wheel: Aiding, imu: Imu) -> Mask:
     # of the IMU: the point of the wheels is `arm` from it
     speed = wheel.y[inside[1:], 0] - rate[:, 1] * arm[2] + rate[:, 2] * arm[1]
     swing = -arm[0] * (rate[:, 1] ** 2 + rate[:, 2] ** 2) * dt
-    sd = np.broadcast_to(wheel.sd[:, 0], len(wheel.t))[inside[1:]]
-    found[inside[1:]] = _follow(dt, dtheta, dv, swing, speed, sd, gravity)
+    std = np.broadcast_to(wheel.std[:, 0], len(wheel.t))[inside[1:]]
+    found[inside[1:]] = _follow(dt, dtheta, dv, swing, speed, std, gravity)
     return found
 
 
@@ -89,14 +89,14 @@ def _initial_gravity(imu: Imu, t: float) -> Array:
 
 
 def _follow(
-    dt: Array, dtheta: Array, dv: Array, swing: Array, speed: Array, sd: Array, gravity: Array
+    dt: Array, dtheta: Array, dv: Array, swing: Array, speed: Array, std: Array, gravity: Array
 ) -> Mask:
     """Which of the speeds (m,) contradict the increments (m, 3) before them."""
     found = np.zeros(len(dt), bool)
     gx, gy, gz = gravity.tolist()
     v, offset, since = float(speed[0]), 0.0, 0.0
-    pvv, pvo, poo = float(sd[0]) ** 2, 0.0, OFFSET**2
-    columns = zip(*(column.tolist() for column in (dt, dtheta, dv, swing, speed, sd)))
+    pvv, pvo, poo = float(std[0]) ** 2, 0.0, OFFSET**2
+    columns = zip(*(column.tolist() for column in (dt, dtheta, dv, swing, speed, std)))
     for k, (step, (p, q, r), (x, y, _), more, measured, noise) in enumerate(columns):
         # gravity is carried on by the gyro, to second order
         mx, my, mz = (

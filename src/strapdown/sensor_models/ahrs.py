@@ -1,11 +1,11 @@
-"""Measurement equation of an attitude and heading reference system (AHRS): roll, pitch and heading
+"""MeasurementModel equation of an attitude and heading reference system (AHRS): roll, pitch and heading
 with white errors.
 
     C_meas = exp([e_n x]) C_nb,   e_n = Rz(heading) (e_roll, e_pitch, e_heading),
-    e ~ N(0, sd^2), independent from fix to fix
+    e ~ N(0, std^2), independent from fix to fix
 
 The errors are a small rotation about the horizontal forward and right axes and the vertical, as in
-the innovation of the aiding `attitude`, so that they mean the same in every attitude. Real AHRS err
+the innovation of the source `attitude`, so that they mean the same in every attitude. Real AHRS err
 in correlated ways; the white errors are those of Fossen (2021), Handbook of Marine Craft, section
 14.3.2.
 """
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_number
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..typing import Array
 from .magnetometer import rotation_at
 from .sampling import as_triple, sample_times
@@ -25,34 +25,34 @@ from .streams import RandomStream, SeedLike
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-MAX_ANGLE_SD = np.radians(30)
+MAX_ANGLE_STD = np.radians(30)
 """rad: errors beyond this are no small angles, and probably in deg."""
 
 
 @dataclass(frozen=True)
 class Ahrs:
-    """An AHRS, SI and radians. One number for `sd` stands for three. Raises DataError on what
+    """An AHRS, SI and radians. One number for `std` stands for three. Raises DataError on what
     none can be."""
 
     rate: float | None = 10.0  # fixes per second; None: one with every IMU sample
     # rad: of roll, pitch and heading, white
-    sd: tuple[float, ...] | float = tuple(np.radians([0.5, 0.5, 1.0]).tolist())
+    std: tuple[float, ...] | float = tuple(np.radians([0.5, 0.5, 1.0]).tolist())
 
     def __post_init__(self) -> None:
         if self.rate is not None:
             check_number(self.rate, "attitude: rate", "Hz", above=0)
-        sd = check_array(
-            as_triple(self.sd),
-            "attitude: sd",
+        std = check_array(
+            as_triple(self.std),
+            "attitude: std",
             (3,),
             what="numbers: of roll, pitch and heading, rad",
             above=0,
-            most=MAX_ANGLE_SD,
+            most=MAX_ANGLE_STD,
         )
-        object.__setattr__(self, "sd", tuple(sd.tolist()))
+        object.__setattr__(self, "std", tuple(std.tolist()))
 
-    def measure(self, truth: Trajectory, seed: SeedLike) -> Aiding:
-        """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, `seed` as of
+    def measure(self, truth: Trajectory, seed: SeedLike) -> Source:
+        """Source "attitude" of a flight; truth: data.Trajectory with attitude, `seed` as of
         `ImuSpec.corrupt`. Raises DataError."""
         return self.plan(truth).fixes(seed)
 
@@ -63,8 +63,8 @@ class Ahrs:
             raise DataError("attitude: the trajectory has no attitude")
         t = sample_times(truth, self.rate)
         return AhrsPlan(
-            Aiding(
-                "attitude", t, np.empty((0, 3)), np.tile(self.sd, (len(t), 1)), (), gate, "AHRS"
+            Source(
+                "attitude", t, np.empty((0, 3)), np.tile(self.std, (len(t), 1)), (), gate, "AHRS"
             ),
             rotation_at(truth, t),
         )
@@ -73,40 +73,40 @@ class Ahrs:
 class AhrsPlan(NamedTuple):
     """Error-free measurements of an AHRS; each run adds its own errors."""
 
-    aiding: Aiding  # all but its y
+    source: Source  # all but its y
     attitude: "Rotation"  # (n,), body to navigation
 
-    def fixes(self, seed: SeedLike) -> Aiding:
-        """The aiding of one run."""
+    def fixes(self, seed: SeedLike) -> Source:
+        """The source of one run."""
         from scipy.spatial.transform import Rotation
 
-        error = RandomStream.of(seed).standard_normal((len(self.aiding.t), 3))
-        error *= self.aiding.sd
+        error = RandomStream.of(seed).standard_normal((len(self.source.t), 3))
+        error *= self.source.std
         if not len(error):
             return self.exact()
         forward = Rotation.from_rotvec(_heading(self.attitude)[:, None] * [0.0, 0.0, 1.0])
         return self._with(Rotation.from_rotvec(forward.apply(error)) * self.attitude)
 
-    def exact(self) -> Aiding:
-        """The aiding of an AHRS without errors, which states those of the one with them."""
+    def exact(self) -> Source:
+        """The source of an AHRS without errors, which states those of the one with them."""
         return self._with(self.attitude)
 
-    def notes(self, aiding: Aiding) -> list[str]:
+    def notes(self, source: Source) -> list[str]:
         """Sentences for the notes of a recording: no fix at all."""
         return (
             []
-            if len(aiding.t)
+            if len(source.t)
             else ["AHRS: not one fix falls into the recording; its rate is too low"]
         )
 
-    def _with(self, attitude: "Rotation") -> Aiding:
-        t = self.aiding.t
+    def _with(self, attitude: "Rotation") -> Source:
+        t = self.source.t
         y = (
             Trajectory(t, np.empty((0, 3)), q_nb=attitude.as_quat()[:, [3, 0, 1, 2]]).rph
             if len(t)
             else np.empty((0, 3))
         )
-        return replace(self.aiding, y=y)
+        return replace(self.source, y=y)
 
 
 def _heading(attitude: "Rotation") -> Array:

@@ -1,7 +1,7 @@
-"""A sensor of any kind of aiding, also of one from outside the package, simulated by the
+"""A sensor of any kind of measurement, also of one from outside the package, simulated by the
 observation that the filters themselves use.
 
-    y such that  innovation(truth, y) = w,   w ~ N(0, sd^2), independent from fix to fix
+    y such that  innovation(truth, y) = w,   w ~ N(0, std^2), independent from fix to fix
 
 For nearly every kind the innovation is y - h(truth), so that this is y = h(truth) + w. A mistake in
 the kind's observation is in the fixes too, and so does not show: sensors with an equation of their
@@ -20,11 +20,11 @@ from ..core.loop.contract import (
     STATES,
     FilterState,
     Imu,
-    Measurement,
+    MeasurementModel,
     bind_kernel,
 )
 from ..core.mathematics.source import PARAMETERS, new_source
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..typing import Array, Mask
 from .magnetometer import rotation_at
 from .sampling import interpolate_trajectory, sample_times
@@ -38,12 +38,12 @@ CLOSE = 1e-6  # of its standard deviation: an innovation as good as 0
 
 @dataclass(frozen=True)
 class Simulated:
-    """A sensor of a kind of aiding, with white noise. SI and radians. Raises DataError on what
+    """A sensor of a kind of measurement, with white noise. SI and radians. Raises DataError on what
     none can be."""
 
     kind: str  # a name of `strapdown.aiding.names()`, not a constraint
     # of the innovation, for each component of the kind or one for all; pressure's is in m
-    sd: tuple[float, ...] | float
+    std: tuple[float, ...] | float
     rate: float | None = 1.0  # fixes per second; None: one with every IMU sample
     # as the kind has them: mostly the lever arm from the IMU, m, body; () are zeros
     parameters: tuple[float, ...] = ()
@@ -59,7 +59,7 @@ class Simulated:
             )
         size = len(measurement.quantities)
         deviations = check_array(
-            self.sd if np.ndim(self.sd) else [self.sd] * size, f"{own}: sd", (size,), above=0
+            self.std if np.ndim(self.std) else [self.std] * size, f"{own}: std", (size,), above=0
         )
         if self.rate is not None:
             check_number(self.rate, f"{own}: rate", "Hz", above=0)
@@ -71,14 +71,14 @@ class Simulated:
                 f"{f'three: {measurement.parameters}' if measurement.parameters else f'at most {PARAMETERS}'}"
             )
         for field, value in (
-            ("sd", tuple(deviations.tolist())),
+            ("std", tuple(deviations.tolist())),
             ("parameters", tuple(parameters.tolist())),
             ("name", own),
         ):
             object.__setattr__(self, field, value)
 
     @property
-    def measurement(self) -> Measurement:
+    def measurement(self) -> MeasurementModel:
         """The model of its kind. Raises DataError with the nearest name."""
         return find(self.kind)
 
@@ -89,32 +89,32 @@ class Simulated:
         y, gain = _solve_values(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
         reads: Mask = np.asarray(np.isfinite(y).any(axis=1))
         t, y, gain = t[reads], y[reads], gain[reads]
-        sd = np.tile(self.sd, (len(t), 1))
-        aiding = Aiding(self.kind, t, y, sd, self.parameters, gate, self.name)
-        return SimulatedPlan(aiding, gain, int((~reads).sum()))
+        std = np.tile(self.std, (len(t), 1))
+        source = Source(self.kind, t, y, std, self.parameters, gate, self.name)
+        return SimulatedPlan(source, gain, int((~reads).sum()))
 
 
 class SimulatedPlan(NamedTuple):
     """Noise-free measurements of such a sensor; each run adds its own noise."""
 
-    aiding: Aiding  # its y without noise
+    source: Source  # its y without noise
     gain: Array  # (n, components, components) what of y a unit of the innovation is
     silent: int  # fixes in which it reads nothing, such as a course at a standstill
 
-    def fixes(self, seed: SeedLike) -> Aiding:
-        """The aiding of one run."""
-        noise = RandomStream.of(seed).standard_normal(self.aiding.sd.shape) * self.aiding.sd
-        return replace(self.aiding, y=self.aiding.y + np.einsum("nij,nj->ni", self.gain, noise))
+    def fixes(self, seed: SeedLike) -> Source:
+        """The source of one run."""
+        noise = RandomStream.of(seed).standard_normal(self.source.std.shape) * self.source.std
+        return replace(self.source, y=self.source.y + np.einsum("nij,nj->ni", self.gain, noise))
 
-    def exact(self) -> Aiding:
-        """The aiding without noise, which states that of the one with it."""
-        return replace(self.aiding, y=self.aiding.y.copy())
+    def exact(self) -> Source:
+        """The source without noise, which states that of the one with it."""
+        return replace(self.source, y=self.source.y.copy())
 
-    def notes(self, aiding: Aiding) -> list[str]:
+    def notes(self, source: Source) -> list[str]:
         """Sentences for the notes of a recording: no fix at all, or some in which it reads nothing."""
-        if not len(aiding.t):
-            return [f"{aiding.name}: not one fix falls into the recording; its rate is too low"]
-        said = f"{aiding.name}: reads nothing {self.silent} times, as a course at a standstill"
+        if not len(source.t):
+            return [f"{source.name}: not one fix falls into the recording; its rate is too low"]
+        said = f"{source.name}: reads nothing {self.silent} times, as a course at a standstill"
         return [said] if self.silent else []
 
 
@@ -157,7 +157,7 @@ def _solve_values(sensor: Simulated, beliefs: Sequence[FilterState]) -> tuple[Ar
         except np.linalg.LinAlgError:
             break
         y = y - np.einsum("nij,nj->ni", gain, error)
-        if np.all(np.abs(error) <= CLOSE * np.array(sensor.sd)):
+        if np.all(np.abs(error) <= CLOSE * np.array(sensor.std)):
             return np.where(silent[:, None], np.nan, y), gain
     raise DataError(
         f"{sensor.name}: no reading of kind {sensor.kind} was found that belongs to the true motion; "

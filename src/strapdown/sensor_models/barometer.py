@@ -1,4 +1,4 @@
-"""Measurement equation of a barometer: pressure of the standard atmosphere at a height above its
+"""MeasurementModel equation of a barometer: pressure of the standard atmosphere at a height above its
 zero, with weather, offset and noise.
 
     p = p_ISA(h - zero) + bias + weather + w,   or as a height, pressure_altitude(p)
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..typing import Array
 from .atmosphere import (
     MAX_AIR,
@@ -30,16 +30,16 @@ from .sampling import arm_in_navigation, interpolate_trajectory, sample_times
 from .streams import RandomStream, SeedLike
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
-"""What a barometer can give, and the kind of aiding that this is."""
+"""Kinds of measurement by the quantity that a barometer gives."""
 MAX_ERROR = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
 BOUNDS: dict[str, tuple[str, dict[str, Any]]] = {
-    "sd": ("Pa", {"above": 0, "most": MAX_ERROR}),
+    "std": ("Pa", {"above": 0, "most": MAX_ERROR}),
     "bias": ("Pa", {"least": -MAX_ERROR, "most": MAX_ERROR}),
     "drift": ("Pa", {"least": 0, "most": MAX_ERROR}),
     "drift_time": ("s", {"above": 0}),
     "zero": ("m", {}),
 }
-"""What the numbers of a barometer may be: unit and bounds."""
+"""Units and bounds of the numbers of a barometer."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Barometer:
     """A barometer, in SI. Raises DataError on what none can be."""
 
     rate: float | None = None  # samples per second; None: one with every IMU sample
-    sd: float = 5.0  # Pa, white noise of each sample: 0.4 m at sea level
+    std: float = 5.0  # Pa, white noise of each sample: 0.4 m at sea level
     bias: float = 0.0  # Pa: what it reads too much
     drift: float = 0.0  # Pa: stationary standard deviation of the weather
     drift_time: float = 6 * 3600.0  # s: time constant of the weather
@@ -66,8 +66,8 @@ class Barometer:
         object.__setattr__(self, "lever_arm", tuple(lever_arm.tolist()))
         check_choice(self.quantity, "barometer: quantity", KIND_OF_QUANTITY)
 
-    def measure(self, truth: Trajectory, seed: SeedLike) -> Aiding:
-        """Aiding "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its sd in m;
+    def measure(self, truth: Trajectory, seed: SeedLike) -> Source:
+        """Source "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its std in m;
         `seed` as of `ImuSpec.corrupt`. Raises DataError."""
         return self.plan(truth).fixes(seed)
 
@@ -86,56 +86,56 @@ class Barometer:
                 f"the standard atmosphere here goes from "
                 f"{MIN_AIR:g} to {MAX_AIR:g} m"
             )
-        sd = self.sd / -pressure_gradient(above)  # m, as the innovation of both kinds
-        aiding = Aiding(
+        std = self.std / -pressure_gradient(above)  # m, as the innovation of both kinds
+        source = Source(
             KIND_OF_QUANTITY[self.quantity],
             t,
             np.empty((0, 1)),
-            sd[:, None],
+            std[:, None],
             self.lever_arm,
             gate,
             "barometer",
         )
-        return BarometerPlan(aiding, height, standard_pressure(above), self)
+        return BarometerPlan(source, height, standard_pressure(above), self)
 
 
 class BarometerPlan(NamedTuple):
     """Error-free measurements of a barometer; each run adds its own errors."""
 
-    aiding: Aiding  # all but its y
+    source: Source  # all but its y
     height: Array  # (n,) m, ellipsoidal, of the sensor
     pressure: Array  # (n,) Pa at it
     barometer: Barometer
 
-    def fixes(self, seed: SeedLike) -> Aiding:
-        """The aiding of one run."""
-        return self.measured(seed)[0]
+    def fixes(self, seed: SeedLike) -> Source:
+        """The source of one run."""
+        return self.measure_with_bias(seed)[0]
 
-    def measured(self, seed: SeedLike) -> tuple[Aiding, Array]:
-        """(aiding of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones
+    def measure_with_bias(self, seed: SeedLike) -> tuple[Source, Array]:
+        """(source of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones
         but for noise); noise and weather a stream each."""
-        noise, weather = map(RandomStream.of(seed).named, ("noise", "weather"))
-        wander = gauss_markov(np.diff(self.aiding.t) / self.barometer.drift_time, weather)[
+        noise, weather = map(RandomStream.of(seed).child, ("noise", "weather"))
+        wander = gauss_markov(np.diff(self.source.t) / self.barometer.drift_time, weather)[
             : len(self.height), 0
         ]
         error = self.barometer.bias + self.barometer.drift * wander
         bias = pressure_altitude(self.pressure + error) - self.height
         return self._with(
-            self.pressure + error + self.barometer.sd * noise.standard_normal(len(self.height))
+            self.pressure + error + self.barometer.std * noise.standard_normal(len(self.height))
         ), bias
 
-    def exact(self) -> Aiding:
-        """The aiding of a barometer without errors, which states the noise of the one with them."""
+    def exact(self) -> Source:
+        """The source of a barometer without errors, which states the noise of the one with them."""
         return self._with(self.pressure)
 
-    def notes(self, aiding: Aiding) -> list[str]:
+    def notes(self, source: Source) -> list[str]:
         """Sentences for the notes of a recording: no sample at all."""
         return (
             []
-            if len(aiding.t)
+            if len(source.t)
             else ["barometer: not one sample falls into the recording; its rate is too low"]
         )
 
-    def _with(self, pressure: Array) -> Aiding:
+    def _with(self, pressure: Array) -> Source:
         y = pressure if self.barometer.quantity == "pressure" else pressure_altitude(pressure)
-        return replace(self.aiding, y=y[:, None].copy())
+        return replace(self.source, y=y[:, None].copy())

@@ -17,7 +17,7 @@ from ..units.conversion import SHEET
 from .noise import FLICKER_FLOOR, FLICKER_TIMES, FLICKER_VARIANCE
 
 MAX_NUMBER = 1e12
-"""What no number of a sensor exceeds (SI units): squares of larger ones overflow."""
+"""Bound on every number of a sensor (SI units): squares of larger ones overflow."""
 MAX_TERMS = (
     ("scale_factor", 1.0, "1 (100 %)"),
     ("misalignment", np.pi / 4, "0.785 rad (45 deg)"),
@@ -64,19 +64,19 @@ class Triad:
     have."""
 
     noise: float = _term("rad/sqrt(s)", "m/s/sqrt(s)")  # white noise: angle or velocity random walk
-    turn_on_bias: float = _term("rad/s", "m/s^2")  # sd of a bias that is constant during a run
+    turn_on_bias: float = _term("rad/s", "m/s^2")  # std of a bias that is constant during a run
     # random walk of the bias: infinite time constant
     bias_walk: float = _term("rad/s/sqrt(s)", "m/s^2/sqrt(s)")
-    # stationary sd of a first-order Gauss-Markov bias
+    # stationary std of a first-order Gauss-Markov bias
     gauss_markov: float = _term("rad/s", "m/s^2")
     time_constant: float = _term("s", "s")  # of the Gauss-Markov bias
     # bias instability B: a 1/f bias whose Allan deviation is flat at 0.664 B
     flicker: float = _term("rad/s", "m/s^2")
-    # sd of each axis's relative error of scale, constant during a run
+    # std of each axis's relative error of scale, constant during a run
     scale_factor: float = _term("1", "1")
-    # sd of the six angles between true and nominal axes, constant during a run
+    # std of the six angles between true and nominal axes, constant during a run
     misalignment: float = _term("rad", "rad", "mrad", "mrad")
-    # sd of the nine coefficients from specific force to a gyro's rate, as above
+    # std of the nine coefficients from specific force to a gyro's rate, as above
     g_sensitivity: float = _term("rad/s/(m/s^2)", None)
     # step of the counted increments; what is left is carried to the next
     quantisation: float = _term("rad", "m/s", "arcsec")
@@ -107,7 +107,7 @@ class Triad:
             )
         object.__setattr__(self, "temperature", _rows(self.temperature))
 
-    def bias_sd(self, warm_up: WarmUp | None = None) -> float:
+    def bias_std(self, warm_up: WarmUp | None = None) -> float:
         """Standard deviation of the bias at the start of a run, rad/s or m/s^2; of the
         temperature bias the rms over the axes."""
         flickering = self.flicker * np.sqrt(FLICKER_VARIANCE * len(FLICKER_TIMES))
@@ -129,7 +129,7 @@ class Triad:
         _, change = self._temperature_effect(warm_up)
         alone = (
             self.gauss_markov > 0
-            and self.bias_sd(warm_up) == self.gauss_markov
+            and self.bias_std(warm_up) == self.gauss_markov
             and self.bias_walk == change == 0
         )
         driving = self.bias_walk**2 + (
@@ -145,7 +145,7 @@ class Triad:
         driving += change**2 / warm_up.time_constant if warm_up and change else 0.0
         return float(np.sqrt(driving)), 1 / self.time_constant if alone else 0.0
 
-    def saturated(self, increments: Array, dt: Array) -> int:
+    def count_saturated(self, increments: Array, dt: Array) -> int:
         """Number of samples of which an axis stands at full scale, of `increments` (n, 3), rad or
         m/s, over the intervals `dt` (n,) s."""
         return (

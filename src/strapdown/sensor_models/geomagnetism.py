@@ -28,7 +28,7 @@ COMPASS = 6e-6  # T: horizontal intensity below which the WMM warns of compasses
 
 class GeomagneticField(NamedTuple):
     """The Earth's field at a date and place: SI and radians. `np.asarray(result.field)` is the
-    vector that aidings take."""
+    vector that sources take."""
 
     field: tuple[float, ...]  # north, east, down, T
     declination: float  # rad, of magnetic north from true north, positive east
@@ -46,12 +46,42 @@ def geomagnetic_field(
     height: float = 0.0,
     model: str | None = None,
 ) -> GeomagneticField:
-    """The GeomagneticField at a date and place.
+    """Return the Earth's magnetic field at a date and place.
 
-    date: datetime.date or datetime, ISO text ("2012-10-10") or decimal year; lat, lon: rad; height:
-    m above the WGS-84 ellipsoid. model: a name of `models()`; None takes the World Magnetic Model
-    of the date, or where there is none the IGRF (1900 to 2009). Raises DataError for a date that
-    the model, or every model, does not cover: no model is used past the years it was made for.
+    Parameters
+    ----------
+    date : datetime.date, str or float
+        A date or datetime, ISO text ("2012-10-10"), or a decimal year.
+    lat, lon : float
+        rad.
+    height : float
+        m above the WGS-84 ellipsoid.
+    model : str, optional
+        A name of `models()`; by default the World Magnetic Model of the date, or where there is none
+        the IGRF (1900 to 2009).
+
+    Returns
+    -------
+    GeomagneticField
+        The field in NED, T, its declination and inclination, rad.
+
+    Raises
+    ------
+    DataError
+        Where no model covers the date: none is used past the years that it was made for.
+
+    References
+    ----------
+    Chulliat et al. (2025), The US/UK World Magnetic Model for 2025-2030; Alken et al. (2021),
+    International Geomagnetic Reference Field, Earth, Planets and Space 73:49.
+
+    Examples
+    --------
+    >>> import math
+    >>> import strapdown as sd
+    >>> field = sd.geomagnetic_field("2024-05-01", math.radians(47.6), math.radians(9.4), 400.0)
+    >>> round(math.degrees(field.declination), 1)
+    3.7
     """
     year = decimal_year(date)
     _check_place(lat, lon, height)

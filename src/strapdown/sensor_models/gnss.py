@@ -1,5 +1,5 @@
 """Error model of a GNSS receiver: fixes of position and velocity at the antenna with white
-noise, errors that last, outages and latency, as Aiding.
+noise, errors that last, outages and latency, as Source.
 
     y = h(truth) + c + w
 
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_flag, check_number
-from ..data.solution import Aiding, Correlated, Trajectory
+from ..data.solution import Correlated, Source, Trajectory
 from ..geometry.geodesy import radii, wrap
 from ..typing import Array, Ints
 from ..units.constants import MAX_TIME_CONSTANT
@@ -36,7 +36,7 @@ class Kept(NamedTuple):
 
     rows: Ints | None = None  # None: all
     latency: float = 0.0  # s, as of Gnss
-    gate: float | None = None  # as of Aiding
+    gate: float | None = None  # as of Source
     stated: bool = True  # as of Gnss
 
 
@@ -48,8 +48,8 @@ class Gnss(NamedTuple):
     it does not measure this."""
 
     interval: float | Array = 1.0  # s, or the times of the fixes themselves
-    position_sd: tuple[float, ...] | float | None = (1.0, 1.0, 1.5)  # m
-    velocity_sd: tuple[float, ...] | float | None = (0.1, 0.1, 0.1)  # m/s
+    position_std: tuple[float, ...] | float | None = (1.0, 1.0, 1.5)  # m
+    velocity_std: tuple[float, ...] | float | None = (0.1, 0.1, 0.1)  # m/s
     lever_arm: tuple[float, ...] = (0.0, 0.0, 0.0)  # from the IMU to the antenna, m, body
     # (start, stop) of windows in which no fix is measured, s; the stop itself is outside
     outages: tuple[tuple[float, ...], ...] = ()
@@ -57,12 +57,12 @@ class Gnss(NamedTuple):
     # errors that last beside the white ones, standard deviations north, east, down; None: none
     position_correlated: Correlated | None = None  # m
     velocity_correlated: Correlated | None = None  # m/s
-    # whether the fixes state them as such; else their `sd` is that of both parts together, as if
+    # whether the fixes state them as such; else their `std` is that of both parts together, as if
     # all were white
     stated: bool = True
 
-    def fixes(self, trajectory: Trajectory, seed: SeedLike) -> tuple[Aiding, ...]:
-        """The aidings of a flight, position and velocity each from a random stream of its own;
+    def fixes(self, trajectory: Trajectory, seed: SeedLike) -> tuple[Source, ...]:
+        """The sources of a flight, position and velocity each from a random stream of its own;
         `seed` as of `ImuSpec.corrupt`. Raises DataError."""
         return self.plan(trajectory).fixes(seed)
 
@@ -70,23 +70,23 @@ class Gnss(NamedTuple):
         """Return the Plan that all runs over one trajectory share; `gate` is that of its sources.
         Raises DataError."""
         self.check()
-        rows = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
+        rows = self._measured_rows(fix_times(trajectory, self.interval), trajectory.t[-1])
         kept = Kept(rows, self.latency, gate, self.stated)
         position = velocity = None
-        if self.position_sd is not None:
+        if self.position_std is not None:
             position = PositionPlan.of(
                 trajectory,
                 self.interval,
-                self.position_sd,
+                self.position_std,
                 self.lever_arm,
                 kept=kept,
                 correlated=self.position_correlated,
             )
-        if self.velocity_sd is not None:
+        if self.velocity_std is not None:
             velocity = VelocityPlan.of(
                 trajectory,
                 self.interval,
-                self.velocity_sd,
+                self.velocity_std,
                 self.lever_arm,
                 kept=kept,
                 correlated=self.velocity_correlated,
@@ -100,13 +100,13 @@ class Gnss(NamedTuple):
             check_array(self.interval, "times of the fixes", (None,), what="numbers, s")
         else:
             check_rate(1 / check_interval(self.interval), rate, "fixes")
-        for sd, correlated, name in (
-            (self.position_sd, self.position_correlated, "GNSS position"),
-            (self.velocity_sd, self.velocity_correlated, "GNSS velocity"),
+        for std, correlated, name in (
+            (self.position_std, self.position_correlated, "GNSS position"),
+            (self.velocity_std, self.velocity_correlated, "GNSS velocity"),
         ):
-            if sd is not None:
-                _deviations(sd, name)
-            _check_correlated(correlated, name, sd is not None)
+            if std is not None:
+                _deviations(std, name)
+            _check_correlated(correlated, name, std is not None)
         check_flag(self.stated, "stated (whether GNSS fixes state their correlated errors)")
         check_lever_arm(self.lever_arm, "GNSS")
         check_number(self.latency, "latency of the fixes", "s", least=0)
@@ -119,7 +119,7 @@ class Gnss(NamedTuple):
                     f"outage {window!r}: write (start, stop) in s, the start before the stop"
                 )
 
-    def described(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, Any]:
         """{field: value} for a manifest; without those of correlated errors where there are none,
         so that a receiver of before is described as before."""
         values = self._asdict()
@@ -130,7 +130,7 @@ class Gnss(NamedTuple):
             if name not in later or value != self._field_defaults[name]
         }
 
-    def _kept(self, t: Array, end: float) -> Ints | None:
+    def _measured_rows(self, t: Array, end: float) -> Ints | None:
         """Rows of the fixes that are measured and, with their latency, come before the end; None
         where that is all of them."""
         keep = t + self.latency <= end + 1e-9 if self.latency else np.ones(len(t), bool)
@@ -145,17 +145,17 @@ class Plan(NamedTuple):
     position: "PositionPlan | None"
     velocity: "VelocityPlan | None"
 
-    def fixes(self, seed: SeedLike) -> tuple[Aiding, ...]:
-        """The aidings of one run: position and velocity each from a random stream of its own."""
+    def fixes(self, seed: SeedLike) -> tuple[Source, ...]:
+        """The sources of one run: position and velocity each from a random stream of its own."""
         stream = RandomStream.of(seed)
         return tuple(
-            part.fixes(stream.named(name))
+            part.fixes(stream.child(name))
             for name, part in self._asdict().items()
             if part is not None
         )
 
-    def exact(self) -> tuple[Aiding, ...]:
-        """The aidings with the noise left out but its standard deviations stated, and its
+    def exact(self) -> tuple[Source, ...]:
+        """The sources with the noise left out but its standard deviations stated, and its
         correlated part as states whatever the noisy ones say of it: what a bound needs."""
         return tuple(part.fixes(None) for part in self if part is not None)
 
@@ -166,19 +166,19 @@ class Lasting(NamedTuple):
     correlated: Correlated
     step: Array  # (n - 1,) correlation times from fix to fix
 
-    def drawn(self, stream: RandomStream) -> Array:
+    def draw(self, stream: RandomStream) -> Array:
         """Those of one run, (n, 3)."""
-        return gauss_markov(self.step, stream) * self.correlated.sd
+        return gauss_markov(self.step, stream) * self.correlated.std
 
 
 class PositionPlan(NamedTuple):
     """Noise-free positions of an antenna and what a displacement in metres does to them."""
 
-    aiding: Aiding  # all but its y
+    source: Source  # all but its y
     lla: Array  # (n, 3) of the IMU, rad, rad, m
     antenna: Array  # (n, 3) lever arm, m NED
     metres: Array  # (n, 3) per rad north, per rad east, per metre up
-    sd: Array  # (3,) m
+    std: Array  # (3,) m
     keep: Ints | None  # rows that become fixes; None: all
     lasting: Lasting | None = None
 
@@ -187,14 +187,14 @@ class PositionPlan(NamedTuple):
         cls,
         trajectory: Trajectory,
         times: float | Array,
-        sd: float | Sequence[float] | Array,
+        std: float | Sequence[float] | Array,
         lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
         name: str = "GNSS position",
         kept: Kept = _ALL,
         correlated: Correlated | None = None,
     ) -> "PositionPlan":
         """For a trajectory; arguments as in `position_fixes`, `correlated` as of Gnss."""
-        t, sd = fix_times(trajectory, times), _deviations(sd, name)
+        t, std = fix_times(trajectory, times), _deviations(std, name)
         antenna, lla = (
             arm_in_navigation(trajectory, t, lever_arm, name),
             interpolate_trajectory(trajectory, t).lla,
@@ -204,19 +204,19 @@ class PositionPlan(NamedTuple):
             [R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1
         )
         lasting = _correlated_errors(correlated, t, name)
-        aiding = _without_values("position", t, sd, lever_arm, name, kept)
+        source = _without_values("position", t, std, lever_arm, name, kept)
         return cls(
-            _with_correlated(aiding, lasting, kept.stated),
+            _with_correlated(source, lasting, kept.stated),
             lla,
             antenna,
             metres,
-            sd,
+            std,
             kept.rows,
             lasting,
         )
 
-    def fixes(self, seed: SeedLike | None) -> Aiding:
-        """Aiding of the antenna's position, errors added; without `seed` the exact one."""
+    def fixes(self, seed: SeedLike | None) -> Source:
+        """Source of the antenna's position, errors added; without `seed` the exact one."""
         offset = (
             self.antenna if seed is None else _errors(self, RandomStream.of(seed)) + self.antenna
         )
@@ -229,9 +229,9 @@ class PositionPlan(NamedTuple):
 class VelocityPlan(NamedTuple):
     """Noise-free velocities of an antenna."""
 
-    aiding: Aiding  # all but its y
+    source: Source  # all but its y
     v_n: Array  # (n, 3) m/s NED
-    sd: Array  # (3,) m/s
+    std: Array  # (3,) m/s
     keep: Ints | None  # rows that become fixes; None: all
     lasting: Lasting | None = None
 
@@ -240,7 +240,7 @@ class VelocityPlan(NamedTuple):
         cls,
         trajectory: Trajectory,
         times: float | Array,
-        sd: float | Sequence[float] | Array,
+        std: float | Sequence[float] | Array,
         lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
         name: str = "GNSS velocity",
         kept: Kept = _ALL,
@@ -249,7 +249,7 @@ class VelocityPlan(NamedTuple):
         """For a trajectory; arguments as in `velocity_fixes`, `correlated` as of Gnss."""
         if trajectory.v_n is None:
             raise DataError(f"{name}: the trajectory has no velocity")
-        t, sd = fix_times(trajectory, times), _deviations(sd, name)
+        t, std = fix_times(trajectory, times), _deviations(std, name)
         velocity = interpolate_trajectory(trajectory, t).v_n
         assert velocity is not None  # as that of the trajectory
         if np.any(lever_arm):
@@ -260,11 +260,13 @@ class VelocityPlan(NamedTuple):
             )
             velocity = velocity + moved / (late - early)[:, None]
         lasting = _correlated_errors(correlated, t, name)
-        aiding = _without_values("velocity", t, sd, lever_arm, name, kept)
-        return cls(_with_correlated(aiding, lasting, kept.stated), velocity, sd, kept.rows, lasting)
+        source = _without_values("velocity", t, std, lever_arm, name, kept)
+        return cls(
+            _with_correlated(source, lasting, kept.stated), velocity, std, kept.rows, lasting
+        )
 
-    def fixes(self, seed: SeedLike | None) -> Aiding:
-        """Aiding of the antenna's velocity, errors added; without `seed` the exact one."""
+    def fixes(self, seed: SeedLike | None) -> Source:
+        """Source of the antenna's velocity, errors added; without `seed` the exact one."""
         y = self.v_n.copy() if seed is None else _errors(self, RandomStream.of(seed)) + self.v_n
         return _with_values(self, y, seed is None)
 
@@ -272,65 +274,65 @@ class VelocityPlan(NamedTuple):
 def position_fixes(
     trajectory: Trajectory,
     times: float | Array,
-    sd: float | Sequence[float] | Array,
+    std: float | Sequence[float] | Array,
     seed: SeedLike,
     lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
     name: str = "GNSS position",
-) -> Aiding:
-    """Aiding of antenna positions (latitude rad, longitude rad, height m) with white noise of `sd`
+) -> Source:
+    """Source of antenna positions (latitude rad, longitude rad, height m) with white noise of `std`
     (3,) m north, east, down.
 
     `times` is the interval between fixes in s (the first one interval after the start) or the times
     themselves; `seed` as of `ImuSpec.corrupt`. The antenna is at p + C_nb lever_arm. Raises DataError.
     """
-    return PositionPlan.of(trajectory, times, sd, lever_arm, name).fixes(seed)
+    return PositionPlan.of(trajectory, times, std, lever_arm, name).fixes(seed)
 
 
 def velocity_fixes(
     trajectory: Trajectory,
     times: float | Array,
-    sd: float | Sequence[float] | Array,
+    std: float | Sequence[float] | Array,
     seed: SeedLike,
     lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
     name: str = "GNSS velocity",
-) -> Aiding:
-    """Aiding of antenna velocities (m/s, NED) with white noise of `sd` (3,) m/s; arguments as in
+) -> Source:
+    """Source of antenna velocities (m/s, NED) with white noise of `std` (3,) m/s; arguments as in
     `position_fixes`.
 
     The antenna moves with v + C_nb (omega_nb_b x lever_arm); the rate comes from the change of
     attitude between neighbouring samples (the turning of the navigation frame, v/R, stays below
     2e-5 m/s per metre of lever arm at 100 m/s and is left out).
     """
-    return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(seed)
+    return VelocityPlan.of(trajectory, times, std, lever_arm, name).fixes(seed)
 
 
 def _without_values(
     kind: str,
     t: Array,
-    sd: Array,
+    std: Array,
     lever_arm: Sequence[float] | Array,
     name: str,
     kept: Kept,
-) -> Aiding:
-    """The Aiding of a plan with everything that no noise touches."""
+) -> Source:
+    """The Source of a plan with everything that no noise touches."""
     t = (t if kept.rows is None else t[kept.rows]) + kept.latency
-    return Aiding(
+    return Source(
         kind,
         t,
         np.empty((0, 3)),
-        np.tile(sd, (len(t), 1)),
+        np.tile(std, (len(t), 1)),
         tuple(map(float, lever_arm)),
         kept.gate,
         name,
     )
 
 
-def _with_values(plan: PositionPlan | VelocityPlan, y: Array, exact: bool) -> Aiding:
-    aiding, keep = plan.aiding, plan.keep
+def _with_values(plan: PositionPlan | VelocityPlan, y: Array, exact: bool) -> Source:
+    source, keep = plan.source, plan.keep
     if exact and plan.lasting is not None:
         told = plan.lasting.correlated._replace(states=True)
-        aiding = replace(aiding, sd=np.tile(plan.sd, (len(aiding.t), 1)), correlated=told)
-    return replace(aiding, y=y if keep is None else y[keep])
+        source = replace(source, std=np.tile(plan.std, (len(source.t), 1)), correlated=told)
+    return replace(source, y=y if keep is None else y[keep])
 
 
 def _errors(plan: PositionPlan | VelocityPlan, stream: RandomStream) -> Array:
@@ -339,9 +341,9 @@ def _errors(plan: PositionPlan | VelocityPlan, stream: RandomStream) -> Array:
     errors = stream.standard_normal(
         plan.lla.shape if isinstance(plan, PositionPlan) else plan.v_n.shape
     )
-    errors *= plan.sd
+    errors *= plan.std
     if plan.lasting is not None and len(errors):
-        errors += plan.lasting.drawn(stream.named("correlated"))
+        errors += plan.lasting.draw(stream.child("correlated"))
     return errors
 
 
@@ -353,32 +355,32 @@ def _correlated_errors(correlated: Correlated | None, t: Array, name: str) -> La
     between = np.diff(t)
     if np.any(between < 0):
         raise DataError(f"{name}: correlated errors need fixes in order of time; sort their times")
-    sd = tuple(np.asarray(as_triple(correlated.sd), float).tolist())
-    return Lasting(correlated._replace(sd=sd), between / correlated.time)
+    std = tuple(np.asarray(as_triple(correlated.std), float).tolist())
+    return Lasting(correlated._replace(std=std), between / correlated.time)
 
 
-def _with_correlated(aiding: Aiding, lasting: Lasting | None, stated: bool) -> Aiding:
-    """An aiding of white noise with the correlated errors beside it: told as such or, not `stated`,
+def _with_correlated(source: Source, lasting: Lasting | None, stated: bool) -> Source:
+    """A source of white noise with the correlated errors beside it: told as such or, not `stated`,
     as so much more white noise."""
     if lasting is None or stated:
-        return replace(aiding, correlated=lasting.correlated) if lasting else aiding
-    return replace(aiding, sd=np.hypot(aiding.sd, lasting.correlated.sd))
+        return replace(source, correlated=lasting.correlated) if lasting else source
+    return replace(source, std=np.hypot(source.std, lasting.correlated.std))
 
 
-def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
+def without_fixes(sources: Iterable[Source]) -> list[str]:
     """Sentences for the notes of a recording: the receiver's measurements of which not one falls
     into it; none where all are there."""
     return [
-        f"{aiding.name or aiding.kind}: not one fix falls into the recording; outages, interval and "
+        f"{source.name or source.kind}: not one fix falls into the recording; outages, interval and "
         f"latency leave none"
-        for aiding in aidings
-        if not len(aiding.t)
+        for source in sources
+        if not len(source.t)
     ]
 
 
-def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
+def _deviations(std: float | Sequence[float] | Array, name: str) -> Array:
     return check_array(
-        as_triple(sd),
+        as_triple(std),
         f"{name}: standard deviations",
         (3,),
         what="numbers: north, east, down, or one for all",
@@ -397,12 +399,12 @@ def _check_correlated(correlated: Correlated | None, name: str, measured: bool =
         raise DataError(f"{what} are given, and no white noise; give both, or neither")
     check_number(correlated.time, f"{what}, time", "s", above=0, most=MAX_TIME_CONSTANT)
     check_flag(correlated.states, f"{what}, states")
-    sd = check_array(
-        as_triple(correlated.sd),
+    std = check_array(
+        as_triple(correlated.std),
         f"{what}, standard deviations",
         (3,),
         what="numbers: north, east, down, or one for all",
         least=0,
     )
-    if not sd.any():
+    if not std.any():
         raise DataError(f"{what}: all standard deviations are 0; leave them out")

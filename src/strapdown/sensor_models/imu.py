@@ -4,12 +4,21 @@ and the grades that ship with the package."""
 import math
 import tomllib
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..checks import DataError, brief, check_number, did_you_mean, located
+from ..checks import (
+    DataError,
+    brief,
+    check_flag,
+    check_number,
+    check_type,
+    did_you_mean,
+    locate_errors,
+)
 from ..core.loop.contract import Imu, Noise
 from ..data.calibration_parameters import (
     ACCEL_MISALIGNMENT,
@@ -28,19 +37,32 @@ from .streams import RandomStream, SeedLike
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
 EXAMPLE = 'write noise = {{ value = ..., unit = "{}" }}'
-"""What the section of a sensor needs at least."""
+"""Least content of the section of a sensor."""
 
 
 @dataclass(frozen=True, repr=False)
 class ImuSpec:
     """Errors of an IMU, per axis, in SI. Written as a TOML file in datasheet units
-    (docs/how-to/imu.md). Raises DataError where they are out of range."""
+    (docs/how-to/imu.md). Raises DataError where they are out of range.
+
+    Attributes
+    ----------
+    name : str
+        Name of the grade.
+    gyro : Triad
+        Errors of the gyros, rad/s.
+    accel : Triad
+        Errors of the accelerometers, m/s^2.
+    source : str
+        Where the numbers are from.
+    warm_up : WarmUp or None
+        Temperature of a run; goes with the temperature table of a triad.
+    """
 
     name: str
     gyro: Triad
     accel: Triad
     source: str = ""
-    # the temperature of a run; goes with the temperature table of a triad
     warm_up: WarmUp | None = None
 
     def __post_init__(self) -> None:
@@ -84,11 +106,11 @@ class ImuSpec:
             self.gyro.noise, self.accel.noise, gyro_bias, accel_bias, gyro_decay, accel_decay
         )
 
-    def bias_sd(self) -> tuple[float, float]:
+    def bias_std(self) -> tuple[float, float]:
         """Initial standard deviations (accelerometer m/s^2, gyro rad/s)."""
-        return self.accel.bias_sd(self.warm_up), self.gyro.bias_sd(self.warm_up)
+        return self.accel.bias_std(self.warm_up), self.gyro.bias_std(self.warm_up)
 
-    def axes_sd(self) -> dict[str, tuple[float, ...]]:
+    def axes_std(self) -> dict[str, tuple[float, ...]]:
         """{parameter of `calibration_parameters`: standard deviations of its components} of the scale factors and
         misalignments that it states; {} without any."""
         found = {}
@@ -96,9 +118,9 @@ class ImuSpec:
             (GYRO_SCALE, GYRO_MISALIGNMENT, self.gyro),
             (ACCEL_SCALE, ACCEL_MISALIGNMENT, self.accel),
         ):
-            for what, sd in ((scale, triad.scale_factor), (misalignment, triad.misalignment)):
-                if sd:
-                    found[what.name] = (float(sd),) * len(what.components)
+            for what, std in ((scale, triad.scale_factor), (misalignment, triad.misalignment)):
+                if std:
+                    found[what.name] = (float(std),) * len(what.components)
         return found
 
     def corrupt(self, imu: Imu, seed: SeedLike) -> tuple[Imu, Array, Array]:
@@ -109,20 +131,20 @@ class ImuSpec:
         Gauss-Markov, flicker and temperature.
         """
         u, bias = np.empty((len(imu.t), 6)), np.empty((len(imu.t), 6))
-        own = self.drawn(RandomStream.of(seed))
+        own = self.draw_constants(RandomStream.of(seed))
         rows = np.array([0, len(imu.t)])
-        simulate_errors(rows, self.shared(imu), own, np.zeros(RATES), u, bias)
+        simulate_errors(rows, self.shared_errors(imu), own, np.zeros(RATES), u, bias)
         dtheta, dv, b_g, b_a = (
             np.ascontiguousarray(part) for part in (u[:, :3], u[:, 3:], bias[:, :3], bias[:, 3:])
         )
         return Imu(imu.t, imu.dt, dtheta, dv), b_a, b_g
 
-    def shared(self, imu: Imu) -> Shared:
+    def shared_errors(self, imu: Imu) -> Shared:
         """Return the part of the errors that all runs over an error-free `imu` share, for
         `simulate_errors`."""
         return shared_errors(self.gyro, self.accel, self.warm_up, imu)
 
-    def drawn(self, stream: RandomStream) -> Own:
+    def draw_constants(self, stream: RandomStream) -> Own:
         """Draw the random constants of a run before its first sample."""
         return draw_errors(self.gyro, self.accel, stream)
 
@@ -165,17 +187,21 @@ class ImuSpec:
             part.write_text(_as_toml(self), encoding="utf-8")
 
     def __repr__(self) -> str:
-        def shown(value: float, si: str) -> str:
+        def show(value: float, si: str) -> str:
             return f"{in_units(value, si):.3g} {SHEET[si]}"
 
         parts = []
-        for sensor, bias_sd in (("gyro", self.bias_sd()[1]), ("accel", self.bias_sd()[0])):
+        for sensor, bias_std in (("gyro", self.bias_std()[1]), ("accel", self.bias_std()[0])):
             unit = {term.name: term.metadata[sensor] for term in terms(sensor)}
             parts.append(
-                f"{sensor} {shown(getattr(self, sensor).noise, unit['noise'])}, bias "
-                f"{shown(bias_sd, unit['turn_on_bias'])}"
+                f"{sensor} {show(getattr(self, sensor).noise, unit['noise'])}, bias "
+                f"{show(bias_std, unit['turn_on_bias'])}"
             )
         return f"ImuSpec({self.name}: {'; '.join(parts)})"
+
+
+GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
+"""A choice of an IMU: the name of a grade, the path of a file, a table of its fields, or an ImuSpec."""
 
 
 def saturation_notes(spec: ImuSpec, imu: Imu) -> list[str]:
@@ -187,7 +213,7 @@ def saturation_notes(spec: ImuSpec, imu: Imu) -> list[str]:
         ("accelerometer", imu.dv, "m/s^2", "g"),
     ):
         triad = spec.gyro if sensor == "gyro" else spec.accel
-        if count := triad.saturated(increments, imu.dt):
+        if count := triad.count_saturated(increments, imu.dt):
             notes.append(
                 f"{sensor}: {count} of {len(imu.t)} samples saturated at "
                 f"{in_units(triad.saturation, si, unit):.4g} {unit}"
@@ -195,31 +221,80 @@ def saturation_notes(spec: ImuSpec, imu: Imu) -> list[str]:
     return notes
 
 
-def grades(others: bool = True) -> list[str]:
-    """Names of the grades that ship with this and, with `others`, with other installed packages,
-    sorted."""
-    return list(shipped_files("grades", __package__, others))
+def imus(others: bool = True) -> list[str]:
+    """Return the names of the IMU grades, sorted.
+
+    Parameters
+    ----------
+    others : bool
+        Also those of other installed packages.
+
+    Returns
+    -------
+    list of str
+        Names that `grade` takes.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> "tactical" in sd.imus()
+    True
+    """
+    return list(shipped_files("grades", __package__, check_flag(others, "others")))
 
 
-def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
-    """The ImuSpec of a grade's name or of a spec file's path (ends in .toml or contains a folder);
-    an ImuSpec is returned as it is.
+def imu(name: GivenImu) -> ImuSpec:
+    """Return the error model of an IMU by the name of a grade or by a file.
 
-    A dict is one that was stored with a recording (dataclasses.asdict).
+    Parameters
+    ----------
+    name : str, path, dict or ImuSpec
+        A grade, a .toml file (the path ends in .toml or contains a folder), or the fields of an
+        ImuSpec as `dataclasses.asdict` gives them; an ImuSpec is returned as it is.
+
+    Returns
+    -------
+    ImuSpec
+        In SI.
+
+    Raises
+    ------
+    DataError
+        Where there is no such grade, or a value is out of range.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> sd.imu("tactical").name
+    'tactical'
     """
     if isinstance(name, ImuSpec):
         return name
     if isinstance(name, dict):
         return _from_fields(name)
+    wanted = "an ImuSpec, the name of a grade, the path of its file, or a table"
+    check_type(name, "imu", (str, PathLike), wanted)
     name = str(name)
     if resource := find_shipped("grades", __package__, name):
         return _from_table(tomllib.loads(resource.read_text(encoding="utf-8")), f"grade {name}")
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
     raise DataError(
-        f"unknown IMU grade {name!r}{did_you_mean(name, grades())}; grades: {', '.join(grades())}; or "
+        f"unknown IMU grade {name!r}{did_you_mean(name, imus())}; grades: {', '.join(imus())}; or "
         f"give the path of a .toml file"
     )
+
+
+def required_imu(
+    given: GivenImu | None, without: str = "the recording does not name its IMU: "
+) -> ImuSpec:
+    """The ImuSpec of what `imu` takes. Raises DataError where there is none; `without`: what to say
+    first then."""
+    if given is None:
+        raise DataError(
+            f"{without}give imu=, one of {', '.join(imus())}, or a file that describes it"
+        )
+    return imu(given)
 
 
 def _from_fields(fields: dict[str, Any]) -> ImuSpec:
@@ -245,18 +320,18 @@ def _bias_unit(sensor: str) -> str:
 
 
 def _from_table(table: dict[str, Any], where: str) -> ImuSpec:
-    with located(where):
+    with locate_errors(where):
         values = {"name": Path(where).stem, "warm_up": None} | read_table(table, IMU_KEYS)
         return ImuSpec(**values)
 
 
 def _quantity(si: str, sheet: str | None = None, least: float = 0.0) -> Read:
-    """How a table {value, unit} is read."""
+    """The function that reads a table {value, unit}."""
     return lambda value, where: quantity(value, si, where, sheet, least)
 
 
 def _triad(sensor: str) -> Read:
-    """How the section of a sensor is read."""
+    """The function that reads the section of a sensor."""
     keys = {
         term.name: Key(
             term.name,
@@ -277,7 +352,7 @@ def _triad(sensor: str) -> Read:
                 f"{where} saturation: the full scale is 0, so nothing would be measured; give it "
                 f"above 0, or leave it out for none"
             )
-        with located(where):
+        with locate_errors(where):
             return Triad(**values)
 
     return section(read)

@@ -23,13 +23,13 @@ from ..core.mathematics.elementary import floor
 from ..core.mathematics.threefry import normal_pair
 from ..typing import Array, Ints
 from .errors import Triad, WarmUp
-from .noise import FLICKER_TIMES, FLICKER_VARIANCE, even, gauss_markov_step
+from .noise import FLICKER_TIMES, FLICKER_VARIANCE, even_steps, gauss_markov_step
 from .streams import RandomStream
 
 GYRO, ACCEL = 0, 1
-"""Of the two triads, and the order in which they stand in all arrays."""
+"""Numbers of the two triads, and the order in which they stand in all arrays."""
 NOISE, WALK, MARKOV, TIME, FLICKER, STEP, FULL, DISTORTED, FELT, SIZES = range(10)
-"""Of a triad's sizes, shared by all runs: of white noise, bias walk, Gauss-Markov bias and its time
+"""Places of a triad's sizes, shared by all runs: white noise, bias walk, Gauss-Markov bias and its time
 constant, flicker, step of the counter, full scale, and whether it has a distortion and a g-sensitivity;
 their number. 0: none."""
 OF_NOISE, OF_WALK, OF_MARKOV, OF_FLICKER, KEYS = 0, 2, 4, 6, 8
@@ -39,21 +39,21 @@ OF_SAMPLES = {
     OF_MARKOV: "gauss_markov",
     OF_FLICKER: "flicker",
 }
-"""Of a triad's keys, two words each: the terms that draw anew with each sample, as their streams are
-named; their number."""
+"""Places of a triad's keys, two words each: the terms that draw anew with each sample, as their
+streams are named; their number."""
 CONSTANT, DISTORTION, SENSITIVITY, CONSTANTS = 0, 3, 12, 21
-"""Of what is constant in a run: a triad's turn-on bias, what scale and misalignment add to the true
-increments (3 x 3), what specific force adds (3 x 3); their number."""
+"""Places of what is constant in a run: a triad's turn-on bias, what scale and misalignment add to
+the true increments (3 x 3), what specific force adds (3 x 3); their number."""
 PROCESSES = len(FLICKER_TIMES)
 WALKED, DRIFTED, FLICKERED = 0, 3, 6
 LEFT = FLICKERED + 3 * PROCESSES
 SPARE, DRAWN, STATE = LEFT + 3, LEFT + 6, LEFT + 9
-"""Of a triad's state: walk, Gauss-Markov (of variance 1) and flicker (processes of variance 1, by
+"""Places of a triad's state: walk, Gauss-Markov (of variance 1) and flicker (processes of variance 1, by
 rows), what the counter has left over, in steps, halves of blocks of random numbers that the next
 sample takes, three random numbers; their number."""
 RATES = 2 * (2 + PROCESSES)
-"""Of the share that is left of each Gauss-Markov process and the standard deviation of what is new:
-those of the triads, then flicker's."""
+"""Places of the share that is left of each Gauss-Markov process and the standard deviation of what
+is new: those of the triads, then flicker's."""
 FLICKER_SCALE = float(np.sqrt(FLICKER_VARIANCE))
 FLICKER_T = tuple(FLICKER_TIMES.tolist())
 FLICKER_BLOCKS = (3 * PROCESSES + 1) // 2  # of random numbers in a sample
@@ -295,7 +295,7 @@ def shared_errors(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -
                 for triad in (gyro, accel)
             ]
         )
-    step = even(np.r_[np.inf, np.diff(imu.t)][: len(imu.t)])
+    step = even_steps(np.r_[np.inf, np.diff(imu.t)][: len(imu.t)])
     dtheta, dv, dt = (np.ascontiguousarray(part, float) for part in (imu.dtheta, imu.dv, imu.dt))
     return Shared(dtheta, dv, dt, step, told, sizes_of(gyro, accel))
 
@@ -306,7 +306,7 @@ def draw_errors(gyro: Triad, accel: Triad, stream: RandomStream) -> Own:
     keys, constants = np.zeros((2, KEYS), np.int64), np.zeros((2, CONSTANTS))
     state = np.zeros((2, STATE))
     for row, (name, triad) in enumerate((("gyro", gyro), ("accel", accel))):
-        of, own = stream.named(name).named, constants[row]
+        of, own = stream.child(name).child, constants[row]
         for at, term in OF_SAMPLES.items():
             keys[row, at : at + 2] = of(term).key
         if triad.turn_on_bias:

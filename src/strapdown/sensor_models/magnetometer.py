@@ -1,4 +1,4 @@
-"""Measurement equation of a magnetometer: the Earth's field in body axes, bent by soft iron,
+"""MeasurementModel equation of a magnetometer: the Earth's field in body axes, bent by soft iron,
 shifted by hard iron, with noise and a full scale.
 
     m_imu = D S (C_nb' (m_n + d_n) + d_b) + b_mag + w,   clipped at the full scale
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number, is_number
-from ..data.solution import Aiding, Trajectory
+from ..data.solution import Source, Trajectory
 from ..typing import Array, ArrayLike
 from .sampling import as_triple, sample_times
 from .streams import RandomStream, SeedLike
@@ -43,11 +43,11 @@ class Disturbance(NamedTuple):
 
 @dataclass(frozen=True)
 class Magnetometer:
-    """A three-axis magnetometer, in SI. One number for `sd` or `scale` stands for three. Raises
+    """A three-axis magnetometer, in SI. One number for `std` or `scale` stands for three. Raises
     DataError on what none can be."""
 
     rate: float | None = None  # samples per second; None: one with every IMU sample
-    sd: tuple[float, ...] | float = (0.3e-6, 0.3e-6, 0.3e-6)  # T, white noise of each sample
+    std: tuple[float, ...] | float = (0.3e-6, 0.3e-6, 0.3e-6)  # T, white noise of each sample
     hard_iron: tuple[float, ...] = (0.0, 0.0, 0.0)  # T, body: what it reads too much
     soft_iron: tuple[tuple[float, ...], ...] = UNIFORM  # (3, 3), body
     scale: tuple[float, ...] | float = (0.0, 0.0, 0.0)  # relative error of each axis's scale
@@ -67,7 +67,7 @@ class Magnetometer:
             )
         strongest: dict[str, Any] = {"least": -STRONGEST_MAGNET, "most": STRONGEST_MAGNET}
         for name, value in {
-            "sd": _three(as_triple(self.sd), "sd", above=0, most=STRONGEST_MAGNET),
+            "std": _three(as_triple(self.std), "std", above=0, most=STRONGEST_MAGNET),
             "hard_iron": _three(self.hard_iron, "hard_iron", **strongest),
             "scale": _three(as_triple(self.scale), "scale", "", above=-1, most=1),
             "soft_iron": _soft_iron(self.soft_iron),
@@ -81,8 +81,8 @@ class Magnetometer:
         truth: Trajectory,
         seed: SeedLike,
         field: Sequence[float] | Array | None = None,
-    ) -> Aiding:
-        """Aiding "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T
+    ) -> Source:
+        """Source "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T
         NED, by default this sensor's own.
 
         truth: data.Trajectory with attitude; `seed` as of `ImuSpec.corrupt`. Raises DataError.
@@ -113,16 +113,16 @@ class Magnetometer:
         distorted = (
             felt @ (np.diag(1 + np.array(self.scale)) @ np.array(self.soft_iron)).T + self.hard_iron
         )
-        aiding = Aiding(
+        source = Source(
             "magnetic-field",
             t,
             np.empty((0, 3)),
-            np.tile(self.sd, (len(t), 1)),
+            np.tile(self.std, (len(t), 1)),
             tuple(map(float, field)),
             gate,
             "magnetometer",
         )
-        return MagnetometerPlan(aiding, ideal, distorted, np.array(self.sd), self.saturation)
+        return MagnetometerPlan(source, ideal, distorted, np.array(self.std), self.saturation)
 
     def _disturbance(self, t: Array, frame: str) -> Array:
         """(n, 3) T: the sum of the disturbances of that frame at times t."""
@@ -136,43 +136,43 @@ class Magnetometer:
 class MagnetometerPlan(NamedTuple):
     """Noise-free measurements of a magnetometer; each run adds its own noise."""
 
-    aiding: Aiding  # all but its y
+    source: Source  # all but its y
     ideal: Array  # (n, 3) T: C_nb' m_n
     distorted: Array  # (n, 3) T: with everything but noise and full scale
-    sd: Array  # (3,) T
+    std: Array  # (3,) T
     saturation: float  # T; 0: none
 
-    def fixes(self, seed: SeedLike) -> Aiding:
-        """The aiding of one run."""
+    def fixes(self, seed: SeedLike) -> Source:
+        """The source of one run."""
         y = RandomStream.of(seed).standard_normal(self.distorted.shape)
-        y *= self.sd
+        y *= self.std
         y += self.distorted
         return self._with(np.clip(y, -self.saturation, self.saturation) if self.saturation else y)
 
-    def exact(self) -> Aiding:
-        """The aiding of a magnetometer without errors, which states the noise of the one with
+    def exact(self) -> Source:
+        """The source of a magnetometer without errors, which states the noise of the one with
         them."""
         return self._with(self.ideal.copy())
 
-    def notes(self, aiding: Aiding) -> list[str]:
+    def notes(self, source: Source) -> list[str]:
         """Sentences for the notes of a recording: samples at full scale, or no sample at all;
         none where nothing is to be said."""
-        if not len(aiding.t):
+        if not len(source.t):
             return ["magnetometer: not one sample falls into the recording; its rate is too low"]
         full = (
-            int((np.abs(aiding.y) >= self.saturation).any(axis=1).sum()) if self.saturation else 0
+            int((np.abs(source.y) >= self.saturation).any(axis=1).sum()) if self.saturation else 0
         )
         return (
             [
-                f"magnetometer: {full} of {len(aiding.t)} samples saturated at "
+                f"magnetometer: {full} of {len(source.t)} samples saturated at "
                 f"{self.saturation * 1e6:.4g} uT"
             ]
             if full
             else []
         )
 
-    def _with(self, y: Array) -> Aiding:
-        return replace(self.aiding, y=y)
+    def _with(self, y: Array) -> Source:
+        return replace(self.source, y=y)
 
 
 def reference_field(field: Sequence[float] | Array) -> tuple[float, ...]:

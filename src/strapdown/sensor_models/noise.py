@@ -34,7 +34,7 @@ def gauss_markov_step(step: float) -> tuple[float, float]:
     return keep, math.sqrt((1.0 - keep) * (1.0 + keep))
 
 
-def even(step: Array) -> Array:
+def even_steps(step: Array) -> Array:
     """Steps that rounding alone tells apart, made the same: what follows of them is then computed
     once. (n,), of which the first may be inf."""
     rest = step[np.isfinite(step)]
@@ -47,7 +47,7 @@ def gauss_markov(step: Array, seed: SeedLike) -> Array:
     """Stationary first-order Gauss-Markov sequence of unit variance, (len(step) + 1, 3); `step`
     is in time constants."""
     x = RandomStream.of(seed).standard_normal((len(step) + 1, 3))
-    _gauss_markov(np.ascontiguousarray(even(step), float), x)
+    _gauss_markov(np.ascontiguousarray(even_steps(step), float), x)
     return x
 
 

@@ -2,10 +2,11 @@
 
 import os
 import tomllib
+from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..checks import DataError, brief, did_you_mean, located
+from ..checks import DataError, brief, check_flag, check_type, did_you_mean, locate_errors
 from ..data.solution import Correlated
 from ..fileio.files import find_shipped, read_toml, shipped_files
 from ..fileio.toml_keys import (
@@ -24,9 +25,9 @@ from .gnss import Gnss
 
 
 def _correlated_reader(unit: str) -> Read:
-    """How correlated errors in that unit are read."""
+    """The function that reads correlated errors in that unit."""
     keys = {
-        f"sd_{unit}": Key("sd", three, ""),
+        f"std_{unit}": Key("std", three, ""),
         "time_s": Key("time", number, ""),
         "states": Key("states", flag),
     }
@@ -35,8 +36,8 @@ def _correlated_reader(unit: str) -> Read:
 
 ERROR_KEYS = {
     "interval_s": Key("interval", number),
-    "position_sd_m": Key("position_sd", three),
-    "velocity_sd_m_s": Key("velocity_sd", three),
+    "position_std_m": Key("position_std", three),
+    "velocity_std_m_s": Key("velocity_std", three),
     "latency_s": Key("latency", number),
     "position_correlated": Key("position_correlated", _correlated_reader("m")),
     "velocity_correlated": Key("velocity_correlated", _correlated_reader("m_s")),
@@ -50,7 +51,7 @@ GNSS_KEYS = ERROR_KEYS | {
 """Those and the keys of where and when it is carried."""
 GRADE_KEYS = {"name": Key("name", text), "source": Key("source", text)} | ERROR_KEYS
 """Keys of a receiver's file."""
-NOTHING = Gnss(position_sd=None, velocity_sd=None)
+NOTHING = Gnss(position_std=None, velocity_std=None)
 """A receiver that measures only what is added."""
 
 
@@ -65,12 +66,12 @@ class ReceiverGrade(NamedTuple):
         """{"position, white, m": "0.5 0.5 1", ...}: its terms, north, east, down."""
         gnss, none = self.gnss, Correlated((), 0.0)
         terms: dict[str, Any] = {"rate, Hz": 1 / gnss.interval}
-        for what, unit, sd, lasting in (
-            ("position", "m", gnss.position_sd, gnss.position_correlated or none),
-            ("velocity", "m/s", gnss.velocity_sd, gnss.velocity_correlated or none),
+        for what, unit, std, lasting in (
+            ("position", "m", gnss.position_std, gnss.position_correlated or none),
+            ("velocity", "m/s", gnss.velocity_std, gnss.velocity_correlated or none),
         ):
-            terms[f"{what}, white, {unit}"] = sd or ()
-            terms[f"{what}, correlated, {unit}"] = lasting.sd
+            terms[f"{what}, white, {unit}"] = std or ()
+            terms[f"{what}, correlated, {unit}"] = lasting.std
             terms[f"{what}, correlation time, s"] = lasting.time or ()
         return {
             term: " ".join(f"{each:g}" for each in (value if isinstance(value, tuple) else [value]))
@@ -79,9 +80,25 @@ class ReceiverGrade(NamedTuple):
 
 
 def receivers(others: bool = True) -> list[str]:
-    """Names of the receivers that ship with this and, with `others`, with other installed
-    packages, sorted."""
-    return list(shipped_files("receivers", __package__, others))
+    """Return the names of the GNSS receivers, sorted.
+
+    Parameters
+    ----------
+    others : bool
+        Also those of other installed packages.
+
+    Returns
+    -------
+    list of str
+        Names that `receiver` takes.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> "sbas" in sd.receivers()
+    True
+    """
+    return list(shipped_files("receivers", __package__, check_flag(others, "others")))
 
 
 def receiver_grade(name: File) -> ReceiverGrade:
@@ -107,20 +124,47 @@ def receiver_grade(name: File) -> ReceiverGrade:
 
 
 def receiver(name: Gnss | File, like: Gnss = NOTHING) -> Gnss:
-    """The Gnss of a receiver's name or file, carried as `like` is: with its lever arm and its
-    outages; a Gnss is returned as it is. Raises DataError."""
+    """Return the error model of a GNSS receiver by its name or file.
+
+    Parameters
+    ----------
+    name : str, path or Gnss
+        A receiver, or a .toml file; a Gnss is returned as it is.
+    like : Gnss
+        Whose lever arm and outages it gets.
+
+    Returns
+    -------
+    Gnss
+        In SI.
+
+    Raises
+    ------
+    DataError
+        Where there is no such receiver, or a value is out of range.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> sd.receiver("sbas").interval
+    1.0
+    """
     if isinstance(name, Gnss):
         return name
+    check_type(
+        name, "receiver", (str, PathLike), "a Gnss, the name of a receiver or its file's path"
+    )
+    check_type(like, "like", Gnss, "a Gnss")
     found = receiver_grade(name).gnss
     return found._replace(lever_arm=like.lever_arm, outages=like.outages)
 
 
 def _from_table(table: dict[str, Any], where: str, name: str) -> ReceiverGrade:
-    with located(where):
+    with locate_errors(where):
         fields = {"name": name, "source": ""} | read_table(table, GRADE_KEYS)
         name, source = fields.pop("name"), fields.pop("source")
         gnss = NOTHING._replace(**fields)
         gnss.check()
-        if gnss.position_sd is None and gnss.velocity_sd is None:
-            raise DataError("it measures nothing; write position_sd_m, velocity_sd_m_s or both")
+        if gnss.position_std is None and gnss.velocity_std is None:
+            raise DataError("it measures nothing; write position_std_m, velocity_std_m_s or both")
     return ReceiverGrade(name, gnss, source)

@@ -46,7 +46,7 @@ def arm_in_navigation(
         raise DataError(f"{name}: a lever arm needs the trajectory's attitude, and it has none")
     from scipy.spatial.transform import Slerp
 
-    return Slerp(trajectory.t, trajectory.rotation)(t).apply(lever_arm)
+    return Slerp(trajectory.t, trajectory.rotation)(t).apply(np.array(lever_arm, float))
 
 
 def fix_times(trajectory: Trajectory, times: float | Array) -> Array:

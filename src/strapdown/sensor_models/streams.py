@@ -19,8 +19,8 @@ from ..typing import Array
 SeedLike: TypeAlias = Union[
     int, Sequence[int], np.random.SeedSequence, np.random.Generator, "RandomStream"
 ]
-"""What a RandomStream can be made of. A Generator gives its next numbers for the key, so that it makes
-another Stream each time; all others make the same one always."""
+"""Seeds that a RandomStream can be made of. A Generator gives its next numbers for the key, so that
+it makes another Stream each time; all others make the same one always."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,17 @@ class RandomStream:
         low, high = seed.generate_state(2).tolist()
         return cls((low, high))
 
-    def named(self, name: str) -> "RandomStream":
+    def child(self, name: str) -> "RandomStream":
         """The stream of that name below this one, the same whatever others there are."""
         return self._below(b"name " + name.encode())
 
-    def numbered(self, number: int) -> "RandomStream":
+    def numbered_child(self, number: int) -> "RandomStream":
         """The stream of that number below this one, such as that of a run."""
         return self._below(b"number %d" % number)
 
     def spawn(self, count: int) -> "list[RandomStream]":
         """Those of the first numbers."""
-        return [self.numbered(number) for number in range(count)]
+        return [self.numbered_child(number) for number in range(count)]
 
     def standard_normal(self, shape: int | tuple[int, ...]) -> Array:
         """Standard normals; those of a table by rows, the same as of a longer one."""

@@ -36,6 +36,7 @@ def lift_complex(
 
 sine, cosine = lift_complex(np.sin, np.cos), lift_complex(np.cos, lambda x: -np.sin(x))
 arctangent = lift_complex(np.arctan, lambda x: 1 / (1 + x * x))
+root = lift_complex(np.sqrt, lambda x: 0.5 / np.sqrt(x))
 
 
 def waves(t: Numbers, terms: Iterable[tuple[float, float, float]]) -> Numbers:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_number, did_you_mean, is_number, located
+from ..checks import DataError, check_array, check_number, did_you_mean, is_number, locate_errors
 from ..data.solution import Trajectory
 from ..typing import Array
 from .splined import spline_motion
@@ -29,7 +29,7 @@ HOLDS = {
     "heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG),
     "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT),
 }
-"""Of a JsbsimTarget: JSBSim's switch, its set point, and the set point's unit."""
+"""Properties of a JsbsimTarget: JSBSim's switch, its set point, and the set point's unit."""
 TRIM_FULL = 1
 STATE_PROPERTIES = (
     "position/lat-geod-rad",
@@ -197,7 +197,7 @@ def _check_targets(
 ) -> list[JsbsimTarget]:
     """The targets in order of time. Raises DataError for a number that no flight can have, or
     what is no target."""
-    with located("a flight of JSBSim"):
+    with locate_errors("a flight of JSBSim"):
         check_number(speed, "speed", "m/s", above=0)
         check_number(duration, "duration", "s", above=0)
         check_number(rate, "rate", "steps per second", above=0)
@@ -219,7 +219,7 @@ def _check_targets(
     ):
         raise DataError(f"targets are a list of strapdown.sim.jsbsim.Target, not {targets!r}")
     for target in targets:
-        with located(target):
+        with locate_errors(target):
             check_number(target.at, "its time", "s", least=0, most=duration)
             for name, value in target._asdict().items():
                 if value is not None:

@@ -1,4 +1,4 @@
-"""Motions to simulate: at rest, in a hand, moored in waves, straight along a geodesic, flights and
+"""Motions to simulate: at rest, in a hand, on rotors, moored in waves, straight along a geodesic, flights and
 drives and voyages by legs. SI and radians.
 
 A leg is a dict: `duration` (s), and what happens during it: `turn` (rad, clockwise positive),
@@ -15,15 +15,25 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from ..checks import DataError, check_keys, check_number, located
+from ..checks import DataError, check_keys, check_number, locate_errors
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
-from .analytic import MotionProfile, Numbers, Times, arctangent, cosine, lift_complex, sine, waves
+from .analytic import (
+    MotionProfile,
+    Numbers,
+    Times,
+    arctangent,
+    cosine,
+    lift_complex,
+    root,
+    sine,
+    waves,
+)
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
 CLIMB_KEYS = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
-"""What climbs in a leg of each motion by legs."""
+"""Key of the climb in a leg of each motion by legs."""
 MAX_LEGS, MAX_MOTION = 5000, 10 * 86400.0
 """Legs, and s, of a motion at most."""
 _SLACK = 1.0  # s that a geodesic is solved for beyond its end, so that slopes there can be checked
@@ -58,6 +68,13 @@ _HAND = {
     "east": ((0.26, 1.13, 2.2), (0.22, 3.3, 0.3), (0.08, 0.83, 1.4)),
     "down": ((0.20, 0.97, 1.3), (0.24, 2.3, 2.6), (0.06, 0.67, 0.9)),
 }
+# share of the speed or of the yaw, share of the period, phase rad
+_ROTORS = {
+    "north": ((0.7, 1.0, 0.0), (0.3, 0.61, 1.0)),
+    "east": ((0.6, 1.17, 2.2), (0.3, 0.53, 0.3)),
+    "down": ((0.15, 1.6, 1.3), (0.05, 0.47, 2.6)),
+    "heading": ((1.0, 4.3, 0.0), (0.2, 1.9, 1.9)),
+}
 # as _SEA, around one long swell
 _SWELL = (
     (1.0, 1.0, 0.0),
@@ -90,7 +107,7 @@ def hand_held(
     to 3 m/s^2; 0: the IMU stays in its place and feels gravity alone). It lies level and still for
     the first `rest` s and is in full motion 2 s later. Raises DataError.
     """
-    with located("a motion in a hand"):
+    with locate_errors("a motion in a hand"):
         check_number(
             turning, "turning, which beyond 1.5 pitches over the vertical,", least=0, most=1.5
         )
@@ -114,6 +131,51 @@ def hand_held(
             swing(t, "pitch", turning),
             heading + swing(t, "heading", turning),
         )
+
+    return Motion(name, tuple(start), velocity, attitude)
+
+
+def multicopter(
+    start: Sequence[float],
+    heading: float = 0.0,
+    speed: float = 5.0,
+    period: float = 8.0,
+    yaw: float = 60 * DEG,
+    name: str = "multicopter",
+) -> Motion:
+    """A multicopter that flies to and fro about `start`, tilted so that its rotors alone accelerate
+    it: without drag its accelerometers feel nothing across the thrust.
+
+    `speed` (m/s) is the sum of the amplitudes along north, `period` (s) that of its largest wave, and
+    `yaw` (rad) the amplitude of the turns around `heading` (rad). A small speed is a hover.
+    Raises DataError.
+    """
+    with locate_errors("a multicopter"):
+        check_number(speed, "speed", "m/s", least=0)
+        check_number(period, "period", "s", above=0)
+    axes = ("north", "east", "down")
+    moves = {
+        axis: [(speed * share, period * longer, phase) for share, longer, phase in _ROTORS[axis]]
+        for axis in axes
+    }
+    turns = [(yaw * share, period * longer, phase) for share, longer, phase in _ROTORS["heading"]]
+    if sum(a * 2 * np.pi / T for a, T, _ in moves["down"]) > 0.5 * G:
+        raise DataError("a multicopter: it would fall; choose a smaller speed or a longer period")
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
+        return waves(t, moves["north"]), waves(t, moves["east"]), waves(t, moves["down"])
+
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
+        north, east, down = (
+            waves(t, [(a * 2 * np.pi / T, T, phase + np.pi / 2) for a, T, phase in moves[axis]])
+            for axis in axes
+        )
+        bearing = heading + waves(t, turns)
+        ahead = north * cosine(bearing) + east * sine(bearing)
+        right = east * cosine(bearing) - north * sine(bearing)
+        lift = G - down
+        pitch = -arctangent(ahead / lift)
+        return arctangent(right / root(ahead * ahead + lift * lift)), pitch, bearing
 
     return Motion(name, tuple(start), velocity, attitude)
 
@@ -179,7 +241,7 @@ def straight(
     Roll, pitch and heading swing by `amplitude` (rad) with `period` (s), a third of a period apart,
     heading around the course.
     """
-    with located("a straight flight"):
+    with locate_errors("a straight flight"):
         check_number(speed, "speed", "m/s", above=0)
         check_number(duration, "duration", "s", above=0)
         check_number(period, "period", "s", above=0)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..checks import DataError, check_choice, located
+from ..checks import DataError, check_choice, locate_errors
 from ..fileio.files import read_toml
 from ..fileio.toml_keys import (
     Key,
@@ -35,7 +35,7 @@ from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
 from ..typing import File
 from . import motions
 from .jsbsim import JsbsimTarget, jsbsim_motion
-from .scenario_model import START_SD, Scenario
+from .scenario_model import START_STD, Scenario
 from .sortie import sortie
 from .trajectory import DEG, Motion, demo_flight
 from .waypoints import waypoints
@@ -50,10 +50,11 @@ MOTION_KINDS: dict[str, Callable[..., Motion]] = {
     "car": motions.car,
     "ship": motions.ship,
     "hand-held": motions.hand_held,
+    "multicopter": motions.multicopter,
     "moored": motions.moored_vessel,
     "jsbsim": jsbsim_motion,
 }
-"""What a [motion] can be, and the function that makes it; the function's parameters are its
+"""Kinds of a [motion], and the function that makes it; the function's parameters are its
 keys."""
 UNIT_OF_PARAMETER = {
     "azimuth": "deg",
@@ -62,6 +63,7 @@ UNIT_OF_PARAMETER = {
     "pitch": "deg",
     "heading": "deg",
     "amplitude": "deg",
+    "yaw": "deg",
     "turn": "deg",
     "bank": "deg",
     "speed": "m_s",
@@ -94,11 +96,11 @@ def _raw(value: Any, where: str) -> Any:
 
 
 START_KEYS = {
-    "position_sd_m": Key("position", three),
-    "velocity_sd_m_s": Key("velocity", three),
-    "attitude_sd_deg": Key("attitude", in_unit(DEG, three)),
-    "accel_bias_sd_m_s2": Key("accel_bias", three),
-    "gyro_bias_sd_deg_h": Key("gyro_bias", in_unit(DEG / 3600, three)),
+    "position_std_m": Key("position", three),
+    "velocity_std_m_s": Key("velocity", three),
+    "attitude_std_deg": Key("attitude", in_unit(DEG, three)),
+    "accel_bias_std_m_s2": Key("accel_bias", three),
+    "gyro_bias_std_deg_h": Key("gyro_bias", in_unit(DEG / 3600, three)),
     "biases_known": Key("biases_known", flag),
 }
 """Standard deviations of a start in the order of the error states, and what is no such."""
@@ -106,10 +108,10 @@ START_KEYS = {
 
 def _start(value: Any, where: str) -> dict[str, Any]:
     """The fields of a scenario that say how its filter starts."""
-    given, sd = read_table(value, START_KEYS, where), list(START_SD)
+    given, std = read_table(value, START_KEYS, where), list(START_STD)
     for row, (field, _, _) in enumerate(list(START_KEYS.values())[:-1]):
-        sd[3 * row : 3 * row + 3] = given.get(field, sd[3 * row : 3 * row + 3])
-    return {"start_sd": tuple(sd), "biases_known": given.get("biases_known", False)}
+        std[3 * row : 3 * row + 3] = given.get(field, std[3 * row : 3 * row + 3])
+    return {"start_std": tuple(std), "biases_known": given.get("biases_known", False)}
 
 
 DISTURBANCE_KEYS = {
@@ -118,11 +120,11 @@ DISTURBANCE_KEYS = {
     "field_uT": Key("field", in_unit(MICRO, exactly_three), ""),
     "frame": Key("frame", text),
 }
-MEASURED = "position_sd", "velocity_sd"
+MEASURED = "position_std", "velocity_std"
 """Fields of which a receiver needs one."""
 MAGNETOMETER_KEYS = {
     "rate_hz": Key("rate", number),
-    "sd_uT": Key("sd", in_unit(MICRO, three)),
+    "std_uT": Key("std", in_unit(MICRO, three)),
     "hard_iron_uT": Key("hard_iron", in_unit(MICRO, exactly_three)),
     "soft_iron": Key("soft_iron", list_of(exactly_three)),
     "scale": Key("scale", three),
@@ -135,7 +137,7 @@ MAGNETOMETER_KEYS = {
 }
 BAROMETER_KEYS = {
     "rate_hz": Key("rate", number),
-    "sd_Pa": Key("sd", number),
+    "std_Pa": Key("std", number),
     "bias_Pa": Key("bias", number),
     "drift_Pa": Key("drift", number),
     "drift_time_s": Key("drift_time", number),
@@ -143,10 +145,10 @@ BAROMETER_KEYS = {
     "lever_arm_m": Key("lever_arm", exactly_three),
     "quantity": Key("quantity", text),
 }
-ATTITUDE_KEYS = {"rate_hz": Key("rate", number), "sd_deg": Key("sd", in_unit(DEG, three))}
+ATTITUDE_KEYS = {"rate_hz": Key("rate", number), "std_deg": Key("std", in_unit(DEG, three))}
 SENSOR_KEYS = {
     "kind": Key("kind", text, ""),
-    "sd": Key("sd", _raw, ""),
+    "std": Key("std", _raw, ""),
     "rate_hz": Key("rate", number),
     "parameters": Key("parameters", list_of(number)),
     "name": Key("name", text),
@@ -195,7 +197,7 @@ GO_WITH = (
 def read(path: File) -> Scenario:
     """The Scenario of a TOML file. Raises DataError naming file and key."""
     table = read_toml(path, "check the path")
-    with located(path):
+    with locate_errors(path):
         return from_table(table, Path(path))
 
 
@@ -220,7 +222,7 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
         carried = NOTHING if named is None else receiver(_beside(path, named))
         if named is None and values["gnss"] and not {*MEASURED} & values["gnss"].keys():
             raise DataError(
-                "[gnss] measures nothing: give position_sd_m, velocity_sd_m_s or receiver, or leave "
+                "[gnss] measures nothing: give position_std_m, velocity_std_m_s or receiver, or leave "
                 "the section empty where there is no receiver"
             )
         values["gnss"] = carried._replace(**values["gnss"])
@@ -271,7 +273,7 @@ def _key(name: str) -> str:
 
 
 def _parameter(name: str, kind: str) -> Read:
-    """How a parameter of a motion of that kind is read."""
+    """The function that reads a parameter of a motion of that kind."""
     if name == "legs":
         return _legs(kind)
     return READ_OF_PARAMETER.get(name) or (
@@ -280,7 +282,8 @@ def _parameter(name: str, kind: str) -> Read:
 
 
 def _legs(kind: str) -> Read:
-    """How the legs of a motion of that kind are read; those within a repeated leg likewise."""
+    """The function that reads the legs of a motion of that kind; those within a repeated leg
+    likewise."""
 
     def leg(value: Any, where: str) -> dict[str, Any]:
         names = motions.leg_keys(motions.CLIMB_KEYS[kind])
@@ -317,4 +320,4 @@ READ_OF_PARAMETER: dict[str, Read] = {
     "targets": list_of(table_reader(JsbsimTarget, TARGET_KEYS)),
     "properties": _properties,
 }
-"""How the parameters of motions are read that are no numbers."""
+"""Functions that read the parameters of motions that are no numbers."""

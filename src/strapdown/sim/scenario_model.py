@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_choice, check_number, located
+from ..checks import DataError, check_array, check_choice, check_number, locate_errors
 from ..core.loop.contract import STATES
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.solution import Trajectory
@@ -19,16 +19,16 @@ from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.geomagnetism import geomagnetic_field
 from ..sensor_models.gnss import Gnss
-from ..sensor_models.imu import ImuSpec, grade
+from ..sensor_models.imu import ImuSpec, imu as imu_spec
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.sampling import check_rate
 from ..typing import Array, File
 from .trajectory import DEG, Motion, sample
 
-START_SD: tuple[float | None, ...] = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
+START_STD: tuple[float | None, ...] = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
 """Default errors of a start: m, m/s, rad, and the biases' as the IMU has them (None)."""
 FASTEST_MOTION, MIN_MOTION, MAX_MOTION = 3000.0, -1000.0, 100e3
-"""What the models are made for: m/s, m, m."""
+"""Bounds of the models: m/s, m, m."""
 STEEPEST_PITCH = 89 * DEG
 """Pitch at most, rad: beyond it roll and heading cannot be told apart."""
 MAX_IMU_SAMPLES, MAX_SCENARIO = 50_000_000, 10 * 86400.0
@@ -43,7 +43,7 @@ KINDS: dict[str, tuple[type, ...]] = {
     "gnss": (Gnss,),
     **{name: (kind, type(None)) for name, kind in OTHER_SENSORS.items()},
 }
-"""What fields of a scenario must be."""
+"""Types of the fields of a scenario."""
 _GLANCE = 0.5  # s: pieces of the position integral behind checks and fingerprint
 _ROWS = 50  # samples of the truth in a fingerprint
 # of latitude, longitude (rad), height (m), velocity (m/s), quaternion in a fingerprint
@@ -53,36 +53,74 @@ _DECIMALS = (10, 10, 3, *[6] * 3, *[9] * 4)
 @dataclass(frozen=True)
 class Scenario:
     """Specification of a simulated run, except for its seed; a study may replace its IMU. SI and
-    radians. Raises DataError where it is impossible."""
+    radians. Raises DataError where it is impossible.
+
+    Attributes
+    ----------
+    name : str
+        Name of the scenario.
+    motion : Motion
+        Motion of the vehicle.
+    duration : float
+        Length, s.
+    rate : float
+        IMU samples per second.
+    gnss : Gnss
+        GNSS receiver.
+    imu : ImuSpec or File
+        IMU; a study may take another.
+    start_std : tuple[float or None, ...]
+        Standard deviations of a start's errors, 15 in the order of the error states, SI;
+        None: a bias as the IMU's own.
+    accel_offset : tuple of float
+        Accelerometer offset on top of the IMU's errors, m/s^2, body; the filter is not
+        told.
+    offset_decays : bool
+        True: the offset is an initial value of the IMU's Gauss-Markov bias; else it is
+        constant.
+    biases_known : bool
+        True: a start's biases err by start_std from the true ones; else they are 0.
+    gate : float or None
+        Bound on the NIS of the fixes; None: 0.1 % false alarms; inf: no gate.
+    gravity : str
+        "height", or "latitude": the true gravity does not depend on height.
+    about : str
+        A sentence for people.
+    magnetometer : Magnetometer or None
+        Magnetometer, if any.
+    barometer : Barometer or None
+        Barometer, if any.
+    date : str or None
+        Date of the geomagnetic model, ISO 8601.
+    attitude : Ahrs or None
+        AHRS, if any.
+    sensors : tuple of Simulated
+        Further sensors of any kind, each with a name of its own.
+    """
 
     name: str
     motion: Motion
-    duration: float  # s
-    rate: float = 100.0  # IMU samples per second
+    duration: float
+    rate: float = 100.0
     gnss: Gnss = field(default_factory=Gnss)
-    imu: ImuSpec | File = "tactical"  # a study may take another
-    # of a start's errors, 15 in the order of the error states; None: a bias as the IMU's own
-    start_sd: tuple[float | None, ...] = START_SD
-    # m/s^2, body: on top of the IMU's errors; the filter is not told
+    imu: ImuSpec | File = "tactical"
+    start_std: tuple[float | None, ...] = START_STD
     accel_offset: tuple[float, ...] = (0.0, 0.0, 0.0)
-    # the offset is an initial value of the IMU's Gauss-Markov bias; else it is constant
     offset_decays: bool = False
-    # a start's biases err by start_sd from the true ones; else they are 0
     biases_known: bool = False
-    # of the fixes, bound on the NIS; None: 0.1 % false alarms; inf: no gate
     gate: float | None = None
-    gravity: str = "height"  # "latitude": the true gravity does not depend on height
-    about: str = ""  # a sentence for people
-    magnetometer: Magnetometer | None = None  # None: there is none
-    barometer: Barometer | None = None  # None: there is none
-    date: str | None = None  # ISO, of the geomagnetic model
-    attitude: Ahrs | None = None  # None: there is none
-    sensors: tuple[Simulated, ...] = ()  # of any kind of aiding, each with a name of its own
+    gravity: str = "height"
+    about: str = ""
+    magnetometer: Magnetometer | None = None
+    barometer: Barometer | None = None
+    date: str | None = None
+    attitude: Ahrs | None = None
+    sensors: tuple[Simulated, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("start_sd", "accel_offset", "sensors"):
+        for name in ("start_std", "accel_offset", "sensors"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        with located(f"scenario {self.name!r}"):
+        with locate_errors(f"scenario {self.name!r}"):
             self._check()
 
     def _check(self) -> None:
@@ -119,10 +157,10 @@ class Scenario:
             least=-MAX_OFFSET,
             most=MAX_OFFSET,
         )
-        _check_start(self.start_sd)
+        _check_start(self.start_std)
         self.gnss.check(self.rate)
         self._check_others()
-        grade(self.imu)
+        imu_spec(self.imu)
         self._check_truth()
 
     def _check_others(self) -> None:
@@ -203,9 +241,9 @@ class Scenario:
         )
 
     def start_deviations(self, spec: ImuSpec) -> Array:
-        """The 15 standard deviations of a start with the IMU `spec` (ImuSpec): `start_sd`, its
+        """The 15 standard deviations of a start with the IMU `spec` (ImuSpec): `start_std`, its
         None those of the IMU's biases."""
-        return start_deviations(self.start_sd, spec)
+        return start_deviations(self.start_std, spec)
 
     def replace(self, **changes: Any) -> "Scenario":
         """The same scenario with some fields changed."""
@@ -219,9 +257,9 @@ class Scenario:
             "motion": self.motion.name,
             "duration_s": float(self.duration),
             "rate_hz": float(self.rate),
-            "gnss": self.gnss.described(),
+            "gnss": self.gnss.describe(),
             "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
-            "start_sd": list(self.start_sd),
+            "start_std": list(self.start_std),
             "accel_offset_m_s2": list(self.accel_offset),
             "offset_decays": bool(self.offset_decays),
             "biases_known": bool(self.biases_known),
@@ -239,7 +277,7 @@ class Scenario:
         values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
         identity = {
             key: value for key, value in values.items() if key not in ("name", "about", "motion")
-        } | {"imu": asdict(grade(self.imu))}
+        } | {"imu": asdict(imu_spec(self.imu))}
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode())
         digest.update(self._truth_bytes())
         return values | {"fingerprint": digest.hexdigest()}
@@ -261,19 +299,19 @@ class Scenario:
         )
 
 
-def start_deviations(sd: Sequence[float | None], spec: ImuSpec) -> Array:
-    """`sd`, the 15 standard deviations of a start, with those of the biases of the IMU `spec` where
+def start_deviations(std: Sequence[float | None], spec: ImuSpec) -> Array:
+    """`std`, the 15 standard deviations of a start, with those of the biases of the IMU `spec` where
     one of its last six is None. Raises DataError."""
-    _check_start(sd)
-    own = [None] * 9 + np.repeat(spec.bias_sd(), 3).tolist()
-    return np.array([own[i] if value is None else value for i, value in enumerate(sd)], float)
+    _check_start(std)
+    own = [None] * 9 + np.repeat(spec.bias_std(), 3).tolist()
+    return np.array([own[i] if value is None else value for i, value in enumerate(std)], float)
 
 
-def _check_start(sd: Sequence[float | None]) -> None:
-    own = [0.0 if value is None and row >= 9 else value for row, value in enumerate(sd)]
+def _check_start(std: Sequence[float | None]) -> None:
+    own = [0.0 if value is None and row >= 9 else value for row, value in enumerate(std)]
     what = "numbers; of the last six, None is the IMU's own"
-    attitude = check_array(own, "start_sd", (STATES,), what=what, least=0)[6:9].max()
+    attitude = check_array(own, "start_std", (STATES,), what=what, least=0)[6:9].max()
     if attitude > np.pi:
         raise DataError(
-            f"the attitude's start_sd is {attitude / DEG:g} deg; it must be at most 180"
+            f"the attitude's start_std is {attitude / DEG:g} deg; it must be at most 180"
         )

@@ -14,10 +14,10 @@ from .analytic import Times
 from .trajectory import Motion, OfTime, sample
 
 DEGREE = 5
-"""Of the splines: angular and linear acceleration have two continuous derivatives, so that
+"""Degree of the splines: angular and linear acceleration have two continuous derivatives, so that
 Gauss-Legendre quadrature keeps its order."""
 STEEPEST_ROW, WIDEST_TURN = math.radians(85), math.radians(90)
-"""Of pitch, and of the rotation from row to row, rad: beyond, Euler angles do not tell how it
+"""Bounds on pitch, and on the rotation from row to row, rad: beyond, Euler angles do not tell how it
 turned between two rows."""
 
 

@@ -4,21 +4,22 @@ drawn around that truth."""
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_number
+from ..checks import DataError, check_array, check_number, check_type
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, InitialState
-from ..data.recording import Recording, RecordingMeta
-from ..data.solution import Aiding, Trajectory
+from ..data.recording import Recording, RecordingMeta, SimulatedRecording
+from ..data.solution import Source, Trajectory
 from ..geometry.geodesy import displace_lla
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
-from ..sensor_models.imu import ImuSpec, grade, saturation_notes
+from ..sensor_models.imu import ImuSpec, imu as imu_spec, saturation_notes
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.receiver import receiver
 from ..sensor_models.streams import RandomStream, SeedLike
@@ -85,7 +86,7 @@ class Simulator:
             sensor.plan(self.truth, self.ideal, scenario.gate) for sensor in scenario.sensors
         )
 
-    def recording(self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike) -> Recording:
+    def recording(self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike) -> SimulatedRecording:
         """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, each sensor with
         its own stream of `seed`.
 
@@ -94,19 +95,19 @@ class Simulator:
         the ellipsoidal ones but for noise, (n,) at its samples; of an IMU that warms up, its
         "temperature" (m, 2), s and degC.
         """
-        spec = grade(imu)
+        spec = imu_spec(imu)
         stream = RandomStream.of(seed)
-        samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
+        samples, b_a, b_g = spec.corrupt(self.ideal_samples(spec), stream.child(OF_IMU))
         sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
         notes = saturation_notes(spec, samples) + sources.meta["notes"]
-        made = replace(sources, imu=samples).knowing(notes=notes)
+        made = replace(sources, imu=samples).with_meta(notes=notes)
         if spec.warm_up is None:
             return made
         since, last = samples.t[0] - samples.dt[0], samples.t[-1]
         t = np.append(np.arange(since, last), last)
-        return made.knowing(temperature=np.c_[t, spec.warm_up.temperature(t - since)])
+        return made.with_meta(temperature=np.c_[t, spec.warm_up.temperature(t - since)])
 
-    def felt(self, spec: ImuSpec) -> Imu:
+    def ideal_samples(self, spec: ImuSpec) -> Imu:
         """Return the samples of an IMU without errors in the scenario: the ideal increments with
         its accelerometer offset."""
         if not self._offset.any():
@@ -115,27 +116,32 @@ class Simulator:
 
     def sources(
         self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike, b_a: Array, b_g: Array
-    ) -> Recording:
+    ) -> SimulatedRecording:
         """`recording` with these biases and an IMU without errors, in whose place another one can
         be."""
         stream = RandomStream.of(seed)
-        aidings: list[Aiding] = [*self.plan.fixes(stream.named("gnss"))]
-        notes = without_fixes(aidings)
-        meta = self._meta(imu, grade(imu), b_a, b_g)
+        sources: list[Source] = [*self.plan.fixes(stream.child("gnss"))]
+        notes = without_fixes(sources)
+        meta = self._meta(imu, imu_spec(imu), b_a, b_g)
         if self.magnetic is not None:
-            aidings.append(self.magnetic.fixes(stream.named("magnetometer")))
-            notes += self.magnetic.notes(aidings[-1])
+            sources.append(self.magnetic.fixes(stream.child("magnetometer")))
+            notes += self.magnetic.notes(sources[-1])
         if self.barometric is not None:
-            aiding, meta["b_baro"] = self.barometric.measured(stream.named("barometer"))
-            aidings.append(aiding)
-            notes += self.barometric.notes(aiding)
+            source, meta["b_baro"] = self.barometric.measure_with_bias(stream.child("barometer"))
+            sources.append(source)
+            notes += self.barometric.notes(source)
         if self.attitude is not None:
-            aidings.append(self.attitude.fixes(stream.named("attitude")))
-            notes += self.attitude.notes(aidings[-1])
+            sources.append(self.attitude.fixes(stream.child("attitude")))
+            notes += self.attitude.notes(sources[-1])
         for plan in self.sensors:
-            aidings.append(plan.fixes(stream.named("sensors").named(plan.aiding.name)))
-            notes += plan.notes(aidings[-1])
-        return Recording(self.ideal, tuple(aidings), self.truth, {**meta, "notes": notes})
+            sources.append(plan.fixes(stream.child("sensors").child(plan.source.name)))
+            notes += plan.notes(sources[-1])
+        return self._make_recording(tuple(sources), {**meta, "notes": notes})
+
+    def _make_recording(
+        self, sources: tuple[Source, ...], meta: RecordingMeta
+    ) -> SimulatedRecording:
+        return SimulatedRecording(self.ideal, sources, reference=self.truth, meta=meta)
 
     def offset(self, spec: ImuSpec) -> Array:
         """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2."""
@@ -149,7 +155,7 @@ class Simulator:
     def start(
         self, seed: SeedLike, imu: ImuSpec | dict[str, Any] | File, recording: Recording
     ) -> InitialState:
-        """An InitialState at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0
+        """An InitialState at 0 s: the truth less an error drawn from the scenario's `start_std`, biases 0
         or, where they are known, those of `recording`."""
         biases = (
             (recording.meta["b_a"][0], recording.meta["b_g"][0])
@@ -157,18 +163,18 @@ class Simulator:
             else None
         )
         return draw_start(
-            self.truth, self.scenario.start_deviations(grade(imu)), seed, biases=biases
+            self.truth, self.scenario.start_deviations(imu_spec(imu)), seed, biases=biases
         )
 
     def run(
         self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike
-    ) -> tuple[Recording, InitialState]:
-        """(Recording, Start) of one seed."""
+    ) -> tuple[SimulatedRecording, InitialState]:
+        """(SimulatedRecording, InitialState) of one seed."""
         stream = RandomStream.of(seed)
         recording = self.recording(imu, stream)
-        return recording, self.start(stream.named(OF_START), imu, recording)
+        return recording, self.start(stream.child(OF_START), imu, recording)
 
-    def ideal_recording(self) -> Recording:
+    def ideal_recording(self) -> SimulatedRecording:
         """The Recording of an IMU without errors and of exact fixes, which state the standard
         deviations of the noisy ones."""
         zeros = np.zeros((len(self.ideal.t), 3))
@@ -177,19 +183,15 @@ class Simulator:
             for plan in (self.magnetic, self.barometric, self.attitude, *self.sensors)
             if plan is not None
         )
-        return Recording(
-            self.ideal,
-            self.plan.exact() + others,
-            self.truth,
-            self._meta(None, None, zeros, zeros.copy()),
-        )
+        exact = self.plan.exact() + others
+        return self._make_recording(exact, self._meta(None, None, zeros, zeros.copy()))
 
     def exact_start(self, imu: ImuSpec | dict[str, Any] | File) -> InitialState:
         """The InitialState at the truth with the standard deviations that `start` has with `imu`."""
         return _start(
             self.truth,
             0,
-            self.scenario.start_deviations(grade(imu)),
+            self.scenario.start_deviations(imu_spec(imu)),
             np.zeros(STATES),
             None,
             "the truth",
@@ -221,7 +223,7 @@ class OtherSensors(TypedDict, total=False):
     barometer: Barometer | None
     date: str | None  # ISO, of the geomagnetic model
     attitude: Ahrs | None
-    sensors: Sequence[Simulated] | None  # of any kind of aiding
+    sensors: Sequence[Simulated] | None  # of any kind of measurement
 
 
 def simulate(
@@ -232,22 +234,52 @@ def simulate(
     rate: float | None = None,
     gnss: Gnss | File | None = None,
     **others: Unpack[OtherSensors],
-) -> Recording:
-    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer,
-    AHRS and other sensors, and the truth as reference.
+) -> SimulatedRecording:
+    """Return a simulated recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer, AHRS
+    and other sensors, and the truth as reference.
 
-    motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the
-    path of its TOML file, whose values hold where no other is given. imu: grade, file or ImuSpec;
-    rate: IMU samples per second, else 100; gnss: a Gnss, or the name or file of a
-    receiver, which the scenario carries as its own; others: the sensors beside them, see
-    OtherSensors. meta holds the grade, the seed, the place where it begins ([rad, rad, m]), the
-    date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. Each
-    sensor has its own random stream: the fixes of a seed are the same for every grade. Raises
-    DataError.
+    Each sensor has its own random stream: the fixes of a seed are the same for every grade.
+
+    Parameters
+    ----------
+    motion : Scenario, str, path or Motion
+        A scenario, its name or TOML file, whose values hold where no other is given; or a Motion, which
+        needs `duration` and `imu`.
+    duration : float, optional
+        s.
+    imu : str, path, dict or ImuSpec, optional
+        A grade, a file or the errors themselves.
+    seed : int
+        Of all random numbers.
+    rate : float, optional
+        IMU samples per second; of a Motion 100.
+    gnss : str, path or Gnss, optional
+        A receiver, which the scenario carries as its own.
+    **others
+        Sensors beside these: fields of `OtherSensors`.
+
+    Returns
+    -------
+    Recording
+        Its meta has the grade, the seed, the place where it begins ([rad, rad, m]), the date, and the
+        true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples.
+
+    Raises
+    ------
+    DataError
+        Where anything given is out of range.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> len(sd.simulate("car", 10.0, imu="tactical", seed=1))
+    1000
     """
     check_number(seed, "seed", least=0, whole=True)
     if unknown := sorted(others.keys() - OtherSensors.__annotations__.keys()):
         raise TypeError(f"simulate() got an unexpected keyword argument {unknown[0]!r}")
+    fitting = (Motion, Scenario, str, PathLike)
+    check_type(motion, "motion", fitting, "a Motion, a Scenario, its name or the path of its file")
     known = None if isinstance(motion, Motion) else find(motion)
     carried = Gnss() if known is None else known.gnss
     given: dict[str, Any] = {
@@ -275,36 +307,36 @@ def simulate(
 
 def draw_start(
     truth: Trajectory,
-    sd: ArrayLike,
+    std: ArrayLike,
     seed: SeedLike,
     t: float | None = None,
     biases: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> InitialState:
     """An InitialState at the truth's row at `t` (its first by default) less an error drawn from the 15
-    standard deviations `sd` (SI, radians); `seed` as of Simulator.
+    standard deviations `std` (SI, radians); `seed` as of Simulator.
 
     Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est.
     `biases` are the true (b_a, b_g) there; without them the estimated biases are 0, right where the
     sensor has drawn its biases from the same standard deviations.
     """
-    sd = check_array(sd, "sd of a start", (STATES,), what="standard deviations", least=0)
+    std = check_array(std, "std of a start", (STATES,), what="standard deviations", least=0)
     row = 0 if t is None else int(np.argmin(np.abs(truth.t - t)))
     if t is not None and abs(truth.t[row] - t) > 1e-6:
         raise DataError(f"the truth has no row at {t:g} s; the nearest is at {truth.t[row]:g} s")
     return _start(
         truth,
         row,
-        sd,
-        sd * RandomStream.of(seed).standard_normal(STATES),
+        std,
+        std * RandomStream.of(seed).standard_normal(STATES),
         biases,
-        "truth less an error drawn from sd",
+        "truth less an error drawn from std",
     )
 
 
 def _start(
     truth: Trajectory,
     row: int,
-    sd: Array,
+    std: Array,
     error: Array,
     biases: tuple[ArrayLike, ArrayLike] | None,
     note: str,
@@ -330,7 +362,7 @@ def _start(
         numbers((roll, pitch, heading % (2 * np.pi))),
         numbers(b_a),
         numbers(b_g),
-        numbers(sd),
+        numbers(std),
         note,
     )
 

@@ -38,7 +38,7 @@ def judge(search: Search, profiles: Sequence[LikelihoodProfile]) -> Conclusions:
         for each in bounds
     ]
     theta = _reported_theta(search, profiles, status)
-    for j in search.held(theta):
+    for j in search.held_unknowns(theta):
         status[j] = KEPT
     return Conclusions(theta, status, search.likelihood.at(theta).log_likelihood)
 
@@ -128,11 +128,11 @@ def _text(chosen: Sequence[NoiseUnknown], same: bool, spread: float) -> str:
 
 
 def fits(search: Search, after: Solution) -> tuple[SourceFit, ...]:
-    """How well the innovations of the counted sources fit, in the part that was used."""
+    """The fit of the innovations of the counted sources, in the part that was used."""
     first, last = search.seconds
     found = []
     for s in search.counted:
-        a = search.run.recording.aidings[s]
+        a = search.run.recording.sources[s]
         name = a.name or a.kind
         both = [counts(each.innovations, name, first, last) for each in (search.before, after)]
         (nis0, r0, out0), (nis1, r1, out1) = both

@@ -36,7 +36,7 @@ MEANT = COLOURS[1]
 """Colour of what a right filter shows."""
 """Twice the loss of log-likelihood at the ends of a 95 % interval (Wilks 1938)."""
 MAX_LOSS = 16.0
-"""Of it, at the top of a panel."""
+"""Its value at the top of a panel."""
 ACROSS = 3
 """Panels beside each other."""
 FEWEST = 32

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..data.recording import Recording
 from ..data.solution import Solution
+from ..data.value import Value
 from ..evaluation.fix_statistics import lasts
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, File
@@ -26,8 +27,8 @@ or its innovations are correlated for reasons that the model lacks, so that a sm
 mean nothing, and the given one stays."""
 
 
-@dataclass(frozen=True)
-class NoiseParameter(NoiseNumber):
+@dataclass(frozen=True, eq=False)
+class NoiseParameter(Value, NoiseNumber):
     """A number with what the data say of it, SI."""
 
     value: float  # what the tuned recording and IMU have
@@ -55,7 +56,7 @@ class NoiseParameter(NoiseNumber):
     @property
     def interval(self) -> str:
         """The 95 % interval in words, without its unit; "" where both ends are open."""
-        low, high = self.shown(self.low), self.shown(self.high)
+        low, high = self.value_text(self.low), self.value_text(self.high)
         if self.low > 0 and self.high < inf:
             return f"{low} to {high}"
         if self.high < inf:
@@ -63,10 +64,10 @@ class NoiseParameter(NoiseNumber):
         return f"at least {low}" if self.low > 0 else ""
 
     def __str__(self) -> str:
-        return f"{self.label} ({self.meaning}): {self._found()}"
+        return f"{self.label} ({self.meaning}): {self._interval_text()}"
 
-    def _found(self) -> str:
-        value = f"{self.shown(self.value)} {self.unit}"
+    def _interval_text(self) -> str:
+        value = f"{self.value_text(self.value)} {self.unit}"
         if self.status == TUNED:
             return f"{value}, 95 % {self.interval}; {self._beside_given()}"
         used = f"{value} stays as given" if self.stays else f"{value} is used"
@@ -88,9 +89,9 @@ class NoiseParameter(NoiseNumber):
         more = max(ratio, 1 / ratio)
         times = f"{more:.2g} times" if more > 1.1 else f"{100 * (more - 1):.2g} %"
         size = f"{times} too {'small' if ratio > 1 else 'large'}"
-        return f"given {self.shown(self.given)}, {'which fits too' if self.agrees else size}"
+        return f"given {self.value_text(self.given)}, {'which fits too' if self.agrees else size}"
 
-    def shown(self, value: float) -> str:
+    def value_text(self, value: float) -> str:
         """An SI value with three digits in its unit, which is not told."""
         shown = value * self.factor
         return f"{shown:.0f}" if 999.5 <= abs(shown) < 1e6 else f"{shown:.3g}"
@@ -106,7 +107,7 @@ class Direction(NamedTuple):
 
 
 class SourceFit(NamedTuple):
-    """How well the innovations of a source fit, before and after."""
+    """The fit of the innovations of a source, before and after."""
 
     source: str
     nis: tuple[float, float]  # median over the median of its chi-square
@@ -127,19 +128,47 @@ class SourceFit(NamedTuple):
         )
 
 
-@dataclass(frozen=True)
-class Tuning:
-    """The noise that a recording tells."""
+@dataclass(frozen=True, eq=False)
+class Tuning(Value):
+    """The noise that a recording tells.
+
+    Attributes
+    ----------
+    parameters : tuple of NoiseParameter
+        Each noise as given and as found.
+    directions : tuple of Direction
+        Combinations of them that the data hardly show.
+    fits : tuple of SourceFit
+        What each source's innovations come to.
+    recording : Recording
+        The recording as given.
+    tuned : Recording
+        The recording, its sources with the values found.
+    imu : ImuSpec
+        The IMU with the noise found.
+    log_likelihood : tuple[float, float]
+        Log-likelihood before and after, of the same fixes.
+    runs : int
+        How often the filter ran.
+    seconds : tuple[float, float]
+        Part of the recording that was used, s.
+    before : Solution
+        Solution as given.
+    after : Solution
+        Solution as tuned.
+    notes : tuple of str
+        What else a user must know, a line each.
+    """
 
     parameters: tuple[NoiseParameter, ...]
     directions: tuple[Direction, ...]
     fits: tuple[SourceFit, ...]
-    recording: Recording  # as given
-    tuned: Recording  # its sources with the values found
-    imu: ImuSpec  # with the noise found
-    log_likelihood: tuple[float, float]  # before and after, of the same fixes
-    runs: int  # of the filter
-    seconds: tuple[float, float]  # part of the recording that was used, s
+    recording: Recording
+    tuned: Recording
+    imu: ImuSpec
+    log_likelihood: tuple[float, float]
+    runs: int
+    seconds: tuple[float, float]
     before: Solution
     after: Solution
     notes: tuple[str, ...] = field(default=())
@@ -166,10 +195,10 @@ class Tuning:
         each."""
         return [
             *(each.text for each in self.directions),
-            *(self._unexplained(fit) for fit in self.fits if fit.unexplained),
+            *(self._unexplained_text(fit) for fit in self.fits if fit.unexplained),
         ]
 
-    def _unexplained(self, fit: SourceFit) -> str:
+    def _unexplained_text(self, fit: SourceFit) -> str:
         """That the noise of a source cannot be told."""
         own = (p for p in self.parameters if p.source == fit.source and p.what is WHITE)
         smaller = any(p.value < p.given and not p.stays for p in own)

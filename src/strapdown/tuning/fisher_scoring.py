@@ -12,7 +12,7 @@ from .likelihood import Likelihood, Point, Slope, slope
 ENOUGH = 0.02
 """Gain in log L that a further step must promise."""
 MAX_STEP = np.log(3.0)
-"""Of a logarithm, in one step."""
+"""Change of a logarithm in one step at most."""
 FLAT = np.log(100.0) ** -2
 """Added to the information of each unknown in a step: what the data do not decide stays where it
 is."""
@@ -86,7 +86,7 @@ def _step(likelihood: Likelihood, point: Point, here: Slope, damping: float) -> 
 
 
 class LikelihoodProfile(NamedTuple):
-    """How twice the loss of log L grows as one unknown is held elsewhere and the others follow."""
+    """Growth of twice the loss of log L as one unknown is held elsewhere and the others follow."""
 
     values: Array  # (k,) rising logarithms
     loss: Array  # (k,) twice the loss

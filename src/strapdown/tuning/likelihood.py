@@ -24,7 +24,7 @@ SETTLING, SETTLING_SHARE = 60.0, 0.2
 """s, or share of the run, in which a filter settles: while it turns by large angles and learns large
 biases, its innovations are not what it says, so they tell no noise."""
 MIN_STEP = 1e-2
-"""Of a logarithm, for differences between two runs."""
+"""Step of a logarithm, for differences between two runs."""
 
 
 class Seen(NamedTuple):
@@ -92,14 +92,14 @@ class Likelihood:
     ) -> None:
         self.run, self.unknowns, self.counted, self.kept = run, tuple(unknowns), counted, kept
         self.asked = asked
-        self.aidings = tuple(
+        self.sources = tuple(
             replace(
                 a._where(kept[s]),
                 gate=np.inf if s in counted else a.gate,
                 robust=False,
                 adaptive=0.0,
             )
-            for s, a in enumerate(run.recording.aidings)
+            for s, a in enumerate(run.recording.sources)
         )
         self.low = np.log([each.least for each in unknowns])
         self.high = np.log([each.most for each in unknowns])
@@ -114,7 +114,7 @@ class Likelihood:
     @cached_property
     def reference(self) -> Seen:
         """At the place where the search begins: which fixes are measured is taken from it."""
-        return self._seen(self.begin)
+        return self._measurements(self.begin)
 
     @property
     def begin(self) -> Array:
@@ -123,9 +123,9 @@ class Likelihood:
 
     def ready(self, theta: Array) -> Run:
         """The Run at a place, before its first sample."""
-        return run_with(self.run, self.asked, self.aidings, self.unknowns, theta)
+        return run_with(self.run, self.asked, self.sources, self.unknowns, theta)
 
-    def _seen(self, theta: Array) -> Seen:
+    def _measurements(self, theta: Array) -> Seen:
         run = self.ready(theta)
         run.complete()
         return settled_measurements(run, self.counted)
@@ -139,10 +139,10 @@ class Likelihood:
         self.runs += len(thetas)
         reference = self.reference
         if len(thetas) == 1 or THREADS == 1:
-            found = list(map(self._seen, thetas))
+            found = list(map(self._measurements, thetas))
         else:
             with ThreadPoolExecutor(THREADS) as pool:
-                found = list(pool.map(self._seen, thetas))
+                found = list(pool.map(self._measurements, thetas))
         return [Point(theta, each, _sum(each, reference)) for theta, each in zip(thetas, found)]
 
 
@@ -156,7 +156,7 @@ def _sum(each: Seen, reference: Seen) -> float:
 
 
 class Slope(NamedTuple):
-    """How log L changes at a place with some of the unknowns."""
+    """Slope of log L at a place along some of the unknowns."""
 
     free: Ints  # (q,) which
     score: Array  # (q,)

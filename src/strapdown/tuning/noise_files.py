@@ -34,7 +34,7 @@ COMMAND = "tune"
 
 
 def name_of(recording: Recording) -> str:
-    """How the names of the files of a recording begin."""
+    """The beginning of the names of the files of a recording."""
     return Path(str(recording.meta.get("name") or "recording")).name
 
 
@@ -64,7 +64,7 @@ def write(found: "Tuning", folder: Path) -> list[Path]:
     comments = [
         f"Noise of the sources, {_origin(found)}.",
         f"Use: strapdown fuse RECORDING --imu {imu.name} --sources {sources.name}",
-        "sd_factor multiplies the standard deviations of a source. correlated can be copied into a "
+        "std_factor multiplies the standard deviations of a source. correlated can be copied into a "
         "recording.toml.",
     ]
     with together():
@@ -99,7 +99,7 @@ def _noises(found: "Tuning") -> dict[str, SourceNoise]:
     """Return the changes to the noise of the sources, by name. Raises DataError where two have one
     name."""
     noises: dict[str, SourceNoise] = {}
-    for number, (old, new) in enumerate(zip(found.recording.aidings, found.tuned.aidings)):
+    for number, (old, new) in enumerate(zip(found.recording.sources, found.tuned.sources)):
         name = old.name or old.kind
         if name in noises:
             raise DataError(
@@ -118,7 +118,7 @@ def _noises(found: "Tuning") -> dict[str, SourceNoise]:
 def _factors(found: "Tuning", number: int) -> tuple[float, ...]:
     """By which the standard deviations of a source have changed, by row."""
     old, new = (
-        np.asarray(each.aidings[number].sd, float) for each in (found.recording, found.tuned)
+        np.asarray(each.sources[number].std, float) for each in (found.recording, found.tuned)
     )
     with np.errstate(all="ignore"):
         ratio = np.where((old > 0) & np.isfinite(old), new / old, np.nan)
@@ -175,7 +175,7 @@ def _edits(found: "Tuning", path: Path) -> list[NoiseEdit]:
     check_changeable(found.recording, path)
     named = f'"{imu_file(found.recording)}"'
     edits = [NoiseEdit(None, GRADE, (named,), "95 % intervals in that file")]
-    for number, (old, new) in enumerate(zip(found.recording.aidings, found.tuned.aidings)):
+    for number, (old, new) in enumerate(zip(found.recording.sources, found.tuned.sources)):
         name, factors = old.name or old.kind, _factors(found, number)
         if set(factors) != {1.0}:
             edits.append(scaled_deviations(path, number, factors, _std_comment(found, name)))

@@ -26,8 +26,8 @@ OF_IMU = (
         "m/s^2/sqrt(s)",
     ),
 )
-WHITE = NoiseKind("noise", "sd of errors that are new with each fix")
-LASTING = NoiseKind("correlated error", "sd of errors that last over many fixes")
+WHITE = NoiseKind("noise", "std of errors that are new with each fix")
+LASTING = NoiseKind("correlated error", "std of errors that last over many fixes")
 TIME = NoiseKind("correlation time", "how long those errors last")
 
 

@@ -19,7 +19,7 @@ from .unknowns import NoiseUnknown, run_with
 
 ROUNDS, SETTLED = 6, 0.1
 MAX_FACTOR = np.log(30.0)
-"""Of a rough factor: what is further off shows by the likelihood."""
+"""Largest rough factor: what is further off shows by the likelihood."""
 
 
 class Rough(NamedTuple):
@@ -36,7 +36,7 @@ def rough(run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown]) -> Roug
     begin = theta.copy()
     last = run_at(run, asked, unknowns, theta, gated=False)
     for _ in range(ROUNDS):
-        found = settled_measurements(last, np.arange(len(run.recording.aidings)))
+        found = settled_measurements(last, np.arange(len(run.recording.sources)))
         change = np.zeros(len(theta))
         for j, each in enumerate(unknowns):
             if each.what is WHITE:
@@ -55,11 +55,11 @@ def run_at(
     run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown], theta: Array, gated: bool = True
 ) -> Run:
     """A run at a place, with gates as given or open, that has ended."""
-    aidings = [
+    sources = [
         replace(a, gate=a.gate if gated else np.inf, robust=False, adaptive=0.0)
-        for a in run.recording.aidings
+        for a in run.recording.sources
     ]
-    again = run_with(run, asked, aidings, unknowns, theta)
+    again = run_with(run, asked, sources, unknowns, theta)
     again.complete()
     return again
 
@@ -68,7 +68,7 @@ def used_masks(run: Run) -> list[Mask]:
     """By source: which of its fixes a run that has ended did not reject."""
     fix = run.out.fix[: run.cursor.state[0].fix]
     masks = []
-    for s, a in enumerate(run.recording.aidings):
+    for s, a in enumerate(run.recording.sources):
         own = fix["use"][fix["source"] == s] != Use.REJECTED
         # those up to the start are not used at all
         before = int((a.t <= run.start.t + loop.SAME_TIME).sum())

@@ -94,8 +94,8 @@ def _parameters(found: "Tuning") -> str:
         (
             each.label,
             TableCell(each.meaning, "text"),
-            each.shown(each.given) if each.given else "none",
-            each.shown(each.value),
+            each.value_text(each.given) if each.given else "none",
+            each.value_text(each.value),
             each.unit,
             each.interval or "open",
             each.status,

@@ -54,7 +54,7 @@ def smoothed_start(run: Run, asked: RunOptions) -> InitialState:
         noise=run.noise,
         options=asked["options"],
     )
-    return start_at_row(solution, 0)._replace(sd=run.start.sd)
+    return start_at_row(solution, 0)._replace(std=run.start.std)
 
 
 def thin_samples(imu: Imu) -> Imu:

@@ -9,7 +9,7 @@ from ..aiding import find
 from ..checks import DataError
 from ..core.loop.contract import Filter, InitialState
 from ..data.recording import Recording
-from ..data.solution import Aiding, Solution
+from ..data.solution import Solution, Source
 from ..engine.batch import begin, fuse
 from ..engine.options import RunOptions
 from ..engine.prepare import Run
@@ -54,31 +54,31 @@ class Search:
         seconds: tuple[float | None, float | None],
     ) -> None:
         self.recording, self.filter, self.spec, self.asked = recording, filter, spec, asked
-        self.before = self.fused(recording, spec)
-        self.run = self._begun(*part(self.before, *seconds))
+        self.before = self.fuse(recording, spec)
+        self.run = self._begin_run(*part(self.before, *seconds))
         self.seconds = (self.run.start.t, self.run.recording.span[1])
-        aidings = self.run.recording.aidings
-        self.given = [_index(a, recording.aidings) for a in aidings]
-        recorded = [s for s, a in enumerate(aidings) if find(a.kind).recorded]
+        sources = self.run.recording.sources
+        self.given = [_index(a, recording.sources) for a in sources]
+        recorded = [s for s, a in enumerate(sources) if find(a.kind).recorded]
         self.counted = np.array([s for s in recorded if self.given[s] >= 0])
-        fixes = {int(s): int((aidings[s].t > self.run.start.t).sum()) for s in self.counted}
+        fixes = {int(s): int((sources[s].t > self.run.start.t).sum()) for s in self.counted}
         self._check(sum(fixes.values()))
         self.unknowns = of_imu(self.run.noise)
         for s, many in fixes.items():
             if many >= MIN_OF_SOURCE:
-                self.unknowns += of_source(aidings[s], s)
+                self.unknowns += of_source(sources[s], s)
         self._runs = 0  # of likelihoods that are left
         self.lasting: set[int] = set()  # sources whose innovations stay correlated
         self._least: Array  # (p,) below which no logarithm is made then
         self.likelihood: Likelihood
         self.top: Top
 
-    def fused(self, recording: Recording, spec: ImuSpec) -> Solution:
+    def fuse(self, recording: Recording, spec: ImuSpec) -> Solution:
         """A Solution, as it was asked for."""
         asked: RunOptions = {**self.asked, "imu": spec}
         return fuse(recording, self.filter, **asked)
 
-    def _begun(self, recording: Recording, start: InitialState) -> Run:
+    def _begin_run(self, recording: Recording, start: InitialState) -> Run:
         return begin(recording, self.filter, {**self.asked, "start": start})
 
     def _check(self, fixes: int) -> None:
@@ -106,10 +106,10 @@ class Search:
         of the fixes that are no outliers by it."""
         begun = rough(self.run, self.asked, self.unknowns)
         self._climb(begun.theta, begun.kept)
-        solution = self.fused(*self.tuned(self.theta))
+        solution = self.fuse(*self.tuned_setup(self.theta))
         _, start = part(solution, *self.seconds)
-        self.run = self._begun(self.run.recording, start)
-        self._climb(self.theta, self._kept())
+        self.run = self._begin_run(self.run.recording, start)
+        self._climb(self.theta, self._used_masks())
         for _ in range(SMOOTHED if self.filter.smoother else 0):
             self._smooth_start()
 
@@ -118,13 +118,13 @@ class Search:
         the filter would keep wrong covariances for minutes."""
         before, theta = self.run, self.theta
         start = smoothed_start(self.likelihood.ready(theta), self.asked)
-        self.run = self._begun(before.recording, start)
+        self.run = self._begin_run(before.recording, start)
         likelihood = Likelihood(
             self.run, self.asked, self.unknowns, self.counted, self.likelihood.kept
         )
         self._runs += 1
         if likelihood.at(theta).mean > self.top.point.mean:
-            self._climb(theta, self._kept())
+            self._climb(theta, self._used_masks())
         else:
             self.run = before
 
@@ -132,7 +132,7 @@ class Search:
         """Where the innovations of a source stay correlated, the model lacks something: correlated
         errors that were found do not explain it and are left out, and neither its noise nor that of
         the IMU is made smaller."""
-        self.lasting = self._unexplained()
+        self.lasting = self._unexplained_sources()
         if not self.lasting:
             return
         stays = [
@@ -152,25 +152,25 @@ class Search:
     def _of_lasting(self, each: NoiseUnknown) -> bool:
         return each.source == IMU or (each.place in self.lasting and each.what is not TIME)
 
-    def _unexplained(self) -> set[int]:
+    def _unexplained_sources(self) -> set[int]:
         """The sources whose whitened innovations stay correlated, among the fixes that count or
         among all that the filter uses."""
-        solution, found = self.fused(*self.tuned(self.theta)), set[int]()
+        solution, found = self.fuse(*self.tuned_setup(self.theta)), set[int]()
         for s in map(int, self.counted):
-            a = self.likelihood.aidings[s]
+            a = self.likelihood.sources[s]
             _, used, _ = counts(solution.innovations, a.name or a.kind, *self.seconds)
             counted = correlation(self.top.point.seen.whitened[self._of(s)])
             if lasts(counted) or lasts(used):
                 found.add(s)
         return found
 
-    def held(self, theta: Array) -> list[int]:
+    def held_unknowns(self, theta: Array) -> list[int]:
         """Unknowns that would be smaller, but stay as given."""
         if not self.lasting:
             return []
         return [int(j) for j in np.flatnonzero(theta <= self._least + 1e-9)]
 
-    def _kept(self) -> list[Mask]:
+    def _used_masks(self) -> list[Mask]:
         return used_masks(run_at(self.run, self.asked, self.unknowns, self.theta))
 
     def _climb(self, theta: Array, kept: Sequence[Mask]) -> None:
@@ -189,7 +189,7 @@ class Search:
         if not self.filter.installation:
             return [f"{self.filter.name} has no states of correlated errors: none were sought"]
         for s in self.counted:
-            a = self.likelihood.aidings[s]
+            a = self.likelihood.sources[s]
             known = any(each.place == s for each in self.unknowns)
             lasts = abs(correlation(self.top.point.seen.whitened[self._of(s)])) > CORRELATED_FROM
             if known and a.correlated is None and (a.kind in APART or lasts):
@@ -201,9 +201,9 @@ class Search:
                 self.top, self.unknowns = found.top, list(found.likelihood.unknowns)
             else:
                 self._runs += found.likelihood.runs
-                a = self.likelihood.aidings[s]
+                a = self.likelihood.sources[s]
                 notes.append(f"{a.name or a.kind}: no correlated errors are seen")
-        kept = self._kept()
+        kept = self._used_masks()
         changed = sum(int((k != b).sum()) for k, b in zip(kept, self.likelihood.kept))
         if changed > AGAIN * sum(len(k) for k in kept):
             self._climb(self.theta, kept)
@@ -227,24 +227,24 @@ class Search:
                 break
         return found
 
-    def tuned(self, theta: Array) -> tuple[Recording, ImuSpec]:
+    def tuned_setup(self, theta: Array) -> tuple[Recording, ImuSpec]:
         """The recording and the IMU with these logarithms, the recording naming this IMU."""
         unknowns = [
             replace(each, place=self.given[each.place]) if each.place >= 0 else each
             for each in self.unknowns
         ]
-        aidings = sources_with(self.recording.aidings, unknowns, theta)
+        sources = sources_with(self.recording.sources, unknowns, theta)
         noise = noise_with(self.spec.noise(), unknowns, theta)
         said = f"noise tuned on {self.recording.meta.get('name', 'a recording')}"
         spec = imu_with(self.spec, noise, said)
-        return replace(self.recording, aidings=aidings).knowing(grade=asdict(spec)), spec
+        return replace(self.recording, sources=sources).with_meta(grade=asdict(spec)), spec
 
     def left_out(self) -> int:
         """Fixes that do not count."""
         return sum(int((~self.likelihood.kept[s]).sum()) for s in self.counted)
 
 
-def _index(a: Aiding, aidings: Sequence[Aiding]) -> int:
+def _index(a: Source, sources: Sequence[Source]) -> int:
     """Where a source of a run stands in a recording; -1 where it was made on the way."""
-    same = [i for i, b in enumerate(aidings) if (a.kind, a.name) == (b.kind, b.name)]
+    same = [i for i, b in enumerate(sources) if (a.kind, a.name) == (b.kind, b.name)]
     return same[0] if same else -1

@@ -33,13 +33,13 @@ def with_lasting(likelihood: Likelihood, top: Top, index: int) -> CorrelationFou
     """Maximise the likelihood with time-correlated errors of source `index`. They pay where the
     gain in log L exceeds that of the Bayesian information criterion (Schwarz 1978) for their
     numbers."""
-    source, theta = likelihood.aidings[index], top.point.theta
+    source, theta = likelihood.sources[index], top.point.theta
     white = [j for j, each in enumerate(likelihood.unknowns) if each.place == index]
     white = [j for j in white if likelihood.unknowns[j].what is WHITE]
-    sd = np.zeros(np.asarray(source.sd).shape[1])
+    std = np.zeros(np.asarray(source.std).shape[1])
     for j, rows in zip(white, groups(source).values()):
-        sd[list(rows)] = np.exp(theta[j])
-    more = correlation_unknowns(source, index, Correlated(tuple(sd.tolist()), TIMES[2]))
+        std[list(rows)] = np.exp(theta[j])
+    more = correlation_unknowns(source, index, Correlated(tuple(std.tolist()), TIMES[2]))
     wider = likelihood.with_more(more)
     begins = _begins(wider.unknowns, theta, white, more)
     points = sorted(wider.all(begins), key=lambda point: -point.log_likelihood)[:BEST]

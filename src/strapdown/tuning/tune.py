@@ -58,10 +58,21 @@ def tune(
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
+    Returns
+    -------
+    Tuning
+        Every number with its 95 % interval, and the recording with them.
+
     Raises
     ------
     DataError
         Where the recording is too short or shows no noise, and as of `fuse`.
+
+    References
+    ----------
+    Mehra (1970), "On the identification of variances and adaptive Kalman filtering", IEEE Transactions
+    on Automatic Control 15(2); Gupta & Mehra (1974), "Computational aspects of maximum likelihood
+    estimation and reduction in sensitivity function calculations", the same, 19(6).
     """
     check_recording(recording)
     check_flag(correlated, "correlated")
@@ -89,8 +100,8 @@ def tune(
         )
     given = np.array([each.given or each.least for each in search.unknowns])
     before = search.likelihood.at(np.log(given)).log_likelihood
-    tuned, spec = search.tuned(judged.theta)
-    after = search.fused(tuned, spec)
+    tuned, spec = search.tuned_setup(judged.theta)
+    after = search.fuse(tuned, spec)
     tell(1.0)
     return Tuning(
         parameters(search, profiles, judged),
@@ -109,9 +120,9 @@ def tune(
 
 
 def _check_sources(recording: Recording) -> None:
-    recorded = [a for a in recording.aidings if find(a.kind).recorded]
+    recorded = [a for a in recording.sources if find(a.kind).recorded]
     if not any(a.kind in MOVES and len(a.t) for a in recorded):
-        has = ", ".join(a.name or a.kind for a in recording.aidings) or "no source"
+        has = ", ".join(a.name or a.kind for a in recording.sources) or "no source"
         raise DataError(
             f"the recording has {has}; the noise shows against measured positions or velocities: add "
             f"a source of one of {', '.join(MOVES)}"

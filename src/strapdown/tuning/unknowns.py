@@ -7,7 +7,7 @@ import numpy as np
 
 from ..aiding import find
 from ..core.loop.contract import Noise
-from ..data.solution import Aiding, Correlated
+from ..data.solution import Correlated, Source
 from ..engine.options import RunOptions
 from ..engine.prepare import Run, ready
 from ..sensor_models.errors import Triad
@@ -32,7 +32,7 @@ class NoiseUnknown(NoiseNumber):
     begin: float  # SI, where the search begins
     least: float  # SI
     most: float
-    place: int = -1  # of the source among the aidings
+    place: int = -1  # of the source among the sources
     rows: tuple[int, ...] = ()  # of its innovation
 
 
@@ -47,18 +47,18 @@ def of_imu(noise: Noise) -> list[NoiseUnknown]:
     return found
 
 
-def groups(a: Aiding) -> dict[str, tuple[int, ...]]:
+def groups(a: Source) -> dict[str, tuple[int, ...]]:
     """{part of a source: rows of the innovation that share a number}."""
-    rows = tuple(range(np.shape(a.sd)[1]))
+    rows = tuple(range(np.shape(a.std)[1]))
     return {"horizontal": rows[:2], "vertical": rows[2:]} if a.kind in APART else {"": rows}
 
 
-def of_source(a: Aiding, index: int) -> list[NoiseUnknown]:
+def of_source(a: Source, index: int) -> list[NoiseUnknown]:
     """Those of a source's white errors, and of its correlated ones where it has some."""
     found = []
     for part, rows in groups(a).items():
         unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
-        given = typical_sd(a, rows)
+        given = typical_std(a, rows)
         of = (_name(a), WHITE, part, unit, factor)
         found.append(NoiseUnknown(*of, given, given, given / WIDE, given * WIDE, index, rows))
     return found + (
@@ -67,15 +67,15 @@ def of_source(a: Aiding, index: int) -> list[NoiseUnknown]:
 
 
 def correlation_unknowns(
-    a: Aiding, index: int, begin: Correlated, given: Correlated | None = None
+    a: Source, index: int, begin: Correlated, given: Correlated | None = None
 ) -> list[NoiseUnknown]:
     """Those of a source's correlated errors."""
     found = []
     seconds = float(np.ptp(a.t))
     for part, rows in groups(a).items():
         unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
-        size, white = _rms(begin.sd, rows), typical_sd(a, rows)
-        before = _rms(given.sd, rows) if given else 0.0
+        size, white = _rms(begin.std, rows), typical_std(a, rows)
+        before = _rms(given.std, rows) if given else 0.0
         of = (_name(a), LASTING, part, unit, factor)
         bounds = (min(size, white) / WIDE, max(size, white) * WIDE)
         found.append(NoiseUnknown(*of, before, size or white / WIDE, *bounds, index, rows))
@@ -86,17 +86,17 @@ def correlation_unknowns(
     return found
 
 
-def typical_sd(a: Aiding, rows: Sequence[int]) -> float:
+def typical_std(a: Source, rows: Sequence[int]) -> float:
     """The stated standard deviation of these rows: rms over them, median over the fixes."""
-    sd = np.asarray(a.sd, float).reshape(len(a.t), -1)[:, list(rows)]
-    return float(np.median(np.sqrt(np.mean(sd**2, axis=1))))
+    std = np.asarray(a.std, float).reshape(len(a.t), -1)[:, list(rows)]
+    return float(np.median(np.sqrt(np.mean(std**2, axis=1))))
 
 
-def _rms(sd: Sequence[float], rows: Sequence[int]) -> float:
-    return float(np.sqrt(np.mean([sd[i] ** 2 for i in rows])))
+def _rms(std: Sequence[float], rows: Sequence[int]) -> float:
+    return float(np.sqrt(np.mean([std[i] ** 2 for i in rows])))
 
 
-def _name(a: Aiding) -> str:
+def _name(a: Source) -> str:
     return a.name or a.kind
 
 
@@ -109,42 +109,42 @@ def noise_with(noise: Noise, unknowns: Iterable[NoiseUnknown], theta: Array) -> 
 
 
 def sources_with(
-    aidings: Sequence[Aiding], unknowns: Sequence[NoiseUnknown], theta: Array
-) -> tuple[Aiding, ...]:
+    sources: Sequence[Source], unknowns: Sequence[NoiseUnknown], theta: Array
+) -> tuple[Source, ...]:
     """The sources with these logarithms in them: stated standard deviations keep their shape."""
-    changed = list(aidings)
+    changed = list(sources)
     values = list(zip(unknowns, np.exp(theta)))
     for index in {each.place for each in unknowns if each.place >= 0}:
         own = [(each, value) for each, value in values if each.place == index]
-        changed[index] = _source_with(aidings[index], own)
+        changed[index] = _source_with(sources[index], own)
     return tuple(changed)
 
 
-def _source_with(a: Aiding, own: Sequence[tuple[NoiseUnknown, float]]) -> Aiding:
-    sd = np.array(a.sd, float).reshape(len(a.t), -1)
-    lasts, time = np.zeros(sd.shape[1]), 0.0
+def _source_with(a: Source, own: Sequence[tuple[NoiseUnknown, float]]) -> Source:
+    std = np.array(a.std, float).reshape(len(a.t), -1)
+    lasts, time = np.zeros(std.shape[1]), 0.0
     for each, value in own:
         rows = list(each.rows)
         if each.what is WHITE:
-            sd[:, rows] *= value / each.given
+            std[:, rows] *= value / each.given
         elif each.what is LASTING:
             lasts[rows] = value
         else:
             time = value
     correlated = Correlated(tuple(lasts.tolist()), float(time)) if time else a.correlated
-    return replace(a, sd=sd, correlated=correlated)
+    return replace(a, std=std, correlated=correlated)
 
 
 def run_with(
     run: Run,
     asked: RunOptions,
-    aidings: Sequence[Aiding],
+    sources: Sequence[Source],
     unknowns: Sequence[NoiseUnknown],
     theta: Array,
 ) -> Run:
     """A Run as another, but with these sources and logarithms, before its first sample. Rows of its
     solution are not looked at."""
-    recording = replace(run.recording, aidings=sources_with(aidings, unknowns, theta))
+    recording = replace(run.recording, sources=sources_with(sources, unknowns, theta))
     noise = noise_with(run.noise, unknowns, theta)
     asked = {**asked, "every": len(run.samples.t), "covariance": False}
     return ready(recording, run.filter, run.start, noise, run.spec, asked)
@@ -184,7 +184,7 @@ def _triad_with(
     return replace(
         triad,
         noise=white,
-        turn_on_bias=triad.bias_sd(spec.warm_up),
+        turn_on_bias=triad.bias_std(spec.warm_up),
         bias_walk=walk,
         gauss_markov=0.0,
         time_constant=0.0,

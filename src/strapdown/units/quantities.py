@@ -14,7 +14,7 @@ SHOWN = {"rad": "deg", "rad/s": "deg/s", "T": "uT"}
 
 
 class Quantity(NamedTuple):
-    """A quantity that a `Measurement` can have. Values in files have one of its units; inside, and
+    """A quantity that a `MeasurementModel` can have. Values in files have one of its units; inside, and
     in an innovation, they are SI."""
 
     name: str
@@ -24,27 +24,27 @@ class Quantity(NamedTuple):
     most: float = math.inf  # largest magnitude that a sensor reads, SI
     hint: str = ""  # what is probably wrong beyond it
     # smallest standard deviation of its innovation that a sensor has, SI: less is a mistake
-    min_sd: float = 0.0
+    min_std: float = 0.0
 
 
 OWN = {
     quantity.name: quantity
     for quantity in (
-        Quantity("latitude", "angle", innovation="length", min_sd=1e-3),
+        Quantity("latitude", "angle", innovation="length", min_std=1e-3),
         Quantity(
             "longitude",
             "angle",
             innovation="length",
             most=2 * math.pi,
             hint="is the unit deg, or is a scale missing?",
-            min_sd=1e-3,
+            min_std=1e-3,
         ),
-        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?", min_sd=1e-6),
-        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?", min_sd=1e-3),
-        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?", min_sd=1e-4),
-        Quantity("acceleration", "acceleration", min_sd=1e-6),
+        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?", min_std=1e-6),
+        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?", min_std=1e-3),
+        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?", min_std=1e-4),
+        Quantity("acceleration", "acceleration", min_std=1e-6),
         Quantity(
-            "angular rate", "angular rate", most=100.0, hint="is the unit deg/s?", min_sd=1e-9
+            "angular rate", "angular rate", most=100.0, hint="is the unit deg/s?", min_std=1e-9
         ),
         Quantity(
             "magnetic field",
@@ -52,9 +52,9 @@ OWN = {
             most=1e-3,
             hint="the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale "
             "missing?",
-            min_sd=1e-11,
+            min_std=1e-11,
         ),
-        Quantity("pressure", "pressure", innovation="length", min_sd=1e-3),
+        Quantity("pressure", "pressure", innovation="length", min_std=1e-3),
     )
 }
 

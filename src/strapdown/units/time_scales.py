@@ -8,21 +8,23 @@ import re
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import DataError, is_number, located
+from ..checks import DataError, is_number, locate_errors
 from ..typing import Array, ArrayLike, Mask
 
+Moment: TypeAlias = float | str | datetime | np.datetime64
+"""A time as a user gives it: s of a recording, or a date in UTC."""
 GPS_ZERO = 315964800
 """POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
 DAY = 86400
 """s"""
 WEEK = 7 * DAY
 YEARS = (1970, 2200)
-"""Of the times that are believed: others have a wrong unit or clock, and beyond 2262 there is no
+"""Years of the times that are believed: others have a wrong unit or clock, and beyond 2262 there is no
 datetime64[ns]."""
 CLOCKS = ("gps", "unix")
 """Absolute clocks that a description can name: seconds of GPS time since its zero, POSIX seconds."""
@@ -117,9 +119,7 @@ def utc(epoch: str, t: ArrayLike) -> NDArray[np.datetime64]:
     return np.where(known, found, np.datetime64("NaT", "ns"))
 
 
-def seconds_to(
-    moment: float | str | datetime | np.datetime64, epoch: str | None, what: str
-) -> float:
+def seconds_to(moment: Moment, epoch: str | None, what: str) -> float:
     """s at which `moment` is: itself where it is a number of s, else a date (ISO 8601 text, datetime
     or datetime64), UTC, counted from an `epoch`.
 
@@ -137,7 +137,7 @@ def seconds_to(
         raise DataError(
             f"{what}: {str(moment)!r:.40} is a date, and the clock is not absolute; give seconds"
         )
-    with located(what):
+    with locate_errors(what):
         ahead, zero = gps_of(moment), gps_of(epoch)
     # microseconds and leap seconds apart: seconds since 1980 as floats are not as fine
     start, stop = (_as_utc(each) for each in (epoch, moment))
@@ -161,17 +161,16 @@ def within(t: Array, start: float, stop: float, what: str) -> Mask:
     return taken
 
 
-def ends(part: slice, epoch: str | None, what: str) -> tuple[float, float]:
-    """First and last time, s, that a slice by times, `start:stop`, names; its ends are as `seconds_to`
-    takes them, and open where there is none. Raises DataError, which names `what`."""
-    if not isinstance(part, slice) or part.step is not None:
-        asked = "a step" if isinstance(part, slice) else f"{part!r:.40}"
-        raise DataError(f"{what}: {asked} takes no part of it; write {what}[100:200], in s")
-    start = -np.inf if part.start is None else seconds_to(part.start, epoch, what)
-    stop = np.inf if part.stop is None else seconds_to(part.stop, epoch, what)
-    if start > stop:
-        raise DataError(f"{what}: {start:g} s is after {stop:g} s; write the earlier time first")
-    return start, stop
+def ends(
+    start: Moment | None, stop: Moment | None, epoch: str | None, what: str
+) -> tuple[float, float]:
+    """First and last time of a part, s: each as `seconds_to` takes it, open where it is None. Raises
+    DataError, which names `what`."""
+    first = -np.inf if start is None else seconds_to(start, epoch, what)
+    last = np.inf if stop is None else seconds_to(stop, epoch, what)
+    if first > last:
+        raise DataError(f"{what}: {first:g} s is after {last:g} s; write the earlier time first")
+    return first, last
 
 
 def iso_text(moments: NDArray[np.datetime64], decimals: int) -> NDArray[np.bytes_]:

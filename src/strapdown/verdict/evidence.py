@@ -13,7 +13,7 @@ import numpy as np
 from ..core.loop.contract import ATT, BA, BG, DOUBTFUL, VEL
 from ..core.loop.gaps import BRIDGE
 from ..core.mathematics.rotation import quaternion_to_euler
-from ..data.solution import Aiding, Innovations, Rejected, Solution
+from ..data.solution import Innovations, Rejected, Solution, Source
 from ..data.vehicle import VEHICLES
 from ..data.verdict import GRAVE, Reason
 from ..evaluation.fix_statistics import MEDIANS, correlation, lasts
@@ -30,23 +30,27 @@ FEWEST_PARTS = 5
 EXCESS = {"position": 1.4, "velocity": 3.1}
 """Variance of the innovations that lasts from fix to fix, over what the filter claims of its
 prediction: recorded receivers that state whole errors come to 0.85, the velocity of one to 2.8; those
-whose sd was divided until it is the scatter from fix to fix to 2.3 and 3.4 and more."""
+whose std was divided until it is the scatter from fix to fix to 2.3 and 3.4 and more."""
 SURELY = 4.0  # standard deviations of a correlation that counts
+SLOW_LAGS = 8  # fixes over which a correlation that hardly falls is averaged
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
 MAX_OF_THEM = 0.5  # share of the rejected fixes of a source: a longer run explains them
 LIFTED = 0.03  # share of the fixes for which the gate was opened
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
-SLOWEST, KNOWN_COURSE = 0.5, 5.0  # the same of a velocity known well: m/s, and claimed sd of it
+SLOWEST, KNOWN_COURSE = 0.5, 5.0  # the same of a velocity known well: m/s, and claimed std of it
 SIDEWAYS = 1.0  # m/s of wind, current or side slip, which sets a course off the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
-LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
+LONG_GAP = 30.0
+"""s without samples that make a result as doubtful as a weight of 1: the covariance grows by all that may
+have happened, and of shorter gaps (1, 4 and 15 s, car, ship, aircraft, hand) the innovations show where
+that was not enough."""
 DOUBTED = 0.2  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
 
 DIAGNOSE = "run `strapdown inspect` and `strapdown diagnose`; if they name nothing,"
-"""What to do first where a source does not fit."""
+"""First remedy where a source does not fit."""
 
 
 class JudgedFixes(NamedTuple):
@@ -57,6 +61,7 @@ class JudgedFixes(NamedTuple):
     t: Array  # (m,) s
     innovation: Array  # (m, 3)
     correlation: float  # of its whitened innovations one fix apart
+    slow: float  # the same, its mean over SLOW_LAGS fixes
     predicted: float  # share of their variance that is the prediction's; NaN where it is not known
     ratio: Array  # (m,) NIS over its expected median; NaN where the filter does not gate
     accepted: Mask  # (m,)
@@ -70,18 +75,19 @@ def by_source(solution: Solution) -> list[JudgedFixes]:
     expected = np.array([np.nan, *MEDIANS.values()])[rows]
     found = []
     assert solution.recording is not None
-    sources = zip(every.names, every.gates, solution.recording.aidings)
-    for s, (name, gate, aiding) in enumerate(sources):
+    sources = zip(every.names, every.gates, solution.recording.sources)
+    for s, (name, gate, source) in enumerate(sources):
         own = np.flatnonzero((every.source == s) & (rows > 0))
         if len(own):
             found.append(
                 JudgedFixes(
                     name,
-                    aiding.kind,
+                    source.kind,
                     every.t[own],
                     every.innovation[own],
                     0.0 if every.whitened is None else correlation(every.whitened[own]),
-                    _predicted_share(every, own, aiding),
+                    0.0 if every.whitened is None else correlation(every.whitened[own], SLOW_LAGS),
+                    _predicted_share(every, own, source),
                     every.nis[own] / expected[own],
                     every.accepted[own],
                     every.accepted[own] & (every.nis[own] > gate),
@@ -90,17 +96,17 @@ def by_source(solution: Solution) -> list[JudgedFixes]:
     return found
 
 
-def _predicted_share(every: Innovations, own: Ints, aiding: Aiding) -> float:
+def _predicted_share(every: Innovations, own: Ints, source: Source) -> float:
     """Median share of the variance of the innovations in rows `own` that the prediction brings, by
     the filter; NaN where it does not say, or the kind has no EXCESS."""
-    if every.root is None or aiding.kind not in EXCESS:
+    if every.root is None or source.kind not in EXCESS:
         return np.nan
     root, used = every.root[own], 1.0 if every.followed is None else every.followed[own]
     variance = np.c_[
         root[:, 0] ** 2, (root[:, 1:3] ** 2).sum(axis=1), (root[:, 3:] ** 2).sum(axis=1)
     ]
-    row = np.minimum(np.searchsorted(aiding.t, every.t[own]), len(aiding.t) - 1)
-    share = 1 - (aiding.sd[row] * used) ** 2 / variance
+    row = np.minimum(np.searchsorted(source.t, every.t[own]), len(source.t) - 1)
+    share = 1 - (source.std[row] * used) ** 2 / variance
     known = [column[np.isfinite(column)] for column in share.T]
     return float(np.mean([np.median(column) for column in known if len(column)] or [np.nan]))
 
@@ -116,14 +122,20 @@ def check_divergence(solution: Solution) -> Iterator[Reason]:
         )
 
 
-def first_gap(solution: Solution) -> tuple[float, float]:
-    """(when it begins, how long it is) in s of the first gap of the samples that is longer than the
-    loop bridges; (inf, 0) without any."""
+def long_gaps(solution: Solution) -> tuple[Array, Array]:
+    """(when they begin (k,), how long they are (k,)) in s of the gaps of the samples that are longer than
+    the loop bridges."""
     assert solution.recording is not None
     imu = solution.recording.imu
     missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
     long = np.flatnonzero((missing > BRIDGE) & (imu.t[:-1] > solution.meta["start"]["t"]))
-    return (float(imu.t[long[0]]), float(missing[long].max())) if len(long) else (np.inf, 0.0)
+    return imu.t[long], missing[long]
+
+
+def first_gap(solution: Solution) -> tuple[float, float]:
+    """(when the first begins, how long the longest is) in s of `long_gaps`; (inf, 0) without any."""
+    begins, missing = long_gaps(solution)
+    return (float(begins[0]), float(missing.max())) if len(begins) else (np.inf, 0.0)
 
 
 def gaps(solution: Solution) -> Iterator[Reason]:
@@ -135,7 +147,7 @@ def gaps(solution: Solution) -> Iterator[Reason]:
             f"up to {longest:.3g} s of samples are missing, first at {when:.0f} s ({BRIDGE:g} s are "
             f"bridged); what came after rests on the fixes alone, its heading above all",
             "use the parts before and after on their own (`--from`, `--to`)",
-            weight=max(1.0, min(longest / LONG_GAP, GRAVE)),
+            weight=min(longest / LONG_GAP, GRAVE),
         )
 
 
@@ -163,16 +175,16 @@ def heights(solution: Solution) -> Iterator[Reason]:
 
 def biases(solution: Solution) -> Iterator[Reason]:
     """Biases at the end beyond what the description of the IMU allows."""
-    described, claimed = solution.meta.get("bias_sd"), solution.trajectory.sd
+    described, claimed = solution.meta.get("bias_std"), solution.trajectory.std
     if described is None or claimed is None:
         return
     found = []
-    for sensor, bias, allowed, sd, scale, unit in (
+    for sensor, bias, allowed, std, scale, unit in (
         ("accelerometer", solution.b_a[-1], described[0], claimed[-1, BA], 1.0, "m/s^2"),
         ("gyro", solution.b_g[-1], described[1], claimed[-1, BG], np.degrees(1), "deg/s"),
     ):
         times = np.where(
-            np.abs(bias) > SURE * np.nan_to_num(sd), np.abs(bias) / max(allowed, 1e-12), 0.0
+            np.abs(bias) > SURE * np.nan_to_num(std), np.abs(bias) / max(allowed, 1e-12), 0.0
         )
         axis = int(np.argmax(times))
         if times[axis] > BIAS:
@@ -203,7 +215,7 @@ def noise(source: JudgedFixes) -> Iterator[Reason]:
             "lasting errors" if lasts(source.correlation) else "fix noise",
             f"the fixes differ from the prediction {times:.2g} times as much as the standard "
             f"deviations say ({np.sqrt(NIS_HIGH):.2g} times at most)",
-            DIAGNOSE + " give it a larger sd",
+            DIAGNOSE + " give it a larger std",
             source.name,
             ratio / NIS_HIGH,
         )
@@ -214,7 +226,7 @@ def noise(source: JudgedFixes) -> Iterator[Reason]:
             f"between {start:.0f} and {stop:.0f} s the fixes differ from the prediction up to "
             f"{np.sqrt(worst):.2g} times as much as the standard deviations say "
             f"({np.sqrt(NIS_PART):.2g} times at most)",
-            DIAGNOSE + " give it a larger sd, or leave the fixes out there",
+            DIAGNOSE + " give it a larger std, or leave the fixes out there",
             source.name,
             worst / NIS_PART,
         )
@@ -235,14 +247,14 @@ def _too_small(source: JudgedFixes, times: float) -> Reason:
             "lasting errors",
             f"{seen}, and their differences from it last ({source.correlation:.2f} correlated from fix "
             f"to fix): the receiver smooths its fixes, or their errors last",
-            "keep its sd, a smaller one would claim what these fixes cannot; describe the errors that "
+            "keep its std, a smaller one would claim what these fixes cannot; describe the errors that "
             "last with `correlated`",
             source.name,
         )
     return Reason(
         "fix noise",
         seen,
-        f"divide its sd by about {1 / times:.0f}; the result claims too little, and could be better",
+        f"divide its std by about {1 / times:.0f}; the result claims too little, and could be better",
         source.name,
     )
 
@@ -250,18 +262,24 @@ def _too_small(source: JudgedFixes, times: float) -> Reason:
 def _check_correlation(source: JudgedFixes, ratio: float) -> Iterator[Reason]:
     """Innovations that last and are larger than what the filter claims of its prediction: it takes
     errors that last for noise that averages out."""
-    least = SURELY / np.sqrt(len(source.t))
-    if not lasts(source.correlation) or source.correlation < least or source.kind not in EXCESS:
+    if source.kind not in EXCESS:
         return
-    excess = ratio * source.correlation / max(source.predicted, 1e-6)
+    seen = {
+        source.correlation: SURELY / np.sqrt(len(source.t)),
+        source.slow: SURELY / np.sqrt(SLOW_LAGS * len(source.t)),
+    }
+    lasting = max(seen, key=lambda each: each / seen[each])
+    if lasting < seen[lasting]:
+        return
+    excess = ratio * lasting / max(source.predicted, 1e-6)
     most = EXCESS[source.kind]
     if excess > most:
         yield Reason(
             "lasting errors",
-            f"its differences from the prediction last ({source.correlation:.2f} correlated from fix to "
+            f"its differences from the prediction last ({lasting:.2f} correlated from fix to "
             f"fix) and are {np.sqrt(excess):.2g} times what the filter claims of its prediction "
             f"({np.sqrt(most):.2g} times at most): it takes errors that last for noise",
-            "give it the sd of whole errors, as its receiver states it, or describe those that last "
+            "give it the std of whole errors, as its receiver states it, or describe those that last "
             "with `correlated`",
             source.name,
             excess / most,
@@ -304,7 +322,7 @@ def rejections(source: JudgedFixes) -> Iterator[Reason]:
             "outliers",
             f"{100 * share:.0f} % of the fixes were rejected (0.1 % expected, {100 * REJECTED:.0f} "
             f"% at most)",
-            DIAGNOSE + " give it a larger sd, or leave out what is wrong",
+            DIAGNOSE + " give it a larger std, or leave out what is wrong",
             source.name,
             share / REJECTED,
         )
@@ -315,7 +333,7 @@ def rejections(source: JudgedFixes) -> Iterator[Reason]:
             "outliers",
             f"{100 * lifted:.0f} % of the fixes were used only because so many before them had been "
             f"rejected ({100 * LIFTED:.0f} % at most)",
-            DIAGNOSE + " give it a larger sd, or leave out what is wrong",
+            DIAGNOSE + " give it a larger std, or leave out what is wrong",
             source.name,
             lifted / LIFTED,
         )
@@ -334,11 +352,13 @@ def rejections(source: JudgedFixes) -> Iterator[Reason]:
         )
 
 
-def jumps(source: JudgedFixes) -> Iterator[Reason]:
-    """A gate of positions or velocities that had to be lifted once the start was over: what comes
-    after rests on these fixes being right."""
+def jumps(source: JudgedFixes, gaps: Array) -> Iterator[Reason]:
+    """A gate of positions or velocities that had to be lifted once the start was over, and not because
+    samples were missing until then (`gaps` (k,) s): what comes after rests on these fixes being right."""
     settled = source.t[0] + min(SETTLING, 0.2 * (source.t[-1] - source.t[0]))
-    lifted = np.flatnonzero(source.lifted & (source.t > settled))
+    since = source.t[:, None] - gaps
+    explained = ((since >= 0) & (since < SETTLING)).any(axis=1)
+    lifted = np.flatnonzero(source.lifted & (source.t > settled) & ~explained)
     if source.kind in ("position", "velocity") and len(lifted):
         size = float(np.sqrt(np.nansum(source.innovation[lifted[0]] ** 2)))
         unit = "m" if source.kind == "position" else "m/s"
@@ -351,32 +371,47 @@ def jumps(source: JudgedFixes) -> Iterator[Reason]:
         )
 
 
-def course(solution: Solution, t: Array) -> Iterator[Reason]:
-    """The course over ground, at the times `t` (s) of fixes, against the heading, where one
-    follows the other."""
+class CourseAngle(NamedTuple):
+    """The course over ground less the heading, in deg."""
+
+    mean: float
+    least: float  # of a mean that is no wind, side slip or chance
+
+
+def course_angle(solution: Solution, t: Array) -> CourseAngle | None:
+    """The CourseAngle at the times `t` (s) of fixes, where one follows the other; None where it is no
+    steady one, or the vehicle hardly moves."""
     made = solution.trajectory
     vehicle = VEHICLES.get(solution.meta.get("vehicle", ""), VEHICLES["any"])
     if made.v_n is None or made.q_nb is None or not vehicle.points_ahead:
-        return
+        return None
     later = t[(t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])) & (t < first_gap(solution)[0])]
     later = later[:: max(1, len(later) // ENOUGH)]
     rows = np.minimum(np.searchsorted(made.t, later), len(made.t) - 1)
     v = made.v_n[rows]
-    sd = np.zeros((len(rows), ATT.stop)) if made.sd is None else np.nan_to_num(made.sd[rows])
-    speed, speed_sd = np.hypot(v[:, 0], v[:, 1]), sd[:, VEL].max(axis=1)
+    std = np.zeros((len(rows), ATT.stop)) if made.std is None else np.nan_to_num(made.std[rows])
+    speed, speed_std = np.hypot(v[:, 0], v[:, 1]), std[:, VEL].max(axis=1)
     # a filter that claims nothing has no course below MOVING
-    known = np.where(speed_sd > 0, np.clip(KNOWN_COURSE * speed_sd, SLOWEST, MOVING), MOVING)
+    known = np.where(speed_std > 0, np.clip(KNOWN_COURSE * speed_std, SLOWEST, MOVING), MOVING)
     fast = speed > known
     if fast.sum() < GATED:
-        return
+        return None
     heading = quaternion_to_euler(made.q_nb[rows[fast]])[:, 2]
     angle = np.arctan2(v[fast, 1], v[fast, 0]) - heading
     mean = np.nanmean(np.exp(1j * angle))
-    off = float(np.degrees(np.angle(mean)))
     spread = float(np.degrees(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0)))))
+    if spread > STEADY:
+        return None
     aside = np.arctan2(SIDEWAYS, np.median(speed[fast]))
-    unsure = np.degrees(max(aside, SURE * np.median(sd[fast, ATT.stop - 1])))
-    if spread > STEADY or abs(off) < max(OFF_COURSE, 1.5 * spread, unsure):
+    unsure = np.degrees(max(aside, SURE * np.median(std[fast, ATT.stop - 1])))
+    least = max(OFF_COURSE, 1.5 * spread, float(unsure))
+    return CourseAngle(float(np.degrees(np.angle(mean))), least)
+
+
+def course(solution: Solution, t: Array) -> Iterator[Reason]:
+    """The course over ground, at the times `t` (s) of fixes, against the heading."""
+    found = course_angle(solution, t)
+    if found is None or abs(off := found.mean) < found.least:
         return
     quarter = abs(abs(off) - 90) < 20 or abs(off) > 160
     yield Reason(
@@ -435,13 +470,3 @@ def doubts(solution: Solution) -> Iterator[Reason]:
         max(sources, key=len, default=""),
         min(share / DOUBTED, GRAVE),
     )
-
-
-def heading_never_seen(solution: Solution) -> bool:
-    """Return True where the std of the heading fell little from start to end, and ends above 5
-    deg."""
-    sd = solution.trajectory.sd
-    if sd is None or not np.isfinite(sd[-1, ATT.stop - 1]):
-        return False
-    first, last = solution.meta["start"]["sd"][ATT.stop - 1], sd[-1, ATT.stop - 1]
-    return bool(last > 0.7 * first and last > np.radians(5.0))

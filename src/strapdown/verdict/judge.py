@@ -8,21 +8,17 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..data.solution import Solution
-from ..data.verdict import NOT_JUDGED, Reason, Verdict
-from ..inspection.all import check
+from ..data.verdict import NOT_JUDGED, QUANTITIES, Reason, Untested, Verdict
 from ..installation import screening
-from ..installation.model import CONSTRAINED
 from ..installation.states import estimated_installation, in_motion
-from ..io.facts import own_reasons
+from ..io.facts import check_parts, own_reasons
 from ..plugins import one_line
 from . import evidence
 from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
+from .observability import MIN_TIME, bounds, untested_claims
 
 Found = TypeVar("Found")
-MIN_TIME = 30.0  # s of a run that says something of itself
-HEIGHTS = {"position", "altitude", "pressure", "pressure-altitude", "zero-sea-level"}
-"""Kinds that measure a height."""
 
 
 def judge(solution: Solution) -> Verdict:
@@ -32,7 +28,7 @@ def judge(solution: Solution) -> Verdict:
     sources = evidence.by_source(solution)
     seconds = recording.span[1] - solution.meta["start"]["t"]
     little = seconds < MIN_TIME or all(len(source.t) < GATED for source in sources)
-    untested = list(_untested_claims(solution, sources, seconds))
+    unknown = list(untested_claims(solution, sources, seconds))
 
     def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
         """Return the result of a check; one that fails becomes a line and does not cost the user
@@ -40,32 +36,45 @@ def judge(solution: Solution) -> Verdict:
         try:
             return function(*arguments)
         except Exception as error:
-            untested.append(f"{what}: it cannot be looked at here ({one_line(error)})")
+            unknown.append(Untested(what, f"it cannot be looked at here ({one_line(error)})"))
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
     installed = estimated_installation(solution)
     causes = [*evidence.gaps(solution), *evidence.heights(solution), *installed.reasons]
     causes += attempt("guessed axes", of_guessed_axes, recording) or []
-    if any(source.kind == "position" for source in sources):
-        looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
-        causes += looked
-        untested += unknown if in_motion(solution) else []
-    inspected = attempt("the recording", _inspection_reasons, solution) or []
+    looked = attempt("clock and lever arm", _look, solution, sources) or screening.NOTHING
+    causes += looked.reasons
+    unknown += looked.unknown
+    shown = attempt("its bounds", lambda: list(bounds(solution, sources))) or []
+    shown += looked.bounds
+    inspected, more = attempt("the recording", _inspect, solution) or ([], [])
+    unknown += more if in_motion(solution) else []
     if not sources and not symptoms and not inspected:
-        return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
+        nothing = Untested("anything", "no fix was used", rests=QUANTITIES)
+        return Verdict(NOT_JUDGED, untested=(nothing, *unknown))
     # what the filter has estimated is not as the recording has it
     found = {each.cause for each in installed.parameters if each.status != "not observable"}
     inspected = [reason for reason in inspected if reason.cause not in found]
-    verdict = Verdict.of(_once(inspected, causes), untested, symptoms)
+    verdict = Verdict.of(_once(inspected, causes), unknown, symptoms, shown)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
-def _inspection_reasons(solution: Solution) -> list[Reason]:
-    """A Reason for each problem that `inspect` finds in what the filter used."""
-    recording, (_, gyro) = solution.recording, solution.meta.get("bias_sd") or (0.0, 0.0)
+def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
+    """Findings of a quick look at the installation; without motion the reasons alone."""
+    if not any(source.kind == "position" for source in sources):
+        return screening.NOTHING
+    looked = screening.look(solution)
+    return looked if in_motion(solution) else screening.NOTHING._replace(reasons=looked.reasons)
+
+
+def _inspect(solution: Solution) -> tuple[list[Reason], list[Untested]]:
+    """A Reason for each problem that `inspect` finds in what the filter used, and what it could not test
+    that the solution rests on."""
+    recording, (_, gyro) = solution.recording, solution.meta.get("bias_std") or (0.0, 0.0)
     assert recording is not None
-    return [*check(recording).reasons, *own_reasons(recording, gyro)]
+    found = check_parts(recording)
+    return [*found.reasons, *own_reasons(recording, gyro)], found.untested
 
 
 def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
@@ -86,12 +95,13 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
     yield from (*biases, *smoother)
     of_sources, runs = [], solution.rejected
+    gaps = np.add(*evidence.long_gaps(solution))
     left_out = {each["source"] for each in solution.meta.get("heights_apart", ())}
     for source in (each for each in sources if each.name not in left_out):
         found = [
             *evidence.noise(source),
             *(evidence.explain_reason(each, runs) for each in evidence.rejections(source)),
-            *(evidence.explain_reason(each, runs) for each in evidence.jumps(source)),
+            *(evidence.explain_reason(each, runs) for each in evidence.jumps(source, gaps)),
         ]
         of_sources += sorted(found, key=lambda reason: -reason.weight)[:1]
     yield from of_sources
@@ -101,41 +111,3 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
         if source.kind in ("position", "velocity"):
             yield from evidence.course(solution, source.t)
             break
-
-
-def _untested_claims(
-    solution: Solution, sources: list[JudgedFixes], seconds: float
-) -> Iterator[str]:
-    """Yield what could not be tested, and why."""
-    if seconds < MIN_TIME:
-        yield f"anything that takes time: the run lasts {seconds:.0f} s, of {MIN_TIME:.0f} s needed"
-    few = [source.name for source in sources if len(source.t) < GATED]
-    if few:
-        yield f"innovations of {', '.join(few)}: fewer than {GATED} fixes"
-    if any(not np.isfinite(source.ratio).all() for source in sources):
-        yield (
-            f"innovations: {solution.meta.get('filter', 'the filter')} does not weigh its fixes "
-            f"against their standard deviations"
-        )
-    silent = set(solution.innovations.names) - {source.name for source in sources}
-    if silent:
-        yield f"{', '.join(sorted(silent))}: none of its fixes was used"
-    if solution.meta.get("bias_sd") is None:
-        yield "biases: the IMU is not described"
-    kinds = {source.kind for source in sources}
-    moves = in_motion(solution)
-    if not kinds & {"position", "velocity"}:
-        yield "clock and lever arm: there is no GNSS"
-    elif not moves:
-        yield "clock, lever arm and heading: it hardly moves"
-    elif not {"position", "velocity"} <= kinds:
-        yield (
-            "clock below half a second, lever arm and lasting errors of the fixes: position and "
-            "velocity are not both measured"
-        )
-    if "position" in kinds and len(kinds & HEIGHTS) < 2:
-        yield "height above geoid or ellipsoid: there is one source of height"
-    if not kinds & set(CONSTRAINED):
-        yield "mounting of the IMU: no constraint or odometer shows it"
-    if moves and evidence.heading_never_seen(solution):
-        yield "heading: no turn or acceleration showed it, its error is that of the start"

@@ -406,7 +406,7 @@ HEAD = """
 import enum, math, os
 import numpy as np
 from collections import namedtuple
-from strapdown.core.compile.jit import helper, inlined, kernel
+from strapdown.core.compile.jit import helper, inline, kernel
 from strapdown.core.compile.signatures import REAL, signature
 K = float(os.environ["K"])
 ONE = signature("one", REAL, x=REAL)
@@ -427,7 +427,7 @@ FORMS = {
     "of a module": ("import others", "others.K * x"),
     "of a helper": ("@helper\ndef h(x):\n    return K * x", "h(x)"),
     "of a helper's helper": (
-        "@inlined\ndef g(x):\n    return K * x\n@helper\ndef h(x):\n    return g(x)",
+        "@inline\ndef g(x):\n    return K * x\n@helper\ndef h(x):\n    return g(x)",
         "h(x)",
     ),
     "of a helper in another module": ("from others import h", "h(x)"),

@@ -284,7 +284,7 @@ def test_required_is_an_error_of_one_line_but_for_kernels_of_others(made, monkey
 def recording(tmp_path_factory):
     """File of a flight with fixes of position and velocity."""
     made = sd.simulate(demo_flight(), 20.0, "tactical", 1)
-    assert {each.kind for each in made.aidings} == {"position", "velocity"}
+    assert {each.kind for each in made.sources} == {"position", "velocity"}
     path = tmp_path_factory.mktemp("flight") / "recording.nc"
     sd.write_recording(made, path)
     return path
@@ -326,26 +326,26 @@ SOLUTION = """
 import sys
 import numpy as np
 import strapdown as sd
-from strapdown.engine.stream import Fix, Sample
+from strapdown.engine.stream import Measurement, Sample
 
 recording = sd.read(sys.argv[1])
-start = sd.align(recording, sd.grade("tactical"))
+start = sd.align(recording, sd.imu("tactical"))
 solution = sd.fuse(recording, "closed-loop", start=start)
-stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=recording.aidings)
+stream = sd.Stream("closed-loop", start=start, imu="tactical", sources=recording.sources)
 imu = recording.imu
 columns = (imu.t, imu.dt, imu.dtheta, imu.dv)
 events = [Sample(*row) for row in zip(*(column.tolist() for column in columns))]
-for source, a in enumerate(recording.aidings):
-    fixes = zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
-    events += [Fix(t, source, tuple(y), tuple(sd)) for t, y, sd in fixes]
+for source, a in enumerate(recording.sources):
+    fixes = zip(a.t.tolist(), a.y.tolist(), a.std.tolist())
+    events += [Measurement(t, source, tuple(y), tuple(std)) for t, y, std in fixes]
 for event in sorted(events, key=lambda event: (event.t, type(event) is Sample)):
     stream.step(event)
 stream.finish()
 live = stream.solution
 path, other = solution.trajectory, live.trajectory
 assert all(np.array_equal(a, b) for a, b in zip(
-    (path.lla, path.v_n, path.q_nb, path.sd), (other.lla, other.v_n, other.q_nb, other.sd)))
-np.save(sys.argv[2], np.c_[path.t, path.lla, path.v_n, path.q_nb, path.sd])
+    (path.lla, path.v_n, path.q_nb, path.std), (other.lla, other.v_n, other.q_nb, other.std)))
+np.save(sys.argv[2], np.c_[path.t, path.lla, path.v_n, path.q_nb, path.std])
 """
 
 
@@ -406,18 +406,18 @@ def test_what_it_lacks_is_one_line_where_it_is_required(kernel_library, recordin
 
 
 SENSOR = """
-from strapdown.core.loop.contract import OBSERVE, Measurement, kernel
+from strapdown.core.loop.contract import OBSERVE, MeasurementModel, kernel
 from strapdown.registration import register
 
 
 @kernel(OBSERVE)
 def observe(belief, y, source, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
+    innovation[0] = y[0] - belief.v_n[2]
     H[0, 5] = 1.0
     return 1
 
 
-register(Measurement("vertical-speed", observe, ("speed",)))
+register(MeasurementModel("vertical-speed", observe, ("speed",)))
 """
 MIXED = """
 import sys
@@ -426,15 +426,15 @@ import strapdown as sd
 from strapdown.core.loop import loop
 
 recording = sd.read(sys.argv[1])
-p, v = recording.aidings
-own = sd.Aiding("vertical-speed", v.t, v.y[:, 2:], v.sd[:, 2:])
+p, v = recording.sources
+own = sd.Source("vertical-speed", v.t, v.y[:, 2:], v.std[:, 2:])
 recording = sd.Recording(recording.imu, (p, own), recording.reference, recording.meta)
 found = []
 for name in sys.argv[3:]:
     solution = sd.fuse(recording, name, imu="tactical")
     assert solution.counts()["vertical-speed"][0] > 10
     path = solution.trajectory
-    found.append(np.c_[path.t, path.lla, path.v_n, path.q_nb, path.sd])
+    found.append(np.c_[path.t, path.lla, path.v_n, path.q_nb, path.std])
 np.save(sys.argv[2], found)
 print("_made" in vars(loop.run), "numba" in sys.modules)
 """

@@ -10,7 +10,7 @@ import pytest
 
 import strapdown
 from strapdown.core.compile import jit
-from strapdown.core.compile.jit import helper, inlined, kernel
+from strapdown.core.compile.jit import helper, inline, kernel
 from strapdown.core.compile.signatures import REAL, WHOLE, reals, signature
 
 pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")
@@ -71,7 +71,7 @@ def test_private_parts_of_numba_stand_in_one_file():
 
 
 def test_helpers_are_called_with_the_same_results(version):
-    @inlined
+    @inline
     def scaled(x, factor=2.0):
         return factor * x
 

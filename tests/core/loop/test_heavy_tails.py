@@ -86,18 +86,18 @@ def books():
     return of_source
 
 
-def watched(true_sd, memory, interval, walk=0.3, tests=None, fixes=1000, first=0, seed=2):
-    """Variances that a scalar filter of a random walk follows, of fixes whose sd is stated as 1 and
+def watched(true_std, memory, interval, walk=0.3, tests=None, fixes=1000, first=0, seed=2):
+    """Variances that a scalar filter of a random walk follows, of fixes whose std is stated as 1 and
     of rows 2 and 3 of which nothing is measured."""
     rng, tests = np.random.default_rng(seed), books() if tests is None else tests
     x, estimate, P, found = 0.0, 0.0, 1.0, []
     factor = np.ones(3)
     for k in range(first, first + fixes):
         x, P = x + walk * rng.normal(), P + walk**2
-        sd = np.ones(3)
-        apply_factors(sd, tests, factor)
-        R = sd[0] ** 2
-        e = np.array([x + true_sd(k * interval) * rng.normal() - estimate, np.nan, np.nan])
+        std = np.ones(3)
+        apply_factors(std, tests, factor)
+        R = std[0] ** 2
+        e = np.array([x + true_std(k * interval) * rng.normal() - estimate, np.nan, np.nan])
         S, noise = np.empty(6), np.empty(6)
         assert moments(told(e, alone(P + R)), told(e, alone(P + 4 * R)), S, noise)
         follow(tests, memory, k * interval, told(e, alone(P + R)), S, noise, 1.0)
@@ -134,9 +134,9 @@ def test_ten_fixes_decide_at_least_and_nothing_leaves_its_bounds():
 def test_lasting_errors_are_not_believed():
     tests = books()
     tests.factor[:], tests.alike = [0.1, 4.0, 1.0], 0.5
-    sd, factor = np.full(3, 2.0), np.empty(3)
-    apply_factors(sd, tests, factor)
-    np.testing.assert_allclose(sd, [2.0, 4.0, 2.0])
+    std, factor = np.full(3, 2.0), np.empty(3)
+    apply_factors(std, tests, factor)
+    np.testing.assert_allclose(std, [2.0, 4.0, 2.0])
     tests.alike = 0.1
     apply_factors(np.full(3, 2.0), tests, factor)
     np.testing.assert_allclose(factor, [np.sqrt(0.1), 2.0, 1.0])

@@ -14,14 +14,14 @@ import strapdown as sd
 from strapdown.core.loop import gaps, integrity, log
 from strapdown.core.loop.log import Code
 from strapdown.core.loop.loop import SAME_TIME
-from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution import DOUBTFUL, INVALID, VALID, Source
 from strapdown.data.vehicle import VEHICLES
 from strapdown.engine.events import MAX_OF_A_KIND, Events, log_row
 from strapdown.engine.plausible_limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
 from strapdown.geometry.geodesy import displace_lla
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.trajectory import static
 from strapdown.units import quantities
 
@@ -42,11 +42,11 @@ def with_samples(recording, gyro=None, accel=None):
 
 
 def with_fixes(recording, change, source=0):
-    aidings = list(recording.aidings)
-    y = aidings[source].y.copy()
+    sources = list(recording.sources)
+    y = sources[source].y.copy()
     change(y)
-    aidings[source] = replace(aidings[source], y=y)
-    return replace(recording, aidings=tuple(aidings))
+    sources[source] = replace(sources[source], y=y)
+    return replace(recording, sources=tuple(sources))
 
 
 # ---- samples
@@ -66,14 +66,14 @@ def test_a_sample_that_cannot_be_is_bridged(sensor):
     assert spoilt.status[row] == DOUBTFUL and (spoilt.status[:row] == VALID).all()
     # the sample before it stands for it, and its noise is that of a gap
     assert np.abs(spoilt.trajectory.v_n[row] - clean.trajectory.v_n[row]).max() < 0.01
-    grown = spoilt.trajectory.sd[row, 6:9] ** 2 - clean.trajectory.sd[row, 6:9] ** 2
+    grown = spoilt.trajectory.std[row, 6:9] ** 2 - clean.trajectory.std[row, 6:9] ** 2
     np.testing.assert_allclose(grown, gaps.BRIDGE_GYRO**2 * dt, rtol=0.02)
     assert np.abs(sd.errors(spoilt, recording.reference).position[row:]).max() < 3.0
 
 
 def test_samples_at_full_scale_are_said():
     recording, most = flight(), 0.05
-    spec = grade("tactical")
+    spec = imu_spec("tactical")
     spec = replace(spec, gyro=replace(spec.gyro, saturation=most))
     dt = recording.imu.dt[:, None]
 
@@ -170,12 +170,12 @@ def test_near_there_it_can_be_one():
 
 def test_standard_deviations_below_any_receivers_are_raised():
     recording = flight()
-    least = [quantities.REGISTRY.find(q).min_sd for q in ("latitude", "longitude", "length")]
+    least = [quantities.REGISTRY.find(q).min_std for q in ("latitude", "longitude", "length")]
 
     def stated(deviation):
-        fix = recording.aidings[0]
-        stated = replace(fix, sd=np.broadcast_to(deviation, fix.sd.shape).copy(), gate=np.inf)
-        return replace(recording, aidings=(stated, recording.aidings[1]))
+        fix = recording.sources[0]
+        stated = replace(fix, std=np.broadcast_to(deviation, fix.std.shape).copy(), gate=np.inf)
+        return replace(recording, sources=(stated, recording.sources[1]))
 
     tiny, least = fused(stated(1e-9)), fused(stated(least))
     assert same(replace(tiny, events=()), replace(least, events=()))
@@ -234,7 +234,7 @@ def test_fixes_that_are_off_on_average_are_doubted_until_they_agree(interval, of
     rng = np.random.default_rng(4)
     whitened = rng.normal(size=len(t)) + off * ((t > 100) & (t < 200))
     fixes = scripted(np.full(len(t), 0.5), t=t, whitened=whitened)
-    solution = sd.fuse(replace(recording, aidings=(fixes,)), SCRIPTED, start=begin)
+    solution = sd.fuse(replace(recording, sources=(fixes,)), SCRIPTED, start=begin)
     status, alarms = twin(t, whitened)
     times, values = map(np.array, zip(*status))
     expected = values[np.searchsorted(times, solution.t + SAME_TIME) - 1]
@@ -254,7 +254,7 @@ def test_fixes_that_scatter_too_much_are_doubted():
     t = np.arange(1.0, 120.0)
     nis = np.where((t > 20) & (t < 35), 8.0, 0.5)
     fixes = scripted(nis, t=t)
-    solution = sd.fuse(replace(recording, aidings=(fixes,)), SCRIPTED, start=begin)
+    solution = sd.fuse(replace(recording, sources=(fixes,)), SCRIPTED, start=begin)
     ((first, text),) = solution.events
     terms = integrity.NIS_ALARM / (8.0 - integrity.NIS_ALLOWED)  # one row of a fix
     assert first == 20 + np.floor(terms) + 1
@@ -269,7 +269,7 @@ def test_a_doubt_ends_with_confirming_fixes():
     recording, begin = alike(30.0, 5.0)
     recording = with_samples(recording, gyro=lambda dtheta: dtheta.__setitem__((49, 0), 50.0))
     fixes = scripted(np.full(58, 0.5), t=np.arange(1, 59) / 2)
-    solution = sd.fuse(replace(recording, aidings=(fixes,)), SCRIPTED, start=begin)
+    solution = sd.fuse(replace(recording, sources=(fixes,)), SCRIPTED, start=begin)
     doubtful = solution.t[solution.status == DOUBTFUL]
     assert doubtful[0] == pytest.approx(10.0)
     end = 10.0 + integrity.CONFIRM_AFTER + 0.5 * (integrity.CONFIRM - 1)
@@ -280,7 +280,7 @@ def at_rest():
     """(90 s at rest with a wild sample at 20 s and no fixes, an InitialState for it)."""
     recording = sd.simulate(static((0.8, 0.1, 100.0)), 90.0, "tactical", 1, 5.0)
     wild = with_samples(recording, gyro=lambda dtheta: dtheta.__setitem__((99, 0), 50.0))
-    return replace(wild, aidings=()), start(recording)
+    return replace(wild, sources=()), start(recording)
 
 
 @pytest.mark.parametrize("name", ["vru", "attitude-mekf", "mahony"])
@@ -297,8 +297,8 @@ def test_a_doubt_of_an_attitude_without_fixes_ends_when_it_is_level_again(name):
 def test_a_source_that_is_heard_has_to_confirm():
     """Heights that are rejected at 30 s put the end off."""
     (wild, begin), t = at_rest(), np.array([30.0])
-    fix = Aiding("altitude", t, np.array([[5e3]]), np.array([[1.0]]), gate=0.01)
-    solution = sd.fuse(replace(wild, aidings=(fix,)), "vru", start=begin)
+    fix = Source("altitude", t, np.array([[5e3]]), np.array([[1.0]]), gate=0.01)
+    solution = sd.fuse(replace(wild, sources=(fix,)), "vru", start=begin)
     doubtful = solution.t[solution.status == DOUBTFUL]
     assert doubtful[-1] == pytest.approx(30.0 + integrity.LEVELLED, abs=0.21)
 
@@ -310,13 +310,13 @@ def empty_cursor():
     return new_cursor(
         find("closed-loop"),
         0.0,
-        flight().aidings,
+        flight().sources,
         limits(None, sd.Noise(*[1e-3] * 6), VEHICLES["any"]),
     )
 
 
 def events_of():
-    return Events(find("closed-loop"), flight().aidings, VEHICLES["any"])
+    return Events(find("closed-loop"), flight().sources, VEHICLES["any"])
 
 
 def folded(said_so):
@@ -342,11 +342,11 @@ def test_it_does_not_matter_when_the_log_is_emptied(seed, pause):
         (at, int(rng.integers(Code.FULL_SCALE, Code.STUCK + 1)), int(rng.integers(3)), rng.normal())
         for at in t
     ]
-    say = log.say
+    notify = log.notify
     for every in (1, 7, 50):
         cursor, events = empty_cursor(), events_of()
         for number, (at, code, which, value) in enumerate(told):
-            say(cursor, code, which, at, value)
+            notify(cursor, code, which, at, value)
             if number % every == 0 or cursor.state[0].logged >= log.LOG_FULL:
                 events.take(cursor)
         events.take(cursor)
@@ -356,10 +356,10 @@ def test_it_does_not_matter_when_the_log_is_emptied(seed, pause):
 
 def test_a_full_log_still_counts():
     """What the loop cannot do, because it stops at half of it."""
-    cursor, say = empty_cursor(), log.say
+    cursor, notify = empty_cursor(), log.notify
     for k in range(log.LOG_ROWS + 10):
-        say(cursor, Code.STUCK, k, 1.0, 2.0)
-    say(cursor, Code.STUCK, 5, 1000.0, -3.0)
+        notify(cursor, Code.STUCK, k, 1.0, 2.0)
+    notify(cursor, Code.STUCK, 5, 1000.0, -3.0)
     assert cursor.state[0].logged == log.LOG_ROWS
     assert cursor.log[5].tolist() == (1.0, 1000.0, Code.STUCK, 5, 2, -3.0)
 
@@ -402,7 +402,7 @@ def test_a_source_that_fell_silent_contradicts_no_more():
     lying = scripted(np.full(len(t), 0.5), t=t, whitened=3.0 * (t > 20))
     late = np.arange(1.0, 120.0)
     right = replace(scripted(np.full(len(late), 0.5), t=late), name="right")
-    solution = sd.fuse(replace(recording, aidings=(lying, right)), SCRIPTED, start=begin)
+    solution = sd.fuse(replace(recording, sources=(lying, right)), SCRIPTED, start=begin)
     doubtful = solution.t[solution.status == DOUBTFUL]
     assert 20 < doubtful[0] < 30
     assert 39 + integrity.HEARD < doubtful[-1] < 39 + integrity.HEARD + integrity.CONFIRM + 2
@@ -415,7 +415,7 @@ def test_a_rejected_fix_begins_the_confirmation_anew():
     dv[np.searchsorted(imu.t, 10.0), 0] = 1e6
     t = np.arange(1.0, 30.0)
     nis = np.where(np.isin(t, (13.0, 15.0)), 100.0, 0.5)
-    wild = replace(recording, imu=imu._replace(dv=dv), aidings=(scripted(nis, t=t),))
+    wild = replace(recording, imu=imu._replace(dv=dv), sources=(scripted(nis, t=t),))
     solution = sd.fuse(wild, SCRIPTED, start=begin)
     doubtful = solution.t[solution.status == DOUBTFUL]
     assert doubtful[0] == pytest.approx(10.0, abs=0.3)
@@ -425,7 +425,7 @@ def test_a_rejected_fix_begins_the_confirmation_anew():
 def test_a_velocity_too_fast_for_the_vehicle_is_left_out_without_its_vertical_part_too():
     recording, begin = alike(5.0, 5.0)
     y = np.array([[900.0, 900.0, np.nan]])
-    fast = Aiding("velocity", np.array([2.0]), y, np.full((1, 3), 0.1))
-    solution = sd.fuse(replace(recording, aidings=(fast,)), start=begin, vehicle="aircraft")
+    fast = Source("velocity", np.array([2.0]), y, np.full((1, 3), 0.1))
+    solution = sd.fuse(replace(recording, sources=(fast,)), start=begin, vehicle="aircraft")
     ((_, text),) = solution.events
     assert "1273 m/s is more than the 400 m/s of vehicle 'aircraft': left out" in text

@@ -8,7 +8,7 @@ from recordings import alike, flight, position, rows, said, split, start, withou
 
 import strapdown as sd
 from strapdown.core.loop import gaps, loop
-from strapdown.data.solution import BRIDGED, DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution import BRIDGED, DOUBTFUL, INVALID, VALID, Source
 from strapdown.geometry.geodesy import displace_lla, displacement
 
 pytestmark = pytest.mark.short
@@ -18,16 +18,16 @@ def fused(recording, **more):
     return sd.fuse(recording, **{"start": start(recording), **more})
 
 
-def moved(aiding, after, ned):
+def moved(source, after, ned):
     """The position fixes from `after` on displaced by metres north, east, down."""
-    y = aiding.y.copy()
-    late = aiding.t >= after - 1e-9
+    y = source.y.copy()
+    late = source.t >= after - 1e-9
     y[late] = displace_lla(y[late], np.broadcast_to(ned, y[late].shape))
-    return replace(aiding, y=y)
+    return replace(source, y=y)
 
 
 def with_position(recording, change):
-    return replace(recording, aidings=(change(recording.aidings[0]), *recording.aidings[1:]))
+    return replace(recording, sources=(change(recording.sources[0]), *recording.sources[1:]))
 
 
 # ---- fixes inside samples
@@ -37,9 +37,9 @@ def with_position(recording, change):
 def test_a_sample_is_split_at_a_fix_inside_it(share):
     recording, begin = alike()
     inside = recording.imu.t[50] - (1 - share) * recording.imu.dt[50]
-    aidings = (position([inside], (0.8, 0.20001, 310.0)),)
-    whole = sd.fuse(replace(recording, aidings=aidings), start=begin)
-    by_hand = sd.fuse(replace(split(recording, 50, share), aidings=aidings), start=begin)
+    sources = (position([inside], (0.8, 0.20001, 310.0)),)
+    whole = sd.fuse(replace(recording, sources=sources), start=begin)
+    by_hand = sd.fuse(replace(split(recording, 50, share), sources=sources), start=begin)
     np.testing.assert_allclose(
         rows(whole), np.delete(rows(by_hand), 50, axis=0), rtol=1e-11, atol=1e-13
     )
@@ -47,7 +47,7 @@ def test_a_sample_is_split_at_a_fix_inside_it(share):
         whole.innovations.innovation, by_hand.innovations.innovation, rtol=1e-9
     )
     at_the_end = sd.fuse(
-        replace(recording, aidings=(replace(aidings[0], t=recording.imu.t[50:51]),)), start=begin
+        replace(recording, sources=(replace(sources[0], t=recording.imu.t[50:51]),)), start=begin
     )
     assert np.abs(at_the_end.innovations.innovation - whole.innovations.innovation).max() > 0.02
 
@@ -55,10 +55,10 @@ def test_a_sample_is_split_at_a_fix_inside_it(share):
 def test_two_fixes_inside_one_sample():
     recording, begin = alike()
     cut = recording.imu.t[50] - np.array([0.7, 0.2]) * recording.imu.dt[50]
-    aidings = (position(cut, (0.8, 0.20001, 310.0)),)
-    whole = sd.fuse(replace(recording, aidings=aidings), start=begin)
+    sources = (position(cut, (0.8, 0.20001, 310.0)),)
+    whole = sd.fuse(replace(recording, sources=sources), start=begin)
     by_hand = sd.fuse(
-        replace(split(split(recording, 50, 0.3), 51, 5 / 7), aidings=aidings), start=begin
+        replace(split(split(recording, 50, 0.3), 51, 5 / 7), sources=sources), start=begin
     )
     np.testing.assert_allclose(
         rows(whole), np.delete(rows(by_hand), [50, 51], axis=0), rtol=1e-11, atol=1e-13
@@ -70,12 +70,12 @@ def test_a_fix_within_a_microsecond_of_a_samples_end_is_taken_there(off):
     recording, begin = alike()
     fix = position(recording.imu.t[50:51], (0.8, 0.20001, 310.0))
     exact, near = (
-        sd.fuse(replace(recording, aidings=(replace(fix, t=fix.t + shift),)), start=begin)
+        sd.fuse(replace(recording, sources=(replace(fix, t=fix.t + shift),)), start=begin)
         for shift in (0.0, off * loop.SAME_TIME)
     )
     np.testing.assert_array_equal(rows(exact), rows(near))
     beyond = sd.fuse(
-        replace(recording, aidings=(replace(fix, t=fix.t + 3 * np.sign(off) * loop.SAME_TIME),)),
+        replace(recording, sources=(replace(fix, t=fix.t + 3 * np.sign(off) * loop.SAME_TIME),)),
         start=begin,
     )
     assert not np.array_equal(rows(exact), rows(beyond))
@@ -89,7 +89,7 @@ def test_simultaneous_fixes_in_the_order_of_their_sources():
         position(t, (0.8 + 1.5e-6, 0.2000012, 302.0), 1.0),
     )
     first, second = (
-        sd.fuse(replace(recording, aidings=pair), start=begin)
+        sd.fuse(replace(recording, sources=pair), start=begin)
         for pair in ((precise, coarse), (coarse, precise))
     )
     for solution in (first, second):
@@ -124,7 +124,7 @@ def test_a_short_gap_is_bridged():
     np.testing.assert_allclose(
         solution.trajectory.q_nb[k], whole.trajectory.q_nb[same_time], atol=1e-5
     )
-    variance, without = solution.trajectory.sd[k] ** 2, whole.trajectory.sd[same_time] ** 2
+    variance, without = solution.trajectory.std[k] ** 2, whole.trajectory.std[same_time] ** 2
     np.testing.assert_allclose((variance - without)[6:9], 0.5 * gaps.BRIDGE_GYRO**2, rtol=0.02)
     np.testing.assert_allclose((variance - without)[5], 0.5 * gaps.BRIDGE_ACCEL**2, rtol=0.02)
 
@@ -133,10 +133,10 @@ def test_over_a_long_gap_velocity_and_attitude_are_held():
     recording, begin = alike()
     solution = sd.fuse(
         without_samples(recording, (4.0, 9.0)),
-        start=begin._replace(ba=(0.2, -0.1, 0.1), bg=(0.05, 0.03, -0.04)),
+        start=begin._replace(b_a=(0.2, -0.1, 0.1), b_g=(0.05, 0.03, -0.04)),
     )
     k = int(np.searchsorted(solution.t, 9.0))
-    before, after = ({"v": s.v_n, "q": s.q_nb, "sd": s.sd} for s in [solution.trajectory] * 2)
+    before, after = ({"v": s.v_n, "q": s.q_nb, "std": s.std} for s in [solution.trajectory] * 2)
     step = recording.imu.dt[0]
     np.testing.assert_allclose(after["v"][k], before["v"][k - 1], atol=0.8 * step * 10)
     np.testing.assert_allclose(after["q"][k], before["q"][k - 1], atol=0.2 * step)
@@ -146,9 +146,9 @@ def test_over_a_long_gap_velocity_and_attitude_are_held():
         atol=0.1,
     )
     np.testing.assert_allclose(
-        (after["sd"][k] ** 2 - before["sd"][k - 1] ** 2)[6:9], 5 * gaps.HOLD_GYRO**2, rtol=0.05
+        (after["std"][k] ** 2 - before["std"][k - 1] ** 2)[6:9], 5 * gaps.HOLD_GYRO**2, rtol=0.05
     )
-    assert after["sd"][k, 5] ** 2 - before["sd"][k - 1, 5] ** 2 == pytest.approx(
+    assert after["std"][k, 5] ** 2 - before["std"][k - 1, 5] ** 2 == pytest.approx(
         5 * gaps.HOLD_ACCEL**2, rel=0.05
     )
     assert (solution.status[:k] == VALID).all() and (solution.status[k:] == INVALID).all()
@@ -245,7 +245,7 @@ def test_what_stays_away_is_reacquired(interval, rejected):
     path = fused(base).trajectory
     lla = np.c_[[np.interp(t, path.t, column) for column in path.lla.T]].T
     offset = moved(position(t, lla, gate=None, name="receiver"), 7.9, [0, 60.0, 0])
-    solution = fused(replace(base, aidings=(offset, base.aidings[1])))
+    solution = fused(replace(base, sources=(offset, base.sources[1])))
     i = solution.innovations
     own, first = i.source == 0, t[t >= 7.9 - 1e-9][0]
     away = i.accepted[own & (i.t > 7.9 - 1e-9)]
@@ -286,7 +286,7 @@ def test_a_filter_that_is_sure_of_a_wrong_heading_turns(sources, after, least):
     covariance that has grown. Of seeds 1 to 8 the worst with velocities was 16 deg off after 20 s
     and 2.7 deg after 30 s."""
     recording = flight(seconds=60.0)
-    recording = replace(recording, aidings=tuple(recording.aidings[k] for k in sources))
+    recording = replace(recording, sources=tuple(recording.sources[k] for k in sources))
     right = start(recording)
     solution = fused(
         recording, start=right._replace(rph=(*right.rph[:2], right.rph[2] + np.radians(40)))
@@ -324,7 +324,7 @@ def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
     t = np.arange(1, 600) / 10
     truth = base.reference.rotation[np.searchsorted(base.reference.t, t - 1e-6)]
     y = truth.inv().apply(field) * np.where((t > 10) & (t < 40), 2.0, 1.0)[:, None]
-    magnetometer = Aiding(
+    magnetometer = Source(
         "magnetic-field",
         t,
         y,
@@ -333,7 +333,7 @@ def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
         name="magnetometer",
     )
     solution, without = (
-        fused(replace(base, aidings=(*base.aidings, *more))) for more in ((magnetometer,), ())
+        fused(replace(base, sources=(*base.sources, *more))) for more in ((magnetometer,), ())
     )
     given_up = [
         (at, text.partition(":")[2][:12]) for at, text in said(solution, "gate opened", "left out")
@@ -367,8 +367,8 @@ def test_missing_components_are_skipped_and_missing_fixes_not_counted():
 
     base = with_position(flight(), lambda a: a)
     solution, full = (
-        fused(replace(base, aidings=(blank(base.aidings[0]),))),
-        fused(replace(base, aidings=base.aidings[:1])),
+        fused(replace(base, sources=(blank(base.sources[0]),))),
+        fused(replace(base, sources=base.sources[:1])),
     )
     i = solution.innovations
     assert (
@@ -380,22 +380,22 @@ def test_missing_components_are_skipped_and_missing_fixes_not_counted():
         np.delete(i.innovation[:, :2], [4, 5], axis=0)
     ).all() and solution.counts() == {"GNSS position": (18, 0)}
     np.testing.assert_allclose(
-        solution.trajectory.sd[-1, :2], full.trajectory.sd[-1, :2], rtol=0.05
+        solution.trajectory.std[-1, :2], full.trajectory.std[-1, :2], rtol=0.05
     )
-    assert solution.trajectory.sd[-1, 2] > 3 * full.trajectory.sd[-1, 2]
+    assert solution.trajectory.std[-1, 2] > 3 * full.trajectory.std[-1, 2]
 
 
 # ---- side slip
 
 
-def across(recording, rows, sd=0.1, slip=0.0):
+def across(recording, rows, std=0.1, slip=0.0):
     """The recording with a zero lateral velocity at these samples."""
     t = recording.imu.t[rows]
     fixes = np.zeros((len(t), 1))
-    constraint = Aiding(
-        "zero-lateral-velocity", t, fixes, fixes + sd, gate=np.inf, name="wheels", slip=slip
+    constraint = Source(
+        "zero-lateral-velocity", t, fixes, fixes + std, gate=np.inf, name="wheels", slip=slip
     )
-    return replace(recording, aidings=(*recording.aidings, constraint))
+    return replace(recording, sources=(*recording.sources, constraint))
 
 
 @pytest.mark.parametrize("run", [sd.fuse, sd.smooth])
@@ -412,7 +412,7 @@ def test_side_slip_widens_a_constraint_by_the_angle_of_the_lateral_acceleration(
     )
     np.testing.assert_allclose(rows(slipping), rows(by_hand), rtol=1e-5, atol=1e-8)
     assert np.abs(rows(slipping) - rows(rigid)).max() > 1e-3
-    assert slipping.recording.aidings[-1].sd[0, 0] == 0.1
+    assert slipping.recording.sources[-1].std[0, 0] == 0.1
 
 
 def test_a_stream_slips_as_the_batch_does():
@@ -421,13 +421,13 @@ def test_a_stream_slips_as_the_batch_does():
     stream = sd.Stream(
         "closed-loop",
         start=start(recording),
-        aidings=recording.aidings,
+        sources=recording.sources,
         imu=recording.meta["grade"],
     )
     events = [
-        sd.Fix(t, s, tuple(y), tuple(deviations))
-        for s, a in enumerate(recording.aidings)
-        for t, y, deviations in zip(a.t, a.y, a.sd)
+        sd.Measurement(t, s, tuple(y), tuple(deviations))
+        for s, a in enumerate(recording.sources)
+        for t, y, deviations in zip(a.t, a.y, a.std)
     ]
     events += [
         sd.Sample(t, dt, tuple(dtheta), tuple(dv)) for t, dt, dtheta, dv in zip(*recording.imu)
@@ -448,6 +448,6 @@ def test_a_stream_slips_as_the_batch_does():
 )
 def test_slip_that_no_tyres_have_is_refused(kind, slip, told):
     recording = across(flight(), [255], slip=slip)
-    *others, constraint = recording.aidings
+    *others, constraint = recording.sources
     with pytest.raises(sd.DataError, match=told):
-        fused(replace(recording, aidings=(*others, replace(constraint, kind=kind))))
+        fused(replace(recording, sources=(*others, replace(constraint, kind=kind))))

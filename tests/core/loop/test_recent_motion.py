@@ -10,12 +10,12 @@ from strapdown.core.loop.contract import FilterState
 from strapdown.core.loop.stages.clock import AHEAD, BEHIND, followed_back, keep
 from strapdown.core.mathematics.earth import gravity
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.data.vehicle import find
 from strapdown.engine.plausible_limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 
 pytestmark = pytest.mark.short
 LLA = np.array([0.7, 0.2, 300.0])
@@ -72,8 +72,8 @@ def moved_through(motion, times):
     """(cursor, the belief at the last time) after predictions from each time to the next; the
     force of each is the mean in n as the body stands in the middle. Coriolis is left out: it is
     given to the motion by a force of its own."""
-    gnss = Aiding("position", [1.0], [LLA], [[1.0] * 3], estimate={"clock": (0.1,)})
-    noise = grade("tactical").noise()
+    gnss = Source("position", [1.0], [LLA], [[1.0] * 3], estimate={"clock": (0.1,)})
+    noise = imu_spec("tactical").noise()
     cursor = new_cursor(CLOSED_LOOP, times[0], (gnss,), limits(None, noise, find(None)))
     belief = belief_of(motion, times[0])
     for begin, end in zip(times, times[1:]):
@@ -87,7 +87,7 @@ def moved_through(motion, times):
 def looked_back(cursor, belief, age, delay=0.3):
     """(whether it can be told, parameters): the clock is such that the fix held `age` s ago."""
     source = new_source(clock_state=15, delay=delay, gate=1.0)
-    belief.extra_states[0] = delay - age
+    belief.augmented[0] = delay - age
     return followed_back(belief, source, cursor), source
 
 
@@ -95,11 +95,11 @@ def check(motion, times, age, tolerance):
     """Position and velocity `age` s before the last time, rate and attitude then."""
     cursor, belief = moved_through(motion, times)
     told, found = looked_back(cursor, belief, age)
-    now, C = times[-1], belief.C
+    now, C = times[-1], belief.C_nb
     assert told and found.age == pytest.approx(age) and found.clock == pytest.approx(0.3 - age)
     coriolis = found.gravity - G
     # 2 omega v: known to the filter, not to this motion
-    assert np.abs(coriolis).max() < 2e-4 * np.linalg.norm(belief.v)
+    assert np.abs(coriolis).max() < 2e-4 * np.linalg.norm(belief.v_n)
     back = motion.v(now) - C @ found.force - age * G
     np.testing.assert_allclose(back, motion.v(now - age), atol=tolerance)
     there = motion.p(now) - age * motion.v(now) + C @ found.lag + 0.5 * age**2 * G
@@ -107,7 +107,7 @@ def check(motion, times, age, tolerance):
     np.testing.assert_allclose(found.rate + belief.omega, TURNING, atol=1e-9)
     turn = attitude(now).inv() * attitude(now - age)
     np.testing.assert_allclose(found.turn, turn.as_matrix(), atol=1e-9)
-    np.testing.assert_array_equal(found.bias_then, belief.ba)
+    np.testing.assert_array_equal(found.bias_then, belief.b_a)
     return found
 
 
@@ -149,7 +149,7 @@ def test_the_mean_force_is_that_about_the_instant():
     found = check(Swinging(), np.arange(0, 2.0, 0.005), 0.5, 3e-4)
     cursor, belief = moved_through(Swinging(), np.arange(0, 2.0, 0.005))
     mean = (Swinging().v(1.495 + 0.1) - Swinging().v(1.495 - 0.1)) / 0.2 - G
-    np.testing.assert_allclose(belief.C @ found.force_then, mean, atol=2e-3)
+    np.testing.assert_allclose(belief.C_nb @ found.force_then, mean, atol=2e-3)
 
 
 @pytest.mark.parametrize("age", [BEHIND + 2, 1e6, -AHEAD - 0.5, -1e9])

@@ -46,6 +46,6 @@ def test_the_stage_of_the_documentation_widens_what_was_silent(silence):
     as_given, widened = claims(recording, 0.0), claims(recording, 8.0)
     assert np.all(widened > 1.5 * as_given)
     sources = begin(recording, filters.find("closed-loop"), run_options()).fixes.sources
-    assert not silence.needed(sources, None)
+    assert not silence.is_needed(sources, None)
     sources["parameters"][0, 3] = 1.0
-    assert silence.needed(sources, None)
+    assert silence.is_needed(sources, None)

@@ -40,8 +40,8 @@ pytestmark = pytest.mark.short
 NOISE = Noise(
     gyro=1e-4, accel=2e-3, gyro_bias=3e-6, accel_bias=4e-5, gyro_decay=1 / 3, accel_decay=1 / 5
 )
-SD = np.r_[[3.0] * 3, [0.3] * 3, [0.01, 0.01, 0.05], [0.05] * 3, [1e-3] * 3]
-SCALE = (*SD, 2.0, 2.0, 2.0)
+STD = np.r_[[3.0] * 3, [0.3] * 3, [0.01, 0.01, 0.05], [0.05] * 3, [1e-3] * 3]
+SCALE = (*STD, 2.0, 2.0, 2.0)
 STATES = [15, 16, 18]
 
 
@@ -50,8 +50,8 @@ def predict(belief, u, dt, noise):
     """The linearised step, with an error beside the belief that shows its transition."""
     linearised_step(
         belief,
-        belief.C,
-        belief.extra_states[0] if belief.extra_states.size else 1.0,
+        belief.C_nb,
+        belief.augmented[0] if belief.augmented.size else 1.0,
         u,
         dt,
         noise,
@@ -68,11 +68,11 @@ def belief(n, error_model="corrected"):
         (-0.4, 1.2, 2.0),
         (0.1, -0.2, 0.3),
         (0.01, 0.02, -0.03),
-        (*SD, *[2.0] * (n - 15)),
+        (*STD, *[2.0] * (n - 15)),
     )
     made = start.belief(allocate(ERROR_STATE, error_model))
-    made.P[...] = covariance(np.random.default_rng(n), np.array(start.sd))
-    made.extra_states[:] = 1.0
+    made.P[...] = covariance(np.random.default_rng(n), np.array(start.std))
+    made.augmented[:] = 1.0
     return made
 
 
@@ -93,14 +93,14 @@ def undone(row, lam, Lam):
 
 
 def later(n, seed=1):
-    """lam and Lam of about the size that they have: 1/sd, and less than the inverse of P."""
-    rng, sd = np.random.default_rng(seed), np.r_[SD, [2.0] * (n - 15)]
-    return rng.standard_normal(n) / sd, covariance(rng, 1 / sd)
+    """lam and Lam of about the size that they have: 1/std, and less than the inverse of P."""
+    rng, std = np.random.default_rng(seed), np.r_[STD, [2.0] * (n - 15)]
+    return rng.standard_normal(n) / std, covariance(rng, 1 / std)
 
 
-def close(found, expected, sd, tolerance=1e-11):
-    """Assert that a vector or matrix of 1/sd is as expected."""
-    scale = sd if found.ndim == 1 else np.outer(sd, sd)
+def close(found, expected, std, tolerance=1e-11):
+    """Assert that a vector or matrix of 1/std is as expected."""
+    scale = std if found.ndim == 1 else np.outer(std, std)
     assert np.abs((found - expected) * scale).max() < tolerance * max(
         1.0, np.abs(expected * scale).max()
     )
@@ -113,7 +113,7 @@ def transition(n, dt, u, error_model="corrected", coupling=1.0):
     Phi = np.eye(n)
     for column in range(15):
         made = belief(n, error_model)
-        made.extra_states[:] = coupling
+        made.augmented[:] = coupling
         made.workspace[X] = Phi[:15, column]
         predict(made, u, dt, NOISE)
         Phi[:15, column] = made.workspace[X]
@@ -133,9 +133,9 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(n, dt, error_mod
     row = record(made)
     assert row[0] == PREDICTED and np.abs(Phi - np.eye(n))[:9].max() >= 5 * dt
     found, Found = undone(row, lam, Lam)
-    sd = np.r_[SD, [2.0] * (n - 15)]
-    close(found, Phi.T @ lam, sd)
-    close(Found, Phi.T @ Lam @ Phi, sd)
+    std = np.r_[STD, [2.0] * (n - 15)]
+    close(found, Phi.T @ lam, std)
+    close(Found, Phi.T @ Lam @ Phi, std)
     there = (np.abs(Phi) > 0) & (Phi != np.eye(n))  # each entry, however small
     for column in range(n):
         unit, _ = undone(row, np.eye(n)[column], Lam)
@@ -148,12 +148,12 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(n, dt, error_mod
 def test_an_attitude_known_from_elsewhere_does_not_reach_the_velocity():
     u = np.r_[0.02, -0.05, 0.08, 2.0, -1.5, -1.7]
     Phi, (lam, Lam), made = transition(16, 0.1, u, coupling=0.0), later(16), belief(16)
-    made.extra_states[:] = 0.0
+    made.augmented[:] = 0.0
     predict(made, u, 0.1, NOISE)
     assert not Phi[3:6, 6:9].any()
     found, Found = undone(record(made), lam, Lam)
-    close(found, Phi.T @ lam, np.r_[SD, 2.0])
-    close(Found, Phi.T @ Lam @ Phi, np.r_[SD, 2.0])
+    close(found, Phi.T @ lam, np.r_[STD, 2.0])
+    close(Found, Phi.T @ Lam @ Phi, np.r_[STD, 2.0])
 
 
 @kernel(OBSERVE)
@@ -168,9 +168,9 @@ def observe(belief, y, parameters, innovation, H):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(belief, y, std, kind, observe, parameters, gate, innovation):
     """As the filters."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, std, observe, parameters, gate, innovation)
     if nis <= gate:
         inject_and_reset(belief, belief.workspace[DX])
     return nis
@@ -178,10 +178,10 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 def corrected(made, y, gate=np.inf):
     """(NIS, H, R of the measured rows) of a fix with these innovations."""
-    n, sd = len(made.P), np.array([0.5, 1.0, 2.0])
+    n, std = len(made.P), np.array([0.5, 1.0, 2.0])
     compile_kernel(correct)
     compile_kernel(observe)
-    nis = correct(made, np.array(y), sd, 0, observe, new_source(), gate, np.empty(12))
+    nis = correct(made, np.array(y), std, 0, observe, new_source(), gate, np.empty(12))
     H = np.array(
         [
             [
@@ -192,13 +192,13 @@ def corrected(made, y, gate=np.inf):
         ]
     )
     rows = ~np.isnan(y)
-    return nis, H[rows], np.diag(sd[rows] ** 2)
+    return nis, H[rows], np.diag(std[rows] ** 2)
 
 
 @pytest.mark.parametrize("n", STATES)
 @pytest.mark.parametrize("y", [(1.0, -2.0, 3.0), (0.3, np.nan, 1.0), (np.nan, np.nan, -2.0)])
 def test_adjoint_of_the_correction(n, y):
-    made, (lam, Lam), scale = belief(n), later(n), np.r_[SD, [2.0] * (n - 15)]
+    made, (lam, Lam), scale = belief(n), later(n), np.r_[STD, [2.0] * (n - 15)]
     before = made.P.copy()
     nis, H, R = corrected(made, y)
     e, S = np.array([v for v in y if v == v]), H @ before @ H.T + R
@@ -259,7 +259,7 @@ def test_the_way_back_is_the_smoother_of_rauch_tung_and_striebel(n):
     rng, made, dt = np.random.default_rng(n), belief(n), 0.2
     compile_kernel(predict)
     made.workspace[X] = 0.0
-    scale, calls = np.r_[SD, [2.0] * (n - 15)], []
+    scale, calls = np.r_[STD, [2.0] * (n - 15)], []
     for number in range(12):
         u = np.r_[rng.normal(0, 0.3, 3), rng.normal(0, 10, 3)] * dt
         Phi, before = transition_at(made, u, dt), made.P.copy()

@@ -43,8 +43,8 @@ def test_columns_of_the_transition_are_those_of_the_mechanization(name):
     """P that begins with one uncertain state ends as its derivative times its variance; the
     derivative is the difference of two runs."""
     recording, start, _ = flight(2.0, 50.0, noisy=False)
-    recording = replace(recording, aidings=())
-    start = start._replace(sd=(0.0,) * 15)
+    recording = replace(recording, sources=())
+    start = start._replace(std=(0.0,) * 15)
     options = dict(start=start, noise=EXACT)
     whole = sd.fuse(recording, estimate=[name], covariance=True, **options)
     P, prior = whole.covariance[-1], whole.covariance[0, 15, 15]
@@ -68,10 +68,10 @@ def test_columns_of_the_transition_are_those_of_the_mechanization(name):
 def test_a_gap_holds_velocity_whatever_the_scale():
     """What stands in for samples is what the IMU would read."""
     recording, start, _ = flight(6.0, 20.0, noisy=False)
-    t, aidings = recording.imu.t, recording.aidings
+    t, sources = recording.imu.t, recording.sources
     kept = (t < 1.0) | (t > 5.5)
     recording = replace(recording, imu=type(recording.imu)(*(x[kept] for x in recording.imu)))
-    recording = replace(recording, aidings=tuple(a._where(a.t < 0.99) for a in aidings))
+    recording = replace(recording, sources=tuple(a._where(a.t < 0.99) for a in sources))
     told = sd.fuse(
         read_wrong(recording, 5, 5, 0.05),
         start=start,

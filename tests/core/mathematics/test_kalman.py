@@ -34,19 +34,19 @@ NOISE = Noise(
     gyro=1e-4, accel=2e-3, gyro_bias=3e-6, accel_bias=4e-5, gyro_decay=1 / 300, accel_decay=1 / 100
 )
 WALK = NOISE._replace(gyro_decay=0.0, accel_decay=0.0)
-SD = np.r_[[3.0] * 3, [0.3] * 3, [0.01, 0.01, 0.05], [0.05] * 3, [1e-3] * 3]
+STD = np.r_[[3.0] * 3, [0.3] * 3, [0.01, 0.01, 0.05], [0.05] * 3, [1e-3] * 3]
 LLA, V = np.array([-70 * DEG, 2.0, 9000.0]), np.array([120.0, -150.0, 8.0])
 C = Rotation.from_euler("ZYX", [2.0, 1.2, -0.4]).as_matrix()
 FORCE = np.array([20.0, -15.0, -17.0])  # body, 30 m/s^2
 
 
-def covariance(rng, sd):
+def covariance(rng, std):
     """A positive matrix with these standard deviations and correlations up to 0.9."""
-    n = len(sd)
+    n = len(std)
     A = np.linalg.cholesky(np.eye(n) + 0.5 * np.ones((n, n)))
     B = A @ rng.standard_normal((n, 2 * n))
     P = B @ B.T
-    scale = sd / np.sqrt(np.diag(P))
+    scale = std / np.sqrt(np.diag(P))
     P *= np.outer(scale, scale)
     return (P + P.T) / 2
 
@@ -82,8 +82,8 @@ def transition(dt, noise=NOISE, model=CORRECTED):
 
 def normalised(difference, P):
     """The largest error of a covariance in units of its standard deviations."""
-    sd = np.sqrt(np.diag(P))
-    return np.abs(difference / np.outer(sd, sd)).max()
+    std = np.sqrt(np.diag(P))
+    return np.abs(difference / np.outer(std, std)).max()
 
 
 @pytest.mark.parametrize("model", [CORRECTED, LITERAL])
@@ -94,7 +94,7 @@ def test_transition_is_the_matrix_exponential_to_third_order(model):
         7.5 < errors[0].max() / errors[1].max() < 8.5
         and 7.5 < errors[1].max() / errors[2].max() < 8.5
     )
-    small = np.abs(transition(0.01, model=model) - expm(0.01 * F)) / np.outer(SD, 1 / SD)
+    small = np.abs(transition(0.01, model=model) - expm(0.01 * F)) / np.outer(STD, 1 / STD)
     assert small.max() < 2e-7  # in standard deviations, at 100 Hz
     kinematic = np.r_[0:6]  # no large numbers there: what is left out is the square of F, 1e-5 1/s
     assert small[np.ix_(kinematic, kinematic)].max() < 1e-9
@@ -124,7 +124,7 @@ def test_biases_decay_as_gauss_markov_processes(noise, keep_accel, keep_gyro):
 
 
 def test_stationary_bias_keeps_its_variance():
-    """With driving noise 2 sd^2 / tau a Gauss-Markov bias stays at its standard deviation."""
+    """With driving noise 2 std^2 / tau a Gauss-Markov bias stays at its standard deviation."""
     noise = Noise(
         0.0, 0.0, math.sqrt(2 * 1e-6 / 300), math.sqrt(2 * 0.0025 / 100), 1 / 300, 1 / 100
     )
@@ -138,7 +138,7 @@ def test_stationary_bias_keeps_its_variance():
 @pytest.mark.parametrize("rate, tolerance", [(100.0, 2e-7), (20.0, 5e-6)])
 def test_prediction_agrees_with_van_loan(n, rate, tolerance):
     """Also with states beyond the fifteenth, which stand still."""
-    P = covariance(np.random.default_rng(n), np.r_[SD, np.full(n - 15, 2.0)])
+    P = covariance(np.random.default_rng(n), np.r_[STD, np.full(n - 15, 2.0)])
     F, Q = (np.pad(part, (0, n - 15)) for part in dynamics(LLA, V, C, C @ FORCE, NOISE))
     Phi, Q_d = van_loan(F, Q, 1 / rate)
     expected = Phi @ P @ Phi.T + Q_d
@@ -159,10 +159,10 @@ def test_any_prediction_agrees_with_van_loan(seed):
     C, f = Rotation.random(rng=rng).as_matrix(), rng.normal(0, 15, 3)
     dt = 0.01
     densities = (
-        SD[[6, 3, 12, 9]] / math.sqrt(dt) * 10 ** rng.uniform(-1, 0, 4)
-    )  # in a step up to SD
+        STD[[6, 3, 12, 9]] / math.sqrt(dt) * 10 ** rng.uniform(-1, 0, 4)
+    )  # in a step up to STD
     noise = Noise(*densities, *rng.uniform(0, 0.01, 2))
-    P = covariance(rng, SD)
+    P = covariance(rng, STD)
     F, Q = dynamics(lla, v, C, C @ f, noise)
     Phi, Q_d = van_loan(F, Q, dt)
     expected, blocks = Phi @ P @ Phi.T + Q_d, np.zeros(BLOCKS)
@@ -176,7 +176,7 @@ def test_prediction_is_its_own_transition_twice(n):
     """Without noise P becomes Phi P Phi' with the Phi of `propagate_error`, to rounding: every
     block, whatever the order of the products."""
     P, still = (
-        covariance(np.random.default_rng(7), np.r_[SD, np.full(n - 15, 2.0)]),
+        covariance(np.random.default_rng(7), np.r_[STD, np.full(n - 15, 2.0)]),
         Noise(0.0, 0.0, 0.0, 0.0, 0.5, 0.25),
     )
     Phi = np.eye(n)
@@ -189,7 +189,7 @@ def test_prediction_is_its_own_transition_twice(n):
 @pytest.mark.parametrize("noise", [NOISE, WALK])
 @pytest.mark.parametrize("n", [15, 17, 26])
 def test_in_place_it_is_the_same_to_the_bit(n, noise):
-    P = covariance(np.random.default_rng(7), np.r_[SD, np.full(n - 15, 2.0)])
+    P = covariance(np.random.default_rng(7), np.r_[STD, np.full(n - 15, 2.0)])
     twin = P.copy()
     for _ in range(3):
         step(P, 0.05, noise)
@@ -227,26 +227,26 @@ def test_prediction_of_a_filter_in_fast_rotation(turn, rate, tolerance):
     omega, dt, slices = DEG * np.array(ROTATIONS[turn]), 1 / rate, 20
     bias = np.array([0.3, -0.2, 0.1]), np.array([0.02, 0.01, -0.03])
     belief = CLOSED_LOOP.start(
-        InitialState(0.0, tuple(LLA), tuple(V), (-0.4, 1.2, 2.0), *map(tuple, bias), tuple(SD)),
+        InitialState(0.0, tuple(LLA), tuple(V), (-0.4, 1.2, 2.0), *map(tuple, bias), tuple(STD)),
         NOISE,
     )
     expected, belief.P[:] = (
-        covariance(np.random.default_rng(3), SD),
-        covariance(np.random.default_rng(3), SD),
+        covariance(np.random.default_rng(3), STD),
+        covariance(np.random.default_rng(3), STD),
     )
     for _ in range(rate // 2):
-        u = np.r_[(omega + belief.bg) * dt, (FORCE + belief.ba) * dt]
+        u = np.r_[(omega + belief.b_g) * dt, (FORCE + belief.b_a) * dt]
         for k in range(slices):
-            C_k = belief.C @ Rotation.from_rotvec(omega * dt * (k + 0.5) / slices).as_matrix()
+            C_k = belief.C_nb @ Rotation.from_rotvec(omega * dt * (k + 0.5) / slices).as_matrix()
             Phi, Q_d = van_loan(
-                *dynamics(belief.lla, belief.v, C_k, C_k @ FORCE, NOISE), dt / slices
+                *dynamics(belief.lla, belief.v_n, C_k, C_k @ FORCE, NOISE), dt / slices
             )
             expected = Phi @ expected @ Phi.T + Q_d
         CLOSED_LOOP.predict(belief, u, dt, NOISE)
         np.testing.assert_allclose(np.r_[belief.omega, belief.f], np.r_[omega, FORCE], atol=1e-12)
     assert normalised(belief.P - expected, expected) < tolerance
     decayed = bias[0] * math.exp(-0.5 / 100), bias[1] * math.exp(-0.5 / 300)
-    np.testing.assert_allclose(np.r_[belief.ba, belief.bg], np.concatenate(decayed), rtol=1e-12)
+    np.testing.assert_allclose(np.r_[belief.b_a, belief.b_g], np.concatenate(decayed), rtol=1e-12)
 
 
 def lever_arm_jacobian(n):
@@ -257,21 +257,21 @@ def lever_arm_jacobian(n):
     return H
 
 
-def textbook(P, H, innovation, sd):
+def textbook(P, H, innovation, std):
     """Gain, covariance in the Joseph form and NIS of the measured rows."""
     measured = ~np.isnan(innovation)
-    H, R, e = H[measured], np.diag(sd[measured] ** 2), innovation[measured]
+    H, R, e = H[measured], np.diag(std[measured] ** 2), innovation[measured]
     S = H @ P @ H.T + R
     K = np.linalg.solve(S, H @ P).T
     A = np.eye(len(P)) - K @ H
     return K @ e, A @ P @ A.T + K @ R @ K.T, e @ np.linalg.solve(S, e)
 
 
-def corrected(P, H, innovation, sd, rows=3, gate=math.inf):
+def corrected(P, H, innovation, std, rows=3, gate=math.inf):
     """(NIS, dx, P) after `update`, which is given a workspace full of old numbers."""
     n = len(P)
     P, dx = P.copy(), np.full(2 * n, 77.0)
-    nis = update(P, H, innovation, sd, rows, gate, np.full(WORKSPACE, 1e3), dx)
+    nis = update(P, H, innovation, std, rows, gate, np.full(WORKSPACE, 1e3), dx)
     return nis, dx[:n], P
 
 
@@ -289,10 +289,10 @@ ROWS = {
 @pytest.mark.parametrize("n", [15, 16, 18])
 @pytest.mark.parametrize("measured", ROWS)
 def test_correction_is_the_textbook_one(n, measured):
-    P = covariance(np.random.default_rng(n), np.r_[SD, np.full(n - 15, 2.0)])
-    innovation, sd = np.array(ROWS[measured]), np.array([1.0, 2.0, 0.5])
-    nis, dx, after = corrected(P, lever_arm_jacobian(n), innovation, sd)
-    expected_dx, expected_P, expected_nis = textbook(P, lever_arm_jacobian(n), innovation, sd)
+    P = covariance(np.random.default_rng(n), np.r_[STD, np.full(n - 15, 2.0)])
+    innovation, std = np.array(ROWS[measured]), np.array([1.0, 2.0, 0.5])
+    nis, dx, after = corrected(P, lever_arm_jacobian(n), innovation, std)
+    expected_dx, expected_P, expected_nis = textbook(P, lever_arm_jacobian(n), innovation, std)
     assert nis == pytest.approx(expected_nis, rel=1e-12)
     np.testing.assert_allclose(dx, expected_dx, rtol=1e-10, atol=1e-14)
     assert normalised(after - expected_P, expected_P) < 1e-12
@@ -305,12 +305,12 @@ def test_any_correction_is_the_textbook_one(seed):
     missing at random."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(15, 30))
-    scale = np.r_[SD, np.full(n - 15, 2.0)]
+    scale = np.r_[STD, np.full(n - 15, 2.0)]
     P, H = covariance(rng, scale), rng.standard_normal((3, n)) / scale
-    innovation, sd = rng.standard_normal(3), 10 ** rng.uniform(-3, 3, 3)
+    innovation, std = rng.standard_normal(3), 10 ** rng.uniform(-3, 3, 3)
     innovation[rng.random(3) < 0.2] = np.nan
-    nis, dx, after = corrected(P, H, innovation, sd)
-    expected_dx, expected_P, expected_nis = textbook(P, H, innovation, sd)
+    nis, dx, after = corrected(P, H, innovation, std)
+    expected_dx, expected_P, expected_nis = textbook(P, H, innovation, std)
     if np.isnan(innovation).all():
         assert math.isnan(nis)
         return
@@ -322,39 +322,39 @@ def test_any_correction_is_the_textbook_one(seed):
 
 @pytest.mark.parametrize("rows", [1, 2])
 def test_rows_that_a_sensor_does_not_have_are_not_read(rows):
-    P, H = covariance(np.random.default_rng(1), SD), lever_arm_jacobian(15)
-    innovation, sd = np.array([1.0, -2.0, 0.5]), np.array([1.0, 2.0, 0.5])
-    nis, dx, after = corrected(P, H, innovation, sd, rows)
+    P, H = covariance(np.random.default_rng(1), STD), lever_arm_jacobian(15)
+    innovation, std = np.array([1.0, -2.0, 0.5]), np.array([1.0, 2.0, 0.5])
+    nis, dx, after = corrected(P, H, innovation, std, rows)
     padded = np.where(np.arange(3) < rows, innovation, np.nan)
-    expected = corrected(P, H, padded, sd)
+    expected = corrected(P, H, padded, std)
     assert nis == expected[0]
     np.testing.assert_array_equal(dx, expected[1])
     np.testing.assert_array_equal(after, expected[2])
 
 
 def test_nothing_measured_changes_nothing():
-    P = covariance(np.random.default_rng(1), SD)
+    P = covariance(np.random.default_rng(1), STD)
     nis, dx, after = corrected(P, lever_arm_jacobian(15), np.full(3, np.nan), np.ones(3))
     assert math.isnan(nis) and not dx.any()
     np.testing.assert_array_equal(after, P)
 
 
 def test_gate_leaves_the_covariance_as_it_was_to_the_last_bit():
-    P, H, innovation, sd = (
-        covariance(np.random.default_rng(1), SD),
+    P, H, innovation, std = (
+        covariance(np.random.default_rng(1), STD),
         lever_arm_jacobian(15),
         np.array([9.0, -9.0, 9.0]),
         np.ones(3),
     )
-    nis = textbook(P, H, innovation, sd)[2]
+    nis = textbook(P, H, innovation, std)[2]
     below, above = (
-        corrected(P, H, innovation, sd, gate=0.999 * nis),
-        corrected(P, H, innovation, sd, gate=1.001 * nis),
+        corrected(P, H, innovation, std, gate=0.999 * nis),
+        corrected(P, H, innovation, std, gate=1.001 * nis),
     )
     assert below[0] == above[0] == pytest.approx(nis)
     np.testing.assert_array_equal(below[2], P)
     assert np.all(np.diag(above[2]) <= np.diag(P)) and above[2][0, 0] < 0.9 * P[0, 0]
-    np.testing.assert_array_equal(corrected(P, H, np.array([1e150, 0, 0]), sd, gate=16.0)[2], P)
+    np.testing.assert_array_equal(corrected(P, H, np.array([1e150, 0, 0]), std, gate=16.0)[2], P)
 
 
 def is_positive(P):
@@ -371,9 +371,9 @@ EXTREMES = {
 
 @pytest.mark.parametrize("H", EXTREMES.values(), ids=EXTREMES)
 def test_extreme_ratio_of_belief_and_noise_stays_positive(H):
-    P, sd = 1e6 * np.eye(15), np.full(3, 1e-6)
+    P, std = 1e6 * np.eye(15), np.full(3, 1e-6)
     for _ in range(20):
-        _, _, P = corrected(P, H, np.zeros(3), sd)
+        _, _, P = corrected(P, H, np.zeros(3), std)
         assert is_positive(P)
         np.testing.assert_array_equal(P, P.T)
     step(P, 0.01)
@@ -381,9 +381,9 @@ def test_extreme_ratio_of_belief_and_noise_stays_positive(H):
 
 
 def test_a_perfect_fix_counts_as_nearly_perfect():
-    _, dx, P = corrected(np.diag(SD**2), np.eye(3, 15), np.ones(3), np.zeros(3))
+    _, dx, P = corrected(np.diag(STD**2), np.eye(3, 15), np.ones(3), np.zeros(3))
     np.testing.assert_allclose(dx[:3], 1, rtol=1e-8)
-    assert 0 < P[0, 0] < 1e-7 * SD[0] ** 2
+    assert 0 < P[0, 0] < 1e-7 * STD[0] ** 2
 
 
 seconds = st.sampled_from([0.001, 0.01, 0.05, 1.0])
@@ -401,16 +401,16 @@ fixes = st.tuples(
     st.sampled_from([1e-3, 1.0, 100.0]),
 )
 def test_any_sequence_keeps_the_covariance_symmetric_and_positive(events, n, scale):
-    P = covariance(np.random.default_rng(5), scale * np.r_[SD, np.full(n - 15, 2.0)])
+    P = covariance(np.random.default_rng(5), scale * np.r_[STD, np.full(n - 15, 2.0)])
     jacobians = [lever_arm_jacobian(n), np.eye(3, n, 3), np.eye(3, n, 8)]
     for event in events:
         if isinstance(event, float):
             step(P, event)
         else:
-            which, sd, missing = event
+            which, std, missing = event
             innovation = np.where(missing, np.nan, [1.0, -2.0, 0.5])
             before = np.trace(P)
-            P = corrected(P, jacobians[which], innovation, np.full(3, sd))[2]
+            P = corrected(P, jacobians[which], innovation, np.full(3, std))[2]
             assert np.trace(P) <= before
         np.testing.assert_array_equal(P, P.T)
         assert is_positive(P)

@@ -3,7 +3,7 @@ dense matrices, with the transition and the gain of `test_adjoint`."""
 
 import numpy as np
 import pytest
-from test_adjoint import NOISE, SD, STATES, belief, corrected, predict, transition
+from test_adjoint import NOISE, STATES, STD, belief, corrected, predict, transition
 
 from strapdown.core.loop.contract import compile_kernel
 from strapdown.core.mathematics.adjoint import width
@@ -41,8 +41,8 @@ def carried(n, rows, V, h):
 
 def drawn(n, fixes=1):
     """V (n, LANES) of about the standard deviations, and h."""
-    rng, sd = np.random.default_rng(n), np.r_[SD, [2.0] * (n - 15)]
-    return sd[:, None] * rng.standard_normal((n, LANES)), rng.standard_normal((fixes, 3, LANES))
+    rng, std = np.random.default_rng(n), np.r_[STD, [2.0] * (n - 15)]
+    return std[:, None] * rng.standard_normal((n, LANES)), rng.standard_normal((fixes, 3, LANES))
 
 
 @pytest.mark.parametrize("n", STATES)
@@ -53,7 +53,7 @@ def test_a_prediction_moves_the_columns_by_the_transition(n, dt):
     compile_kernel(predict)
     predict(made, u, dt, NOISE)
     found, _ = carried(n, [record(made)], V, np.zeros((0, 3, LANES)))
-    scale = np.r_[SD, [2.0] * (n - 15)][:, None]
+    scale = np.r_[STD, [2.0] * (n - 15)][:, None]
     np.testing.assert_allclose(found / scale, Phi @ V / scale, rtol=1e-10, atol=1e-10)
 
 
@@ -85,7 +85,7 @@ def test_a_fix_shows_the_constants_and_takes_up_what_it_uses(n, gate, y):
     np.testing.assert_allclose(J[0, :rows], expected, rtol=1e-9, atol=1e-9)
     assert not J[0, rows:].any()
     gain = before @ H.T @ np.linalg.inv(S) if gate == np.inf else np.zeros((n, rows))
-    scale = np.r_[SD, [2.0] * (n - 15)][:, None]
+    scale = np.r_[STD, [2.0] * (n - 15)][:, None]
     after = V - gain @ (H @ V + h[0][measured])
     if gate == np.inf:  # what is left of an attitude error turns by half of the correction
         after[6:9] += 0.5 * np.cross(made.workspace[DX][6:9], after[6:9], axisb=0, axisc=0)
@@ -97,10 +97,10 @@ def test_the_belief_before_a_fix_stands_behind_it(gate):
     """Whether the fix was used or not: with its innovation inside, derivatives and innovations
     would have something in common."""
     made = belief(16)
-    before = np.r_[made.v, made.C.ravel(), made.omega, made.ba]
+    before = np.r_[made.v_n, made.C_nb.ravel(), made.omega, made.b_a]
     corrected(made, (0.01, -0.02, 0.03), gate)
     if gate == np.inf:  # `corrected` has injected it
-        assert np.abs(made.v - before[:3]).max() > 1e-4
+        assert np.abs(made.v_n - before[:3]).max() > 1e-4
     kept = record(made)[width(16) :]
     np.testing.assert_allclose(kept[:INVERSE], before, atol=1e-6)
 

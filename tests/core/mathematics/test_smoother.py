@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.core.loop.contract import Noise, address, compile_kernel
-from strapdown.core.loop.loop import BIASES, LLA, NAV_WIDTH, SD, Q, V
+from strapdown.core.loop.loop import BIASES, LLA, NAV_WIDTH, STD, Q, V
 from strapdown.core.mathematics.rotation import turn_quaternion
 from strapdown.core.mathematics.smoother import run_back, work_size
 from strapdown.filters.attitude.attitude_error_state import (
@@ -250,7 +250,7 @@ def passed_back(model, pieces=1):
             smoothed[first:last],
         )
     turned = Rotation.from_quat(nav[:, [Q + 1, Q + 2, Q + 3, Q]]).as_rotvec()
-    return np.hstack([turned, nav[:, BIASES + 3 : SD]]), smoothed, nav
+    return np.hstack([turned, nav[:, BIASES + 3 : STD]]), smoothed, nav
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -266,7 +266,7 @@ def test_a_pass_is_the_least_squares_of_all_measurements(seed):
     np.testing.assert_allclose(error[:, :3], [rotation(v) for v in expected[:, :3]], atol=1e-9)
     np.testing.assert_allclose(P[(slice(None), *BLOCK)], covariance, atol=1e-9)
     # the others stand at 0
-    np.testing.assert_allclose(nav[:, SD : SD + 15] ** 2, np.einsum("ijj->ij", P), atol=1e-9)
+    np.testing.assert_allclose(nav[:, STD : STD + 15] ** 2, np.einsum("ijj->ij", P), atol=1e-9)
     np.testing.assert_allclose(error[-1], 0.0, atol=1e-12)  # nothing comes after the last row
 
 
@@ -291,7 +291,7 @@ def test_all_states_and_those_of_aidings_are_composed(tail):
     lla, attitude = np.array([0.8, 3.1, 400.0]), Rotation.random(random_state=2)
     x, y, z, w = attitude.as_quat()
     nav[0, LLA:BIASES] = [*lla, 1.0, 2.0, 3.0, w, x, y, z]
-    # a column of the filter, two states of aidings, their standard deviations
+    # a column of the filter, two states of sources, their standard deviations
     nav[0, NAV_WIDTH:] = [
         7.0,
         *[10.0, 20.0][:tail],
@@ -315,8 +315,8 @@ def test_all_states_and_those_of_aidings_are_composed(tail):
     np.testing.assert_allclose(row[V:Q], [1, 2, 3] + error[3:6])
     turned = Rotation.from_quat(row[[Q + 1, Q + 2, Q + 3, Q]]) * attitude.inv()
     np.testing.assert_allclose(turned.as_rotvec(), error[6:9], atol=1e-12)
-    np.testing.assert_allclose(row[BIASES:SD], error[9:15])
-    np.testing.assert_allclose(row[SD : SD + 15], np.sqrt(np.diag(smoothed)[:15]))
+    np.testing.assert_allclose(row[BIASES:STD], error[9:15])
+    np.testing.assert_allclose(row[STD : STD + 15], np.sqrt(np.diag(smoothed)[:15]))
     np.testing.assert_allclose(
         row[NAV_WIDTH:], [7.0, *(error[15:] + [10, 20][:tail]), *np.sqrt(np.diag(smoothed)[15:])]
     )

@@ -92,7 +92,7 @@ def test_whitening_is_the_inverse_of_the_root():
         ("flight", "jump that returns"),
         ("flight", "drift"),
         ("car", "clock that steps"),
-        ("flight", "sd of velocity small"),
+        ("flight", "std of velocity small"),
         ("car with odometer", "odometer scale"),
         ("flight", "velocity bias"),
         ("flight", "2 % outliers"),

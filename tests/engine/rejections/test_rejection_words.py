@@ -8,19 +8,19 @@ from golden.replay import DESCRIPTIONS
 from refused_fixes import changed, simulated, solved
 
 import strapdown as sd
-from strapdown.data.solution import Aiding, Rejected
+from strapdown.data.solution import Rejected, Source
 from strapdown.engine.rejections import causes
 from strapdown.engine.rejections.causes import CauseFound
 from strapdown.engine.rejections.contradictions import RejectedRun
 from strapdown.engine.rejections.runs import join_runs
 from strapdown.engine.rejections.texts import rejection_texts
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Measurement, Sample, Stream
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.pages import fix_figures, summary
 
 EMPTY = np.empty((0, 3))
-POSITION = Aiding("position", EMPTY[:, 0], EMPTY, EMPTY, name="GNSS")
-SPEED = Aiding("speed", EMPTY[:, 0], EMPTY[:, :1], EMPTY[:, :1])
+POSITION = Source("position", EMPTY[:, 0], EMPTY, EMPTY, name="GNSS")
+SPEED = Source("speed", EMPTY[:, 0], EMPTY[:, :1], EMPTY[:, :1])
 
 
 def run(shape, size=(), since=118.0, until=np.inf, source=0, start=120.0, **more):
@@ -107,9 +107,9 @@ def events_of(recording):
     rows = zip(imu.t.tolist(), imu.dt.tolist(), imu.dtheta.tolist(), imu.dv.tolist())
     samples = [Sample(t, dt, tuple(a), tuple(b)) for t, dt, a, b in rows]
     fixes = [
-        Fix(t, k, tuple(y), tuple(d))
-        for k, a in enumerate(recording.aidings)
-        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
+        Measurement(t, k, tuple(y), tuple(d))
+        for k, a in enumerate(recording.sources)
+        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.std.tolist())
     ]
     return sorted(samples + fixes, key=lambda event: (event.t, type(event) is Sample))
 
@@ -117,14 +117,14 @@ def events_of(recording):
 def test_a_stream_says_it_while_it_goes_on_and_once():
     moved = lambda a: replace(a, y=displace_lla(a.y, (a.t >= 158.0)[:, None] * [0.0, 30.0, 0.0]))
     recording = changed(simulated("flight", 1), "position", moved)
-    begin = sd.align(recording, sd.grade("industrial"))
+    begin = sd.align(recording, sd.imu("industrial"))
     batch, told = sd.fuse(recording, start=begin), []
     streams = [
         Stream(
             "closed-loop",
             start=begin,
             imu="industrial",
-            aidings=recording.aidings,
+            sources=recording.sources,
             history=history,
             on_event=lambda *event: told.append((stream.t, *event)),
         )
@@ -148,8 +148,8 @@ def test_a_recorded_drive_with_wrong_fixes(data_folder):
     found = {r.source: r for r in sd.fuse(changed(drive, "position", off)).rejected}["position"]
     assert (found.cause, found.start) == ("jump", pytest.approx(250.0, abs=0.5))
     assert found.seen == "they jumped by 15 m to the east and stayed"
-    small = changed(drive, "velocity", lambda a: replace(a, sd=a.sd / 5))
-    both = changed(small, "position", lambda a: replace(a, sd=a.sd / 5))
+    small = changed(drive, "velocity", lambda a: replace(a, std=a.std / 5))
+    both = changed(small, "position", lambda a: replace(a, std=a.std / 5))
     for recording in (small, both):
         found = {r.source: r for r in sd.fuse(recording).rejected}["velocity"]
         assert found.cause == "noise too small" and found.number > 100

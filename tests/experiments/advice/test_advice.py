@@ -32,12 +32,14 @@ from strapdown.experiments.advice.verdicts import (
 )
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.scenario import scenario
 
 MINE = replace(
-    grade("navigation"), name="my IMU", gyro=replace(grade("navigation").gyro, scale_factor=1e-3)
+    imu_spec("navigation"),
+    name="my IMU",
+    gyro=replace(imu_spec("navigation").gyro, scale_factor=1e-3),
 )
 """Further arguments of `advise`, the last one the alignment."""
 GOOD = Interval(1.05, 0.98, 1.12)
@@ -125,7 +127,7 @@ def test_the_flights_of_the_map_have_every_sensor_of_the_mission():
     ]
     assert sensors == ["gnss", "magnetometer", "barometer"]
     for flight in _map_scenarios(given):
-        for name in [*sensors, "date", "gate", "gravity", "start_sd"]:
+        for name in [*sensors, "date", "gate", "gravity", "start_std"]:
             assert getattr(flight, name) == getattr(given, name), name
 
 
@@ -143,10 +145,10 @@ def test_a_scenario_file_is_extended(tmp_path):
     path.write_text(
         'duration_s = 50\nrate_hz = 10\n[motion]\nkind = "car"\nstart = { latitude_deg = 48, longitude_deg = 11, height_m = 500 }\ncourse_deg = 0\n'
         "legs = [{ duration_s = 20, speed_m_s = 10 }, { duration_s = 20, turn_deg = 90, speed_m_s = 5 }, { duration_s = 20, speed_m_s = 0 }]\n"
-        "[gnss]\nposition_sd_m = 2\n"
+        "[gnss]\nposition_std_m = 2\n"
     )
     made = mission(str(path), 130.0)
-    assert (made.duration, made.rate, made.gnss.velocity_sd, made.name) == (
+    assert (made.duration, made.rate, made.gnss.velocity_std, made.name) == (
         130.0,
         10.0,
         None,
@@ -324,15 +326,15 @@ def test_the_grid_of_durations_ends_at_the_mission():
 def test_the_users_imu_has_its_own_row_in_the_map():
     from dataclasses import replace
 
-    assert [spec.name for spec in _map_imus(grade("tactical"))] == [
+    assert [spec.name for spec in _map_imus(imu_spec("tactical"))] == [
         "consumer",
         "industrial",
         "tactical",
         "navigation",
     ]
-    other = replace(grade("tactical"), accel=replace(grade("tactical").accel, noise=1e-3))
+    other = replace(imu_spec("tactical"), accel=replace(imu_spec("tactical").accel, noise=1e-3))
     assert [spec.name for spec in _map_imus(other)][-1] == "own tactical" and _map_imus(
-        grade("paper1-tactical")
+        imu_spec("paper1-tactical")
     )[-1].name == "paper1-tactical"
 
 
@@ -401,11 +403,11 @@ def test_after_an_alignment_in_motion_runs_begin_with_its_errors():
     """Those that `align` claims on the first seconds: heading from the course."""
     advice = advise("navigation", "dynamic", "60s", runs=20, quick=True, seed=1, alignment="moving")
     recording = sd.simulate(mission("dynamic", 60.0), imu="navigation", seed=0)
-    claimed = np.degrees(sd.align(recording, grade("navigation")).sd[6:9])
+    claimed = np.degrees(sd.align(recording, imu_spec("navigation")).std[6:9])
     assert claimed[2] > 3.0
     written = advice.as_dict()
     assert written["alignment"] == "moving"
-    assert written["start_attitude_sd_deg"] == pytest.approx(claimed)
+    assert written["start_attitude_std_deg"] == pytest.approx(claimed)
     first, second, *_ = str(advice).splitlines()
     assert first.startswith("If after an alignment in motion roll and pitch are known to")
     assert f"heading to {claimed[2]:.2g} deg:" in first and "--alignment" not in str(advice)
@@ -417,14 +419,14 @@ def test_after_an_alignment_in_motion_runs_begin_with_its_errors():
     assert 0.3 * claimed[2] < begun < 1.4 * claimed[2]  # a second of fixes has been used
     given = advise("navigation", "dynamic", "60s", runs=2, quick=True, seed=1)
     assert "If at the start" in given._repr_html_() and "<script" not in given._repr_html_()
-    assert given.as_dict()["start_attitude_sd_deg"] == pytest.approx(
+    assert given.as_dict()["start_attitude_std_deg"] == pytest.approx(
         [0.115, 0.115, 0.573], abs=1e-3
     )
 
 
 def test_the_cost_is_told_before_and_after(tmp_path):
     said = []
-    given = dict(runs=3, seed=1, out=tmp_path / "a", map=False, say=said.append)
+    given = dict(runs=3, seed=1, out=tmp_path / "a", map=False, notify=said.append)
     advise("tactical", "straight", 60, **given)
     before, after = said[-2:]  # before them there may be lines on compiling
     # 3 runs of 3 filters over 60 s at 20 Hz
@@ -452,7 +454,7 @@ def test_an_advice_is_written_and_the_same_again(tmp_path):
         out=tmp_path / "a",
         rate=10.0,
         threads=2,
-        say=said.append,
+        notify=said.append,
         progress=fractions.append,
     )
     again = advise("tactical", "straight", 90, runs=4, seed=5, rate=10.0, threads=1)
@@ -486,7 +488,7 @@ def test_an_advice_is_written_and_the_same_again(tmp_path):
             out=tmp_path / "a",
             rate=10.0,
             threads=2,
-            say=pytest.fail,
+            notify=pytest.fail,
         )
     assert (
         any("million filter steps" in line for line in said)

@@ -8,7 +8,7 @@ from test_study import FLIGHT, study, tables
 
 import strapdown as sd
 from strapdown.core.compile.jit import COMPILED
-from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.imu import ImuSpec, imu as imu_spec
 from strapdown.sensor_models.streams import RandomStream
 
 pytestmark = pytest.mark.skipif(
@@ -20,7 +20,7 @@ class Deadly(ImuSpec):
     """An IMU that kills its process in run 3."""
 
     def corrupt(self, imu, seed):
-        if seed == RandomStream.of(0).named(FLIGHT.name).numbered(3).named("imu"):
+        if seed == RandomStream.of(0).child(FLIGHT.name).numbered_child(3).child("imu"):
             os.kill(os.getpid(), signal.SIGKILL)
         return ImuSpec.corrupt(self, imu, seed)
 
@@ -36,7 +36,7 @@ class Clumsy(ImuSpec):
 
 
 def spec(kind, source=""):
-    g = grade("paper1-tactical")
+    g = imu_spec("paper1-tactical")
     return kind(g.name, g.gyro, g.accel, source)
 
 
@@ -55,7 +55,7 @@ def classes_travel_by_value():
 @pytest.mark.deep
 def test_a_run_that_kills_its_worker_is_quarantined_and_the_others_stay(tmp_path):
     said = []
-    found = study(imus=spec(Deadly), runs=6).run(tmp_path / "deadly", workers=1, say=said.append)
+    found = study(imus=spec(Deadly), runs=6).run(tmp_path / "deadly", workers=1, notify=said.append)
     whole = study(runs=6).run()
     assert (
         list(found.runs.end[found.runs["filter"] == "open-loop"])

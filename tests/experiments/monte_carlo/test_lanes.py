@@ -26,7 +26,7 @@ def arrays_of(made, skip=()):
     return chunks.run_chunk(made, made.chunks()[0], skip)
 
 
-EXACT = "sd", "variances", "nis", "correlation", "accepted", "rejected", "reason", "rows", "bias"
+EXACT = "std", "variances", "nis", "correlation", "accepted", "rejected", "reason", "rows", "bias"
 
 
 def same(a, b):
@@ -37,7 +37,7 @@ def same(a, b):
         if name in EXACT:
             np.testing.assert_array_equal(a[name], b[name], err_msg=name)
         elif name in ("error", "nees_rows"):
-            scale = b["sd"] if name == "error" else 1 + b[name]
+            scale = b["std"] if name == "error" else 1 + b[name]
             np.testing.assert_array_equal(np.isnan(a[name]), np.isnan(b[name]))
             assert np.nanmax(np.abs(a[name] - b[name]) / scale, initial=0.0) < 1e-6
         else:
@@ -51,7 +51,7 @@ FILTERS = "closed-loop", "open-loop:bias=held", "periodic-reset:interval=7"
     "change",
     [
         {},
-        {"gnss": Gnss(interval=0.35, velocity_sd=(0.1,) * 3, outages=((8.0, 15.0),))},
+        {"gnss": Gnss(interval=0.35, velocity_std=(0.1,) * 3, outages=((8.0, 15.0),))},
         {"gate": 3.0},
         {"biases_known": True, "accel_offset": (0.1, 0.0, 0.2)},
     ],
@@ -72,7 +72,7 @@ def test_runs_do_not_depend_on_the_runs_beside_them(least):
     made = study(runs=13, chunk_steps=10**9)
     whole, without = arrays_of(made), arrays_of(made, skip=(0, 5))
     others = np.delete(np.arange(13), [0, 5])
-    for name in ("error", "sd", "mean_square", "nis"):
+    for name in ("error", "std", "mean_square", "nis"):
         np.testing.assert_array_equal(whole[name][:, others], without[name][:, others])
     assert (without["reason"][:, [0, 5]] == 3).all()
 
@@ -95,7 +95,7 @@ def test_filters_without_lanes_run_on_the_same_records(least):
     least(NEVER)
     alone = arrays_of(made)
     np.testing.assert_array_equal(beside["bias"], alone["bias"])
-    for name in ("error", "sd", "mean_square", "nis"):
+    for name in ("error", "std", "mean_square", "nis"):
         np.testing.assert_array_equal(beside[name][1], alone[name][1])
 
 
@@ -104,10 +104,10 @@ def test_what_leaves_the_lanes_is_run_alone(least, monkeypatch):
     least(WHOLE)
     started = FLIGHT.replace(gate=1.0)
     made = study(scenarios=started, filters=("open-loop",), runs=8, chunk_steps=10**9)
-    alone, scored = [], chunks.RunRecord.scored
+    alone, scored = [], chunks.RunRecord.score
     monkeypatch.setattr(
         chunks.RunRecord,
-        "scored",
+        "score",
         lambda self, label: alone.append(self.run) or scored(self, label),
     )
     side_by_side = arrays_of(made)

@@ -19,6 +19,7 @@ from strapdown.evaluation.consistency import LossLimits
 from strapdown.evaluation.nees import normalised_rows
 from strapdown.experiments.monte_carlo import summaries
 from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.experiments.monte_carlo.figures import NAMED
 from strapdown.experiments.monte_carlo.scoring import (
     ERROR_STATE_NAMES,
     RUN_REASONS,
@@ -39,9 +40,9 @@ FLIGHT = Scenario(
     demo_flight(),
     60.0,
     rate=20.0,
-    gnss=Gnss(interval=0.05, position_sd=(1.0, 1.0, 1.0), velocity_sd=None),
+    gnss=Gnss(interval=0.05, position_std=(1.0, 1.0, 1.0), velocity_std=None),
     gate=np.inf,
-    start_sd=(1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 2e-3, 2e-3, 3e-3, *[None] * 6),
+    start_std=(1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 2e-3, 2e-3, 3e-3, *[None] * 6),
 )
 LOOPS = ("open-loop", "closed-loop")
 TABLES = ("summary.csv", "runs.csv")
@@ -95,7 +96,7 @@ def test_a_run_is_scored_as_the_metrics_score_it():
     """One run by hand: errors, NEES and numbers of `score` against metrics.errors and
     consistency on the same solution."""
     made = Simulator(FLIGHT)
-    imu = sd.grade("paper1-tactical")
+    imu = sd.imu("paper1-tactical")
     recording, start = made.run(imu, np.random.SeedSequence(5))
     solution = sd.fuse(recording, "closed-loop", start=start, every=20, covariance=True)
     at = epochs(made.truth, 20)
@@ -160,6 +161,55 @@ def test_the_summary_of_a_consistent_filter_is_consistent(finished):
     assert "Study" in shown and "closed-loop" in shown and "<script" not in shown
 
 
+@pytest.mark.parametrize("what", NAMED)
+def test_a_campaign_draws_its_curves(finished, what):
+    (cell,) = finished.cells
+    curves, filters = finished.curves(cell), finished.manifest["filters"]
+    figure = finished.plot(what)
+    assert figure == finished.plot(what, cell) and cell in figure.layout.title.text
+    drawn = {}
+    for trace in figure.data:
+        drawn.setdefault(trace.name, []).append(np.asarray(trace.y))
+    assert set(drawn) - {"Cramer-Rao bound"} == set(filters)
+    lines = {"nees": 1, "survival": 1}.get(what, 2)
+    assert all(len(drawn[name]) == lines for name in filters)
+    first = drawn[filters[0]][0]
+    if what == "position":
+        expected = np.linalg.norm(curves["rmse"][0][:, :3], axis=1)
+        np.testing.assert_allclose(first, expected, rtol=1e-6)
+        assert len(drawn["Cramer-Rao bound"]) == 1
+    if what == "survival":
+        np.testing.assert_allclose(first, 100 * curves["alive"][0] / finished.manifest["runs"])
+
+
+def test_figures_and_cells_that_there_are_not_are_refused_in_a_line(finished):
+    with pytest.raises(sd.DataError, match="figure is 'positoin' .did you mean 'position'"):
+        finished.plot("positoin")
+    with pytest.raises(sd.DataError, match="cell is 'moon'"):
+        finished.plot(cell="moon")
+
+
+def test_tables_and_curves_of_a_campaign_are_never_stale(finished):
+    (cell,) = finished.cells
+    before, path = finished.summary, next(finished.folder.glob("chunks/*/*.nc"))
+    own = finished.summary
+    own["runs"] = 0
+    assert finished.summary.equals(before) and finished.runs.equals(finished.runs)
+    with pytest.raises(ValueError, match="read-only"):
+        finished.curves(cell)["rmse"][0] = 0.0
+    content = path.read_bytes()
+    path.unlink()
+    try:
+        if any(finished.folder.glob("chunks/*/*.nc")):
+            assert len(finished.runs) < len(before) * finished.manifest["runs"]
+        else:
+            with pytest.raises(sd.DataError, match="no finished runs"):
+                finished.summary
+    finally:
+        path.write_bytes(content)
+    assert finished.summary.equals(before)
+
+
 def test_curves_are_sums_of_what_the_files_hold_and_the_bound_is_below(finished):
     (cell,) = finished.cells
     arrays, curves = finished.arrays(cell), finished.curves(cell)
@@ -182,7 +232,7 @@ def test_labelled_arrays_are_what_the_files_hold(finished):
     """Also where the scales of the dimensions are damaged, at which HDF5 may end the process."""
     (cell,) = finished.cells
     with finished.arrays(cell) as arrays:
-        for name in ("error", "sd", "nees_rows", "bias", "lasted", "coverage"):
+        for name in ("error", "std", "nees_rows", "bias", "lasted", "coverage"):
             axis = arrays[name].dims.index("run")
             whole = np.concatenate([part[name] for part in finished.read(cell, [name])], axis)
             assert np.array_equal(arrays[name].values, whole, equal_nan=True), name
@@ -205,10 +255,10 @@ def test_fixes_and_start_of_a_run_are_the_same_for_every_imu_and_differ_from_run
     one = study(imus=("paper1-tactical", "paper1-consumer"))
     made = Simulator(FLIGHT)
     (a, start_a), (b, start_b) = (made.run(cell.imu, seeds(one, cell, 3)) for cell in one.cells)
-    np.testing.assert_array_equal(a.aidings[0].y, b.aidings[0].y)
+    np.testing.assert_array_equal(a.sources[0].y, b.sources[0].y)
     assert start_a.lla == start_b.lla
     assert not np.array_equal(
-        a.aidings[0].y, made.run(one.cells[0].imu, seeds(one, one.cells[0], 4))[0].aidings[0].y
+        a.sources[0].y, made.run(one.cells[0].imu, seeds(one, one.cells[0], 4))[0].sources[0].y
     )
 
 
@@ -243,7 +293,7 @@ def test_a_campaign_goes_on_where_it_was_interrupted(finished, tmp_path):
     for path in files[1:3]:
         path.unlink()
     (tmp_path / "summary.csv").unlink()
-    assert len(campaign.missing()) == 2
+    assert len(campaign.missing_chunks()) == 2
     assert (
         tables(study().run(tmp_path).folder) == tables(finished.folder)
         and files[0].stat().st_mtime_ns == kept
@@ -349,7 +399,7 @@ def test_a_damaged_chunk_is_named(tmp_path):
         ):
             (
                 campaign.numbers(campaign.cells[0]),
-                campaign.read(campaign.cells[0], ("error", "sd", "bias", "squares")),
+                campaign.read(campaign.cells[0], ("error", "std", "bias", "squares")),
             )
 
 
@@ -378,14 +428,14 @@ def test_two_studies_that_begin_at_once_do_not_mix(tmp_path):
     """The second takes the folder between the first's manifest and its work: the first notices."""
     first = Campaign.begin(study(runs=5), tmp_path)
     Campaign.begin(study(runs=5, seed=8), tmp_path)
-    with first.locked(), pytest.raises(sd.DataError, match="seed is 8 there and 0 here"):
+    with first.lock(), pytest.raises(sd.DataError, match="seed is 8 there and 0 here"):
         first.check()
 
 
 def test_two_processes_do_not_work_in_one_folder(tmp_path):
     campaign = Campaign.begin(study(), tmp_path)
     with (
-        campaign.locked(),
+        campaign.lock(),
         pytest.raises(sd.DataError, match="another process works on this campaign"),
     ):
         study().run(tmp_path)

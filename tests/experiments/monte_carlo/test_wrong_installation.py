@@ -14,7 +14,7 @@ from structured_mutators import sealed
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.cli.simulation import print_summary
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.experiments.monte_carlo.wrong_installation import (
@@ -60,10 +60,10 @@ def test_what_the_diagnosis_applies_undoes_a_wrong_installation(right):
     error = np.array([0.1, 0.1, 0.4, -0.3, 0.2, 0.015, 0.02, -0.03])
     wrong = installed_wrong(recording, found, error).recording
     # the order of `constants`: clocks of position and velocity, arm, mounting, scale
-    known = constants(wrong.aidings)
+    known = constants(wrong.sources)
     theta = np.array([0.1, 0.1, 0.4, -0.3, 0.2, 0.015])
     back = apply_constants(wrong, known, theta)
-    for a, b in zip(recording.aidings, back.aidings):
+    for a, b in zip(recording.sources, back.sources):
         inside = a.between(*(np.array(wrong.span) + [0.2, 0.0]))
         late = 0.1 if a.kind == "speed" else 0.0  # its clock is none of the diagnosis
         rows = np.searchsorted(b.t + late, inside.t - 1e-6)
@@ -71,11 +71,11 @@ def test_what_the_diagnosis_applies_undoes_a_wrong_installation(right):
         np.testing.assert_allclose(b.y[rows], inside.y)
         np.testing.assert_allclose(a.parameters, b.parameters, atol=1e-12)
     turn = Rotation.from_rotvec([0.0, 0.02, -0.03])
-    np.testing.assert_allclose(turn.apply(wrong.imu.dv), recording.imu.dv, atol=1e-12)
+    np.testing.assert_allclose(turn.apply(wrong.imu.dv.copy()), recording.imu.dv, atol=1e-12)
     # the truth of the axes as described: the same forces in the navigation frame
-    in_n = lambda r: r.reference.rotation[1:].apply(r.imu.dv)
+    in_n = lambda r: r.reference.rotation[1:].apply(r.imu.dv.copy())
     np.testing.assert_allclose(in_n(wrong), in_n(recording), atol=1e-12)
-    bias = lambda r: r.reference.rotation[1:].apply(r.meta["b_g"])
+    bias = lambda r: r.reference.rotation[1:].apply(r.meta["b_g"].copy())
     np.testing.assert_allclose(bias(wrong), bias(recording), atol=1e-14)
     # a start errs by the same rotation in the navigation frame
     own = start_of(installed_wrong(recording, found, error), start)
@@ -99,18 +99,18 @@ def test_sources_in_the_axes_of_the_imu_turn_with_a_mounting(right):
     level[:, 2] = np.nan
     ones = np.ones((4, 3))
     sources = (
-        Aiding("magnetic-field", t, C.inv().apply(field), ones * 1e-7, tuple(field)),
-        Aiding("zero-angular-rate", t, C.inv().apply(rate), ones * 1e-4, ()),
-        Aiding("attitude", t, rph, ones * 0.01, ()),
-        Aiding("attitude", t, level, ones * 0.01, (), name="level"),
+        Source("magnetic-field", t, C.inv().apply(field), ones * 1e-7, tuple(field)),
+        Source("zero-angular-rate", t, C.inv().apply(rate), ones * 1e-4, ()),
+        Source("attitude", t, rph, ones * 0.01, ()),
+        Source("attitude", t, level, ones * 0.01, (), name="level"),
     )
-    recording = replace(recording, aidings=(*recording.aidings, *sources))
+    recording = replace(recording, sources=(*recording.sources, *sources))
     found = parameters_of(recording, {"mounting": (0.01, 0.1, 0.1)})
     wrong = installed_wrong(recording, found, np.array([0.02, 0.1, -0.2])).recording
     own = wrong.reference.rotation[100:104]
-    magnetic, rates, attitude, level = wrong.aidings[-4:]
-    np.testing.assert_allclose(own.apply(magnetic.y), np.tile(field, (4, 1)), atol=1e-12)
-    np.testing.assert_allclose(own.apply(rates.y), np.tile(rate, (4, 1)), atol=1e-12)
+    magnetic, rates, attitude, level = wrong.sources[-4:]
+    np.testing.assert_allclose(own.apply(magnetic.y.copy()), np.tile(field, (4, 1)), atol=1e-12)
+    np.testing.assert_allclose(own.apply(rates.y.copy()), np.tile(rate, (4, 1)), atol=1e-12)
     same = Rotation.from_euler("ZYX", attitude.y[:, ::-1]) * own.inv()
     np.testing.assert_allclose(same.magnitude(), 0, atol=1e-9)
     np.testing.assert_allclose(level.y[:, :2], attitude.y[:, :2], atol=1e-12)
@@ -134,8 +134,8 @@ def test_drawn_errors_have_their_standard_deviations(right):
     errors = [
         draw_installation(recording, WRONG, np.random.default_rng(k)).error for k in range(300)
     ]
-    sds = [p.sd for p in parameters_of(recording, WRONG)]
-    np.testing.assert_allclose(np.std(errors, axis=0), sds, rtol=0.15)
+    stds = [p.std for p in parameters_of(recording, WRONG)]
+    np.testing.assert_allclose(np.std(errors, axis=0), stds, rtol=0.15)
 
 
 def study(**changes):
@@ -159,7 +159,7 @@ def test_a_study_scores_the_parameters(finished):
     # the mounting is drawn, and no state of this label
     runs = finished.runs.set_index("filter")
     mounting = "mounting pitch error of imu [deg]"
-    assert runs.loc[LABEL, f"sd of {mounting}"].isna().all()
+    assert runs.loc[LABEL, f"std of {mounting}"].isna().all()
     np.testing.assert_array_equal(runs.loc[LABEL, mounting], runs.loc["closed-loop", mounting])
 
 
@@ -184,12 +184,12 @@ def test_a_run_is_that_of_fuse_on_what_was_drawn(finished):
     solution = sd.fuse(
         installed.recording,
         start=start_of(installed, start),
-        noise=sd.grade("industrial").noise(),
+        noise=sd.imu("industrial").noise(),
         estimate={name: WRONG[name] for name in ("clock", "lever-arm", "scale")},
     )
     runs = finished.runs[finished.runs["filter"] == LABEL].set_index("run")
     for name in solution.columns:
-        if not name.startswith("sd of "):
+        if not name.startswith("std of "):
             assert runs.loc[2, name] == pytest.approx(
                 installed.true[name] - solution.columns[name][-1]
             )
@@ -255,7 +255,7 @@ def fewer(values):
 
 @pytest.mark.parametrize("change", [None, one_number, whole_text, fewer])
 @pytest.mark.parametrize(
-    "name", ["parameter", "parameter_error", "parameter_sd", "nees_all", "nees_parameters", "t"]
+    "name", ["parameter", "parameter_error", "parameter_std", "nees_all", "nees_parameters", "t"]
 )
 def test_a_damaged_chunk_file_is_one_line(finished, tmp_path, name, change):
     folder = tmp_path / "copy"

@@ -52,7 +52,7 @@ def sensed(seconds=60.0, shift=0.013, interval=1.0):
         barometer=barometer,
     )
     late = lambda a: replace(a, t=a.t + shift, y=a.y[: len(a.t)])
-    return replace(made, aidings=tuple(late(a) if a.kind in FIXES else a for a in made.aidings))
+    return replace(made, sources=tuple(late(a) if a.kind in FIXES else a for a in made.sources))
 
 
 @pytest.fixture
@@ -169,8 +169,8 @@ def test_an_ahrs_that_all_outages_together_leave_nothing_runs_for_each(solutions
     recording, kinds = sensed(), (*FIXES, "magnetic-field")
     late = replace(
         recording,
-        aidings=tuple(
-            a.between(22.0, 99.0) if a.kind == "magnetic-field" else a for a in recording.aidings
+        sources=tuple(
+            a.between(22.0, 99.0) if a.kind == "magnetic-field" else a for a in recording.sources
         ),
     )
     found = sd.compare(late, ["closed-loop", "direct-ahrs"], outages="19@22:60/19", kinds=kinds)
@@ -185,7 +185,7 @@ def test_an_ahrs_that_all_outages_together_leave_nothing_runs_for_each(solutions
     )
 
 
-def test_the_scores_are_those_of_sd_outages():
+def test_the_scores_are_those_of_std_outages():
     recording = sensed()
     found = sd.compare(recording, ["closed-loop", "open-loop"], outages="22:30,40:49")
     for name in found.filters:
@@ -219,7 +219,7 @@ def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
     def begin(recording, filter, asked, begin=runs.begin):
         run = begin(recording, filter, asked)
         given.append(
-            (asked["start"], run.start, run.noise, [tuple(a.t) for a in run.recording.aidings])
+            (asked["start"], run.start, run.noise, [tuple(a.t) for a in run.recording.sources])
         )
         return run
 
@@ -230,12 +230,12 @@ def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
         len(given) == 3 and all(each == given[0] for each in given) and given[0][0] == given[0][1]
     )
     hidden = recording.hidden(found.windows)
-    assert given[0][0] == sd.align(hidden, sd.grade("tactical")) and given[0][3] == [
-        tuple(a.t) for a in hidden.aidings
+    assert given[0][0] == sd.align(hidden, sd.imu("tactical")) and given[0][3] == [
+        tuple(a.t) for a in hidden.sources
     ]
     assert (
-        found.settings["withheld"] == {a.name: 8 for a in recording.aidings}
-        and found.settings["noise"] == sd.grade("tactical").noise()._asdict()
+        found.settings["withheld"] == {a.name: 8 for a in recording.sources}
+        and found.settings["noise"] == sd.imu("tactical").noise()._asdict()
     )
     assert found.settings["start"]["note"].startswith("position and velocity at")
 
@@ -244,7 +244,7 @@ def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
 def test_the_start_knows_nothing_of_what_is_withheld():
     recording = flight(20.0)
     spoil = lambda a: replace(a, y=np.where(((a.t >= 8) & (a.t < 12))[:, None], np.nan, a.y))
-    spoilt = replace(recording, aidings=tuple(map(spoil, recording.aidings)))
+    spoilt = replace(recording, sources=tuple(map(spoil, recording.sources)))
     first, second = (
         sd.compare(each, ["closed-loop"], outages="8:12") for each in (recording, spoilt)
     )
@@ -275,8 +275,8 @@ def test_the_order_of_filters_and_the_number_of_threads_change_nothing():
 
 def test_a_given_start_and_noise_are_used():
     noise, start = (
-        sd.grade("consumer").noise(),
-        sd.align(sensed(), sd.grade("industrial"))._replace(ba=(0.1, 0.0, 0.0)),
+        sd.imu("consumer").noise(),
+        sd.align(sensed(), sd.imu("industrial"))._replace(b_a=(0.1, 0.0, 0.0)),
     )
     found = sd.compare(
         sensed(),
@@ -451,7 +451,7 @@ def test_a_recording_without_an_imu_grade_or_positions_is_refused():
     with pytest.raises(DataError, match="does not name its IMU"):
         sd.compare(bare, ["closed-loop"], outages="8:12")
     with pytest.raises(DataError, match="no position fix to start from"):
-        sd.compare(replace(flight(20.0), aidings=()), ["closed-loop"], outages="8:12")
+        sd.compare(replace(flight(20.0), sources=()), ["closed-loop"], outages="8:12")
 
 
 @pytest.mark.parametrize("outages", ["3:", "3:19,19.5:20", "2@3:20/2", "3/4", [(0.0, 20.0)]])
@@ -460,7 +460,7 @@ def test_an_outage_before_the_alignment_of_all_fixes_is_refused(outages):
     """A flight whose fixes begin late: without those of the outage it could start later, or not
     at all."""
     made = flight(20.0)
-    late = replace(made, aidings=tuple(a.between(5.0, 99.0) for a in made.aidings))
+    late = replace(made, sources=tuple(a.between(5.0, 99.0) for a in made.sources))
     with pytest.raises(
         DataError,
         match=r"begins before the alignment is done, at 5 s; give later outages \(or, in Python",
@@ -489,7 +489,7 @@ def test_events_are_noted_by_kind_with_the_range_of_their_numbers():
 def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
     found = sd.compare(flight(20.0), ["closed-loop:"], outages="4@8:18/1", ahrs="mahony")
     assert (
-        found.settings["withheld"] == {a.name: 10 for a in flight(20.0).aidings}
+        found.settings["withheld"] == {a.name: 10 for a in flight(20.0).sources}
         and len(found.windows) == 7
     )
     assert (
@@ -563,11 +563,11 @@ def test_what_was_said_before_an_outage_is_not_of_the_outage():
     from strapdown.geometry.geodesy import displace_lla
 
     recording = flight(seconds=60.0)
-    fix, *others = recording.aidings
+    fix, *others = recording.sources
     y = fix.y.copy()
     late = fix.t > 20
     y[late] = displace_lla(y[late], np.tile([0.0, 50.0, 0.0], (late.sum(), 1)))
-    spoilt = replace(recording, aidings=(replace(fix, y=y), *others))
+    spoilt = replace(recording, sources=(replace(fix, y=y), *others))
     found = sd.compare(
         without_samples(spoilt, (10.0, 10.5)), ["closed-loop"], outages=[(45.0, 50.0)]
     )

@@ -1,6 +1,7 @@
 """Scores of outages against plain formulas and a peer package, and what they say together
 against closed forms."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.scores import ErrorTrack, outages_of, score_outage
@@ -37,7 +38,7 @@ def truth(t=T):
 
 def recording(fixes=np.arange(0.5, 100.0), reference=None):
     imu = Imu(T, np.full(len(T), 1 / RATE), np.zeros((len(T), 3)), np.zeros((len(T), 3)))
-    position = Aiding("position", fixes, np.zeros((len(fixes), 3)), np.ones((len(fixes), 3)))
+    position = Source("position", fixes, np.zeros((len(fixes), 3)), np.ones((len(fixes), 3)))
     return Recording(imu, (position,), truth() if reference is None else reference)
 
 
@@ -60,8 +61,8 @@ def test_scores_are_those_of_plain_formulas():
     dv, turn = rng.normal(0, [0.2, 0.3, 0.1], (n, 3)), rng.normal(0, 0.01, (n, 3))
     rph = true.rph - turn
     q = Rotation.from_euler("ZYX", rph[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
-    sd = np.hstack([np.tile([3.0, 4.0, 2.0], (n, 1)), np.ones((n, 12))])
-    estimate = Trajectory(true.t, displace_lla(true.lla, -off), true.v_n - dv, q, sd)
+    std = np.hstack([np.tile([3.0, 4.0, 2.0], (n, 1)), np.ones((n, 12))])
+    estimate = Trajectory(true.t, displace_lla(true.lla, -off), true.v_n - dv, q, std)
     row, track = score_outage(SimpleNamespace(trajectory=estimate), window)
 
     degrees = lambda lla: (np.degrees(lla[:, 0]), np.degrees(lla[:, 1]), lla[:, 2])
@@ -87,7 +88,7 @@ def test_scores_are_those_of_plain_formulas():
     assert [row[f"{name}_rmse_deg"] for name in ("roll", "pitch", "heading")] == pytest.approx(
         [np.degrees(rms(c)) for c in turn.T]
     )
-    within = [(np.abs(e) <= k * sd[:, :3]).mean(axis=0) for k in (1, 2, 3)]
+    within = [(np.abs(e) <= k * std[:, :3]).mean(axis=0) for k in (1, 2, 3)]
     assert [row[f"coverage_{k}"] for k in (1, 2, 3)] == pytest.approx(
         [share[:2].mean() for share in within], abs=1e-9
     )
@@ -132,10 +133,11 @@ def test_a_filter_without_deviations_has_no_coverage_and_one_without_attitude_no
                 row["velocity_rmse_m_s"],
             ]
         ).all()
-        and track.sd is None
+        and track.std is None
     )
     assert row["horizontal_rmse_m"] == pytest.approx(0.0, abs=1e-5)
-    estimate.lla[5] = np.nan
+    sixth = np.arange(len(estimate))[:, None] == 5
+    estimate = replace(estimate, lla=np.where(sixth, np.nan, estimate.lla))
     with pytest.raises(DataError, match="diverged"):
         score_outage(SimpleNamespace(trajectory=estimate), window)
 
@@ -220,7 +222,7 @@ def test_an_outage_of_less_than_two_samples_is_refused():
         outage("20.45:20.6")
     gap = recording()
     gap = Recording(
-        Imu(*(part[(T < 20) | (T > 25)] for part in gap.imu)), gap.aidings, gap.reference
+        Imu(*(part[(T < 20) | (T > 25)] for part in gap.imu)), gap.sources, gap.reference
     )
     with pytest.raises(DataError, match="fewer than two IMU samples in it"):
         outages_of(

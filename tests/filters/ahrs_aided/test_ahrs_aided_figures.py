@@ -25,7 +25,7 @@ def test_where_the_body_turns_between_records_the_direct_filter_errs_more():
     )
     bare, found = sd.simulate(swing, 300.0, "tactical", 1, 50.0), {}
     for rate in (1.0, 10.0):
-        recording = replace(bare, aidings=(*bare.aidings, ahrs(bare.reference, rate)))
+        recording = replace(bare, sources=(*bare.sources, ahrs(bare.reference, rate)))
         for name in ("direct-ahrs", "indirect-ahrs-closed"):
             e = sd.rms(
                 sd.errors(sd.fuse(recording, name, start=start(recording)), bare.reference),
@@ -48,7 +48,7 @@ def test_an_ahrs_makes_a_moving_car_worse():
         date="2024-05-01",
     )
     alone = sd.fuse(
-        replace(car, aidings=tuple(a for a in car.aidings if a.kind != "magnetic-field")),
+        replace(car, sources=tuple(a for a in car.sources if a.kind != "magnetic-field")),
         "closed-loop",
     )
     fed = sd.fuse(car, "closed-loop", ahrs="attitude-mekf", ahrs_rate=10.0)

@@ -58,10 +58,10 @@ def predicted(x, dt, P=np.eye(15)):
     filter.predict(belief, np.r_[TURN, FORCE] * dt, dt, STILL)
     return np.r_[
         displacement(belief.lla, at),
-        belief.v,
+        belief.v_n,
         belief.workspace[ANGLES],
-        belief.ba,
-        belief.bg,
+        belief.b_a,
+        belief.b_g,
     ], belief.P
 
 
@@ -113,7 +113,7 @@ def test_the_angles_are_those_of_the_rotation():
         )
         for k in range(500):
             filter.predict(belief, np.r_[TURN * np.cos(0.02 * k) * 0.02, 0, 0, -0.2], 0.02, STILL)
-        found.append(Rotation.from_matrix(belief.C))
+        found.append(Rotation.from_matrix(belief.C_nb))
     assert (found[0] * found[1].inv()).magnitude() < 3e-7
 
 
@@ -127,7 +127,7 @@ def test_the_direct_filter_is_the_closed_loop_to_first_order():
         )
         for name, options in (("direct-euler", {"bias": "decaying"}), ("closed-loop", {}))
     )
-    deviation = closed.trajectory.sd
+    deviation = closed.trajectory.std
     assert (
         np.abs(displacement(euler.trajectory.lla, closed.trajectory.lla) / deviation[:, :3]).max()
         < 0.01
@@ -145,15 +145,15 @@ def test_the_direct_filter_is_the_closed_loop_to_first_order():
         ).max()
         < 0.02
     )
-    assert np.abs(euler.trajectory.sd / deviation - 1).max() < 2e-3
+    assert np.abs(euler.trajectory.std / deviation - 1).max() < 2e-3
 
 
 @pytest.mark.parametrize("name", ["direct-euler", "direct-ahrs"])
 def test_the_angles_stay_within_a_turn(name):
     """The heading goes from 80 through 180 to 240 deg."""
     recording = flight(40.0)
-    recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
-    stream = sd.Stream(name, start=start(recording), imu="tactical", aidings=recording.aidings)
+    recording = replace(recording, sources=(*recording.sources, ahrs(recording.reference)))
+    stream = sd.Stream(name, start=start(recording), imu="tactical", sources=recording.sources)
     heading = []
     for t, dt, dtheta, dv in zip(*recording.imu):
         stream.step(sd.Sample(float(t), float(dt), tuple(dtheta), tuple(dv)))
@@ -175,14 +175,14 @@ def looping(rate=50.0, seconds=24.0):
     middle = Rotation.from_rotvec(r / 2)
     force = (C[:-1] * middle).inv().apply([0, 0, -9.80738])  # gravity at the place
     every = np.arange(round(rate) - 1, n, round(rate))
-    attitude = sd.Aiding(
+    attitude = sd.Source(
         "attitude",
         t[every],
         C[every + 1].as_euler("ZYX")[:, ::-1],
         np.full((len(every), 3), 0.005),
         gate=np.inf,
     )
-    position = sd.Aiding(
+    position = sd.Source(
         "position",
         t[every],
         np.tile([0.8, 0.1, 500.0], (len(every), 1)),
@@ -208,10 +208,10 @@ def looping(rate=50.0, seconds=24.0):
 @pytest.mark.parametrize("name", ["direct-euler", "direct-ahrs"])
 def test_pitch_through_90_degrees_is_handled_and_said(name):
     recording, C, begin = looping()
-    solution = sd.fuse(recording, name, start=begin, noise=sd.grade("tactical").noise())
+    solution = sd.fuse(recording, name, start=begin, noise=sd.imu("tactical").noise())
     off = (solution.trajectory.rotation * C[1:].inv()).magnitude()
     assert (
-        np.isfinite(solution.trajectory.sd).all()
+        np.isfinite(solution.trajectory.std).all()
         and off.max() < 0.01
         and np.abs(solution.trajectory.v_n).max() < 0.3
     )
@@ -242,7 +242,7 @@ def test_a_fast_tumble_stays_finite(name):
             belief, np.r_[0.2, 0.7 * np.cos(k), 0.7 * np.sin(k), 0.0, 0.0, -0.2], 0.02, NOISE
         )
         assert (
-            np.abs(belief.C.T @ belief.C - np.eye(3)).max() < 1e-9
+            np.abs(belief.C_nb.T @ belief.C_nb - np.eye(3)).max() < 1e-9
             and np.isfinite(belief.P).all()
             and abs(belief.workspace[ANGLES][1]) < np.pi / 2 + 1e-9
         )
@@ -283,7 +283,7 @@ def test_what_angles_err_by_at_the_known_attitude(rph, correlation):
     belief.workspace[known_attitude.ERROR_DD] = 0.0
     belief.workspace[known_attitude.SINCE_TILT] = since = 0.3
     _, pitch, heading = T(rph) @ rate
-    direct_ahrs._doubt_rates(belief, pitch, heading, belief.C.ravel().copy(), np.cos(rph[1]), dt)
+    direct_ahrs._doubt_rates(belief, pitch, heading, belief.C_nb.ravel().copy(), np.cos(rph[1]), dt)
     growth = (2 * max(since - dt, correlation) + dt) / dt
     expected = growth * J @ derivative @ off @ derivative.T @ J.T
     expected[:2, :2] += estimate

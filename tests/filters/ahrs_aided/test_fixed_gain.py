@@ -43,16 +43,16 @@ class Standing:
             NOISE,
             **gains,
         )
-        self.C, self.u = self.belief.C.copy(), np.zeros(6)
+        self.C, self.u = self.belief.C_nb.copy(), np.zeros(6)
 
     def set(self, error):
         b = self.belief
-        b.lla[:], b.v[:], b.ba[:] = displace_lla(LLA, -error[0]), -error[1], -self.C.T @ error[2]
+        b.lla[:], b.v_n[:], b.b_a[:] = displace_lla(LLA, -error[0]), -error[1], -self.C.T @ error[2]
 
     @property
     def error(self):
         return np.array(
-            [displacement(LLA, self.belief.lla), -self.belief.v, -self.C @ self.belief.ba]
+            [displacement(LLA, self.belief.lla), -self.belief.v_n, -self.C @ self.belief.b_a]
         )
 
     def wait(self, seconds):
@@ -222,7 +222,7 @@ def test_a_turned_vehicle_has_turned_errors():
         )
         observer = Standing()
         belief = filter.start(truth, NOISE)
-        observer.belief, observer.C = belief, belief.C.copy()
+        observer.belief, observer.C = belief, belief.C_nb.copy()
         turn, offset = (level if turned else np.eye(3)), rng.standard_normal((3, 3))
         observer.set(offset @ turn.T)
         for _k in range(20):
@@ -254,15 +254,15 @@ def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
     fixed = sampled(observer, [(T, "position")], 0) @ np.linalg.inv(carried(0.0))
     expected = np.log(np.abs(np.linalg.eigvals(fixed @ carried(rate))).max()) / T
     observer = Standing()
-    observer.belief.C[:] = np.eye(3)
-    observer.belief.ba[:] = [0.01, 0.02, 0.0]
+    observer.belief.C_nb[:] = np.eye(3)
+    observer.belief.b_a[:] = [0.01, 0.02, 0.0]
     sizes = []
     for _ in range(900):
-        stationary_increments(LLA, np.zeros(3), observer.belief.C, T, observer.u)
+        stationary_increments(LLA, np.zeros(3), observer.belief.C_nb, T, observer.u)
         observer.u[2] += rate * T
         observer.filter.predict(observer.belief, observer.u, T, NOISE)
         observer.fix("position")
-        sizes.append(np.linalg.norm(observer.belief.ba[:2]))
+        sizes.append(np.linalg.norm(observer.belief.b_a[:2]))
     # 1/s, after what is faster has settled
     found = np.polyfit(T * np.arange(500), np.log(sizes[400:]), 1)[0]
     assert (found < 0) == (expected < 0) == stable and found == pytest.approx(expected, rel=0.03)
@@ -270,7 +270,7 @@ def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
 
 def test_it_follows_a_flight_and_claims_what_it_estimates():
     recording = flight(100.0)
-    recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
+    recording = replace(recording, sources=(*recording.sources, ahrs(recording.reference)))
     solution = sd.fuse(recording, "fixed-gain", start=start(recording))
     e = sd.rms(sd.errors(solution, recording.reference), (50.0, 100.0))
     assert (
@@ -279,8 +279,8 @@ def test_it_follows_a_flight_and_claims_what_it_estimates():
         and np.abs(e.rph).max() < np.radians(1.5)
     )
     assert (
-        np.isfinite(solution.trajectory.sd[:, :12]).all()
-        and np.isnan(solution.trajectory.sd[:, 12:]).all()
+        np.isfinite(solution.trajectory.std[:, :12]).all()
+        and np.isnan(solution.trajectory.std[:, 12:]).all()
         and np.isnan(solution.b_g).all()
         and np.isfinite(solution.b_a).all()
     )
@@ -306,7 +306,7 @@ def test_the_attitude_is_the_measured_one_and_keeps_a_heading_that_is_not():
             np.inf,
             np.zeros(12),
         )
-        return Rotation.from_matrix(observer.belief.C).as_euler("ZYX")[::-1]
+        return Rotation.from_matrix(observer.belief.C_nb).as_euler("ZYX")[::-1]
 
     np.testing.assert_allclose(record(0.3, 0.2, -2.0), [0.3, 0.2, -2.0], atol=1e-12)
     np.testing.assert_allclose(record(-0.1, 0.1, np.nan), [-0.1, 0.1, -2.0], atol=1e-12)
@@ -351,11 +351,11 @@ def test_the_attitude_is_as_uncertain_as_its_records(correlation, T):
 def test_it_publishes_rate_and_force_without_the_biases():
     observer, rng, dt = Standing(), np.random.default_rng(6), 0.1
     belief, u = observer.belief, rng.standard_normal(6)
-    belief.ba[:], belief.bg[:] = rng.standard_normal((2, 3))
-    ba, bg = belief.ba.copy(), belief.bg.copy()
+    belief.b_a[:], belief.b_g[:] = rng.standard_normal((2, 3))
+    b_a, b_g = belief.b_a.copy(), belief.b_g.copy()
     observer.filter.predict(belief, u, dt, NOISE)
-    np.testing.assert_allclose(belief.omega, u[:3] / dt - bg, rtol=1e-12)
-    np.testing.assert_allclose(belief.f, u[3:] / dt - ba, rtol=1e-12)
+    np.testing.assert_allclose(belief.omega, u[:3] / dt - b_g, rtol=1e-12)
+    np.testing.assert_allclose(belief.f, u[3:] / dt - b_a, rtol=1e-12)
 
 
 def test_of_two_fixes_at_one_time_the_second_changes_nothing_and_a_missing_component_waits():
@@ -391,6 +391,6 @@ def test_of_two_fixes_at_one_time_the_second_changes_nothing_and_a_missing_compo
 )
 def test_gains_that_do_not_settle_are_refused_with_their_poles(gains, message):
     recording = flight()
-    recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
+    recording = replace(recording, sources=(*recording.sources, ahrs(recording.reference)))
     with pytest.raises(DataError, match=f"filter 'fixed-gain'.*{message}"):
         sd.fuse(recording, "fixed-gain", start=start(recording), options=gains)

@@ -17,7 +17,7 @@ FED = ("direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open")
 STILL = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_sd=0.0, **options):
+def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_std=0.0, **options):
     """(belief of a body at rest that is level and knows all but its attitude and gyro bias,
     function of seconds)."""
     filter = filters.find(name)
@@ -28,7 +28,7 @@ def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_
         (0.0, 0.0, heading),
         (0.0,) * 3,
         (0.0,) * 3,
-        (*[1e-9] * 6, *deviation, *[1e-12] * 3, *[bias_sd] * 3),
+        (*[1e-9] * 6, *deviation, *[1e-12] * 3, *[bias_std] * 3),
     )
     belief, u = filter.start(begin, noise, **options), np.zeros(6)
     for kernel in (filter.predict, filter.correct, aiding.find("attitude").observe):
@@ -94,17 +94,17 @@ def test_no_mean_is_shifted_by_a_stated_covariance(name, how):
             for _ in range(10):
                 stationary_increments(belief.lla, np.zeros(3), true.as_matrix(), dt, u)
                 filter.predict(belief, u, dt, STILL)
-        found.append(np.r_[belief.v, belief.ba])
+        found.append(np.r_[belief.v_n, belief.b_a])
     assert np.abs(found).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", FED)
 def test_neglected_errors_of_the_attitude_leave_the_velocity_certain(name):
-    """And with them the variance of velocity is (g t sd)^2, as the tests below have it."""
+    """And with them the variance of velocity is (g t std)^2, as the tests below have it."""
     noise = STILL._replace(gyro=1e-3)
     for how, expected in (("neglected", 0.0), ("considered", 0.5)):
         filter, belief, advance = standing(
-            name, 0.0, noise, (0.1,) * 3, bias_sd=1e-3, attitude_error=how
+            name, 0.0, noise, (0.1,) * 3, bias_std=1e-3, attitude_error=how
         )
         record(filter, belief, (0.0, 0.0, np.nan), (0.1, 0.1, np.nan))
         advance(1.0)
@@ -134,10 +134,10 @@ def test_the_error_turns_with_the_heading(name):
 
 @pytest.mark.parametrize("name", FED)
 def test_without_records_the_gyros_carry_on_and_their_errors_count(name):
-    """f^2 (sd^2 t^2 + q t^3/3 + b^2 t^4/4) of the velocity after 20 s: a held error, a random
+    """f^2 (std^2 t^2 + q t^3/3 + b^2 t^4/4) of the velocity after 20 s: a held error, a random
     walk, a constant rate."""
     noise = STILL._replace(gyro=1e-3)
-    _, belief, advance = standing(name, noise=noise, deviation=(0.002,) * 3, bias_sd=1e-3)
+    _, belief, advance = standing(name, noise=noise, deviation=(0.002,) * 3, bias_std=1e-3)
     advance(20.0, 0.02)
     expected = 9.81**2 * (0.002**2 * 400 + 1e-6 * 8000 / 3 + 1e-6 * 160000 / 4)
     np.testing.assert_allclose(np.diag(belief.P)[3:5], expected, rtol=5e-3)
@@ -156,7 +156,7 @@ def test_position_errs_with_the_velocity(name):
         (STILL._replace(gyro=1e-3), 1e-12, 0.0, 1e-6 * np.array([8000 / 3, 20000, 160000])),
         (STILL, 1e-12, 1e-3, 1e-6 * np.array([40000.0, 0.9 * 20**5 / 12, 0.9 * 20**6 / 36])),
     ):
-        _, belief, advance = standing(name, noise=noise, deviation=(deviation,) * 3, bias_sd=bias)
+        _, belief, advance = standing(name, noise=noise, deviation=(deviation,) * 3, bias_std=bias)
         advance(20.0, 0.02)
         P = belief.P
         np.testing.assert_allclose([P[4, 4], P[1, 4], P[1, 1]], 9.8**2 * expected, rtol=0.01)
@@ -224,9 +224,9 @@ def test_a_compass_makes_such_a_heading_partly_new(name):
 
 def test_the_open_loop_keeps_its_kinematics_beside_what_is_known():
     _, belief, _ = standing("indirect-ahrs-open")
-    own = KNOWN_ATTITUDE.named(belief.workspace)
+    own = KNOWN_ATTITUDE.views(belief.workspace)
     assert own["MODE"] == open_loop.SECOND_ORDER and own["ERROR_EE"] == belief.P[7, 7]
-    assert np.array_equal(own["KNOWN"], belief.C) and np.array_equal(own["C"], belief.C)
+    assert np.array_equal(own["KNOWN"], belief.C_nb) and np.array_equal(own["C"], belief.C_nb)
 
 
 @pytest.mark.parametrize("name", FED)
@@ -235,15 +235,15 @@ def test_velocity_follows_the_known_attitude_and_no_other(name):
     hardly followed it."""
     filter, belief, advance = standing(name, 0.0, deviation=(1e-4,) * 3)
     nis = record(filter, belief, (np.radians(1), 0.0, 0.0), (0.02,) * 3)
-    assert 0 < nis < 1 and np.abs(np.arcsin(belief.C[2, 1])) < 1e-6
+    assert 0 < nis < 1 and np.abs(np.arcsin(belief.C_nb[2, 1])) < 1e-6
     lla = belief.lla.copy()
     u = np.zeros(6)
     for _ in range(100):
         stationary_increments(lla, np.zeros(3), np.eye(3), 0.01, u)
         filter.predict(belief, u, 0.01, STILL)
     assert (
-        belief.v[1] == pytest.approx(9.81 * np.sin(np.radians(1)), rel=2e-3)
-        and abs(belief.v[0]) < 1e-4
+        belief.v_n[1] == pytest.approx(9.81 * np.sin(np.radians(1)), rel=2e-3)
+        and abs(belief.v_n[0]) < 1e-4
         and belief.workspace[SINCE_TILT] == pytest.approx(1.0)
     )
 

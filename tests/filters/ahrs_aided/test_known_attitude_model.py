@@ -24,7 +24,7 @@ FED = ("direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open")
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
 )
-GNSS = Gnss(velocity_sd=None)
+GNSS = Gnss(velocity_std=None)
 
 
 def recorded(rate=2.0, gnss=GNSS, seconds=20.0, motion=None):
@@ -36,8 +36,8 @@ def recorded(rate=2.0, gnss=GNSS, seconds=20.0, motion=None):
     )
     return replace(
         recording,
-        aidings=(
-            *(replace(a, gate=np.inf) for a in recording.aidings),
+        sources=(
+            *(replace(a, gate=np.inf) for a in recording.sources),
             ahrs(recording.reference, rate, gate=np.inf),
         ),
     )
@@ -95,10 +95,10 @@ def textbook(recording, begin, considered):
     and the share by which they shorten the force stand in its covariance, and get no gain. Where they are not `considered` it is the
     chapter's, to which the known attitude is exact.
     """
-    position, attitude = recording.aidings
+    position, attitude = recording.sources
     known = C = Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix()
-    lla, v, b_a, b_g = np.array(begin.lla), np.array(begin.v), np.zeros(3), np.zeros(3)
-    variances = np.square(begin.sd)
+    lla, v, b_a, b_g = np.array(begin.lla), np.array(begin.v_n), np.zeros(3), np.zeros(3)
+    variances = np.square(begin.std)
     P, S = (
         np.diag(np.r_[variances[:6], variances[9:12], variances[6:9], variances[12:], 1.0]),
         np.diag(np.r_[variances[6:9], variances[12:]]),
@@ -143,7 +143,7 @@ def textbook(recording, begin, considered):
         )
         known, C, b_a, b_g = turn(known), turn(C), b_a * fade_a, b_g * fade_g
         for row in np.flatnonzero(np.abs(position.t - t) < 1e-6):
-            K, P = corrected(P, np.eye(3, 16), np.diag(position.sd[row] ** 2), 9)
+            K, P = corrected(P, np.eye(3, 16), np.diag(position.std[row] ** 2), 9)
             dx = K @ displacement(position.y[row], lla)
             lla, v, b_a = displace_lla(lla, dx[:3]), v + dx[3:6], b_a + dx[6:9]
         for row in np.flatnonzero(np.abs(attitude.t - t) < 1e-6):
@@ -151,7 +151,7 @@ def textbook(recording, begin, considered):
                 Rotation.from_euler("ZYX", attitude.y[row][::-1]),
                 Rotation.from_euler("z", attitude.y[row][2]).as_matrix(),
             )
-            R_known = level @ np.diag(attitude.sd[row] ** 2) @ level.T
+            R_known = level @ np.diag(attitude.std[row] ** 2) @ level.T
             K, S = corrected(S, np.eye(3, 6), R_known)
             shared = P[:9, 15]
             P = block_diag(P[:9, :9], R_known, S[3:, 3:], 1.0)
@@ -190,7 +190,7 @@ def test_it_is_two_textbook_filters_beside_each_other(rate, how):
         np.abs((np.c_[solution.b_a, solution.b_g] - np.c_[b_a, b_g]) / deviation[:, 9:]).max()
         < 2e-3
     )
-    assert np.abs(solution.trajectory.sd / deviation - 1).max() < 1e-3
+    assert np.abs(solution.trajectory.std / deviation - 1).max() < 1e-3
 
 
 # ---- the three against each other
@@ -199,7 +199,7 @@ def test_it_is_two_textbook_filters_beside_each_other(rate, how):
 def differences(a, b):
     """Largest differences of position, velocity, attitude and biases over the standard
     deviations of `b`."""
-    deviation = b.trajectory.sd
+    deviation = b.trajectory.std
     parts = (
         displacement(a.trajectory.lla, b.trajectory.lla),
         a.trajectory.v_n - b.trajectory.v_n,
@@ -213,14 +213,14 @@ def differences(a, b):
 @pytest.mark.parametrize("bias", ["random-walk", "decaying"])
 def test_feed_forward_and_feedback_agree_where_the_error_model_is_linear(bias):
     recording = recorded(gnss=Gnss(lever_arm=(0.3, -0.2, -0.5)))
-    begin = start(recording)._replace(ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3))
+    begin = start(recording)._replace(b_a=(0.05, -0.03, 0.04), b_g=(1e-3, -2e-3, 1e-3))
     first, second = (
         fused(recording, name, begin=begin, bias=bias)
         for name in ("indirect-ahrs-open", "indirect-ahrs-closed")
     )
     assert (
         max(differences(first, second)) < 0.02
-        and np.abs(first.trajectory.sd / second.trajectory.sd - 1).max() < 5e-3
+        and np.abs(first.trajectory.std / second.trajectory.std - 1).max() < 5e-3
     )
     assert np.abs(first.columns["ins_error_down [m]"]).max() > 1  # the INS itself is elsewhere
 
@@ -249,7 +249,7 @@ def test_where_it_turns_the_direct_filter_differs_by_what_its_covariance_has_mor
     square = (first.trajectory.rotation * second.trajectory.rotation.inv()).as_rotvec()[
         late, :2
     ] ** 2
-    expected = (first.trajectory.sd**2 - second.trajectory.sd**2)[late, 6:8]
+    expected = (first.trajectory.std**2 - second.trajectory.std**2)[late, 6:8]
     assert 0.4 < square.mean() / expected.mean() < 1.6 and (expected > 0).all()
     assert np.abs(displacement(first.trajectory.lla, second.trajectory.lla)).max() < 0.01
 

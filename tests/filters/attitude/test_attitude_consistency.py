@@ -37,12 +37,12 @@ WALK = ImuSpec("walking", Triad(noise=2e-3, turn_on_bias=5e-3, bias_walk=3e-4), 
 MARKOV = ImuSpec(
     "Gauss-Markov", Triad(noise=2e-3, gauss_markov=5e-3, time_constant=20.0), Triad(noise=0.02)
 )
-START_SD = np.radians([3.0, 3.0, 5.0])
+START_STD = np.radians([3.0, 3.0, 5.0])
 
 
 def simulated(duration, rate=RATE, spec=WALK, travel=0.0, turning=1.0, rest=0.0, **magnetometer):
     """The Simulator of a hand with magnetometer and nothing else."""
-    compass = Magnetometer(**{"sd": 0.5e-6, "field": FIELD, **magnetometer})
+    compass = Magnetometer(**{"std": 0.5e-6, "field": FIELD, **magnetometer})
     return Simulator(
         Scenario(
             "hand",
@@ -50,7 +50,7 @@ def simulated(duration, rate=RATE, spec=WALK, travel=0.0, turning=1.0, rest=0.0,
             float(duration),
             float(rate),
             imu=spec,
-            gnss=Gnss(position_sd=None, velocity_sd=None),
+            gnss=Gnss(position_std=None, velocity_std=None),
             magnetometer=compass,
         )
     )
@@ -67,11 +67,11 @@ def run(hand, spec, seed, told=1.0):
     of_imu, of_field, of_start = np.random.default_rng(seed).spawn(3)
     imu, _, b_g = spec.corrupt(hand.ideal, of_imu)
     field = hand.magnetic.fixes(of_field)
-    start_sd = np.r_[np.zeros(6), START_SD, np.zeros(3), np.full(3, spec.bias_sd()[1])]
-    start = draw_start(hand.truth, start_sd, of_start)
+    start_std = np.r_[np.zeros(6), START_STD, np.zeros(3), np.full(3, spec.bias_std()[1])]
+    start = draw_start(hand.truth, start_std, of_start)
     true = spec.noise()
     noise = true._replace(gyro=told * true.gyro, accel=told * true.accel)
-    recording = Recording(imu, (replace(field, sd=told * field.sd, gate=np.inf),))
+    recording = Recording(imu, (replace(field, std=told * field.std, gate=np.inf),))
     solution = sd.fuse(
         recording,
         "attitude-mekf",
@@ -168,13 +168,13 @@ def test_movement_averages_out_in_the_frame_that_the_gyros_carry(name):
 
 def without(recording, start, stop):
     """The recording without what was measured between two times, s."""
-    imu, field = recording.imu, recording.aidings[0]
+    imu, field = recording.imu, recording.sources[0]
     keep, kept = (t[(t <= start) | (t > stop)] for t in (imu.t, field.t))
     rows, fixes = np.isin(imu.t, keep), np.isin(field.t, kept)
     return replace(
         recording,
         imu=type(imu)(*(column[rows] for column in imu)),
-        aidings=(replace(field, t=kept, y=field.y[fixes], sd=field.sd[fixes]),),
+        sources=(replace(field, t=kept, y=field.y[fixes], std=field.std[fixes]),),
     )
 
 
@@ -186,13 +186,13 @@ def test_after_a_gap_nothing_is_claimed_of_the_vertical(rate):
     solution, t, angles, attitude = errors_of(
         hand, "attitude-mekf", without(hand.recording(MEMS, np.random.default_rng(1)), 20.0, 25.0)
     )
-    row, sd_att = np.searchsorted(t, 25.0), np.degrees(solution.trajectory.sd[:, 6:9])
+    row, std_att = np.searchsorted(t, 25.0), np.degrees(solution.trajectory.std[:, 6:9])
     assert (
         list(solution.status[row - 1 : row + 3]) == [0, 2, 0, 0]
         and "attitude held" in solution.events[0][1]
     )
-    assert (sd_att[row] > 4).all() and (np.abs(np.degrees(attitude[row])) < 3 * sd_att[row]).all()
-    assert angles.total[t > 35].max() < 1.5 and (sd_att[t > 35] < 2).all()
+    assert (std_att[row] > 4).all() and (np.abs(np.degrees(attitude[row])) < 3 * std_att[row]).all()
+    assert angles.total[t > 35].max() < 1.5 and (std_att[t > 35] < 2).all()
 
 
 def test_the_observer_comes_back_after_a_gap():
@@ -203,5 +203,5 @@ def test_the_observer_comes_back_after_a_gap():
     assert (
         angles.total[np.searchsorted(t, 25.0)] > 5
         and angles.total[t > 70].max() < 1.5
-        and np.degrees(solution.trajectory.sd[np.searchsorted(t, 25.0), 6:9]).min() > 4
+        and np.degrees(solution.trajectory.std[np.searchsorted(t, 25.0), 6:9]).min() > 4
     )

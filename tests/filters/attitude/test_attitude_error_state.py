@@ -30,7 +30,7 @@ NOISE = Noise(
     gyro=3e-3, accel=0.02, gyro_bias=4e-4, accel_bias=0.0, gyro_decay=1 / 50, accel_decay=0.0
 )
 EARTH = 0.3, -0.4  # rad/s, north and down: of a faster Earth, so that it shows
-SD = np.r_[0.3, 0.2, 0.5, 0.02, 0.03, 0.01]
+STD = np.r_[0.3, 0.2, 0.5, 0.02, 0.03, 0.01]
 UP = np.array([0.0, 0.0, -1.0])
 OTHERS = [i for i in range(15) if i not in SIX]
 
@@ -39,18 +39,18 @@ def six(P):
     return P[np.ix_(SIX, SIX)]
 
 
-def random_covariance(rng, sd=SD):
+def random_covariance(rng, std=STD):
     """15 x 15 with six positive states, correlated up to 0.9, and zeros elsewhere."""
     B = np.linalg.cholesky(np.eye(6) + np.ones((6, 6))) @ rng.standard_normal((6, 12))
-    B *= (sd / np.linalg.norm(B, axis=1))[:, None]
+    B *= (std / np.linalg.norm(B, axis=1))[:, None]
     P = np.zeros((15, 15))
     P[np.ix_(SIX, SIX)] = B @ B.T
     return (P + P.T) / 2
 
 
 def normalised(difference, P):
-    sd = np.sqrt(np.diag(P))
-    return np.abs(difference / np.outer(sd, sd)).max()
+    std = np.sqrt(np.diag(P))
+    return np.abs(difference / np.outer(std, std)).max()
 
 
 def belief(rng):
@@ -121,10 +121,10 @@ def test_the_rotation_to_the_vertical_where_it_is_singular(f, angle):
 def test_the_rate_is_published_and_both_frames_turn():
     b, r, dt = belief(np.random.default_rng(3)), np.array([0.02, -0.03, 0.01]), 0.01
     n = np.array([EARTH[0], 0.0, EARTH[1]]) * dt * 1e3
-    before = b.C.copy()
+    before = b.C_nb.copy()
     turn(b, *r, n[0], n[2], dt)
     np.testing.assert_allclose(
-        b.C,
+        b.C_nb,
         Rotation.from_rotvec(-n).as_matrix() @ before @ Rotation.from_rotvec(r).as_matrix(),
         atol=1e-14,
     )
@@ -219,10 +219,10 @@ def test_a_measurement_without_noise_leaves_a_covariance():
 
 def test_a_correction_is_composed_and_taken_back():
     b, dx = belief(np.random.default_rng(8)), np.r_[0.5, -1.0, 2.0, 0.1, 0.2, 0.3]
-    expected = Rotation.from_rotvec(dx[:3]).as_matrix() @ b.C
+    expected = Rotation.from_rotvec(dx[:3]).as_matrix() @ b.C_nb
     inject(b, dx)
-    np.testing.assert_allclose(b.C, expected, atol=1e-14)
-    np.testing.assert_allclose(b.bg, [0.11, 0.18, 0.33])
+    np.testing.assert_allclose(b.C_nb, expected, atol=1e-14)
+    np.testing.assert_allclose(b.b_g, [0.11, 0.18, 0.33])
     assert not dx.any()
 
 

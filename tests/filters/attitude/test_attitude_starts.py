@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.loop.contract import InitialState, Noise
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -35,13 +35,13 @@ def hand(turning, duration=61.0):
             duration,
             100.0,
             imu="consumer",
-            gnss=Gnss(position_sd=None, velocity_sd=None),
+            gnss=Gnss(position_std=None, velocity_std=None),
             magnetometer=Magnetometer(field=(21e-6, 1.6e-6, 43.9e-6)),
         )
     )
 
 
-def far_off(truth, seed, attitude_sd, angle=170.0):
+def far_off(truth, seed, attitude_std, angle=170.0):
     """An InitialState that is `angle` (deg) off about a random axis."""
     axis = np.random.default_rng(seed).standard_normal(3)
     C = Rotation.from_rotvec(-np.radians(angle) * axis / np.linalg.norm(axis)) * truth.rotation[0]
@@ -53,11 +53,11 @@ def far_off(truth, seed, attitude_sd, angle=170.0):
         rph,
         (0.0,) * 3,
         (0.0,) * 3,
-        (0.0,) * 6 + (attitude_sd,) * 3 + (0.0,) * 3 + (1e-3,) * 3,
+        (0.0,) * 6 + (attitude_std,) * 3 + (0.0,) * 3 + (1e-3,) * 3,
     )
 
 
-def angles(turning, name, attitude_sd=UNKNOWN, duration=61.0, **options):
+def angles(turning, name, attitude_std=UNKNOWN, duration=61.0, **options):
     """(t, error angle in deg (100, t)) of the seeds 0 to 99."""
     simulator = hand(turning)
     recording = simulator.ideal_recording().between(0.0, duration)
@@ -66,7 +66,7 @@ def angles(turning, name, attitude_sd=UNKNOWN, duration=61.0, **options):
         solution = sd.fuse(
             recording,
             name,
-            start=far_off(simulator.truth, seed, attitude_sd),
+            start=far_off(simulator.truth, seed, attitude_std),
             noise=NOISE,
             every=10,
             options=options,
@@ -90,11 +90,11 @@ def test_the_observer_comes_from_almost_anywhere(k, turning):
 
 
 @pytest.mark.parametrize("turning", [0.0, 1.0], ids=["at rest", "turning"])
-@pytest.mark.parametrize("attitude_sd", [UNKNOWN, np.radians(5.0)], ids=["told", "not told"])
-def test_the_kalman_filter_comes_within_a_minute(attitude_sd, turning):
+@pytest.mark.parametrize("attitude_std", [UNKNOWN, np.radians(5.0)], ids=["told", "not told"])
+def test_the_kalman_filter_comes_within_a_minute(attitude_std, turning):
     """Whether its start admits that nothing is known or claims 5 deg; then strength and dip of
     the field must not be judged by that attitude."""
-    t, error = angles(turning, "attitude-mekf", attitude_sd)
+    t, error = angles(turning, "attitude-mekf", attitude_std)
     assert (error[:, t >= 60.0] < 10).all(axis=1).sum() >= 97
 
 
@@ -105,15 +105,15 @@ def test_a_pull_is_exponential_in_time_however_often_it_pulls(kind, gain, interv
     """At rest a small heading error e decays as e' = -k e, whatever the interval of the fixes."""
     k, simulator = 0.4, hand(0.0)
     recording, truth = simulator.ideal_recording().between(0.0, 4.0), simulator.truth
-    fields = recording.aidings[0]
+    fields = recording.sources[0]
     fixes = fields._where(np.arange(1, len(fields.t) + 1) % round(100 * interval) == 0)
     if kind == "heading":
         y = np.full((len(fixes.t), 1), truth.rph[0, 2])
-        fixes = Aiding("heading", fixes.t, y, np.full(y.shape, 0.01))
+        fixes = Source("heading", fixes.t, y, np.full(y.shape, 0.01))
     begin = far_off(truth, 0, 0.1, angle=0.0)
     begin = begin._replace(rph=(*begin.rph[:2], begin.rph[2] + 0.05))
     solution = sd.fuse(
-        replace(recording, aidings=(fixes,)),
+        replace(recording, sources=(fixes,)),
         "mahony",
         start=begin,
         noise=NOISE,
@@ -201,7 +201,7 @@ def test_a_start_that_is_no_start_is_refused(name):
     start = far_off(hand(1.0).truth, 0, 0.1)
     for change, text in (
         (dict(rph=(0.0, float("nan"), 0.0)), "start: rph"),
-        (dict(sd=(-1.0,) * 15), "standard deviations must be 0 or more"),
+        (dict(std=(-1.0,) * 15), "standard deviations must be 0 or more"),
         (dict(lla=(2.0, 0.0, 0.0)), "lla is .* is it in degrees"),
         (dict(lla=(1.56, 0.0, 0.0)), "latitude"),
     ):
@@ -219,5 +219,5 @@ def test_what_a_filter_does_not_estimate_is_no_number(name):
         and np.isnan(solution.b_a).all()
     )
     assert np.isfinite(solution.b_g).all() and np.isfinite(solution.trajectory.q_nb).all()
-    claimed = np.isfinite(solution.trajectory.sd).all(axis=0)
+    claimed = np.isfinite(solution.trajectory.std).all(axis=0)
     assert list(np.flatnonzero(claimed)) == [6, 7, 8, 12, 13, 14]

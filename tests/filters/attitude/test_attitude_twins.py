@@ -46,33 +46,33 @@ def skew(x):
 def begun(
     filter,
     rph,
-    sd=(0.3, 0.2, 0.5, 0.02, 0.03, 0.01),
-    bg=(0.01, -0.02, 0.03),
+    std=(0.3, 0.2, 0.5, 0.02, 0.03, 0.01),
+    b_g=(0.01, -0.02, 0.03),
     noise=NOISE,
     **options,
 ):
-    """A belief of `filter`; rph in deg, sd of attitude and gyro bias."""
+    """A belief of `filter`; rph in deg, std of attitude and gyro bias."""
     for kernel in (filter.predict, filter.correct):
         compile_kernel(kernel)
-    all_sd = (1.0,) * 6 + tuple(sd[:3]) + (1.0,) * 3 + tuple(sd[3:])
+    all_std = (1.0,) * 6 + tuple(std[:3]) + (1.0,) * 3 + tuple(std[3:])
     return filter.start(
         InitialState(
-            0.0, (LAT, 0.2, 500.0), (0.0,) * 3, tuple(np.radians(rph)), (0.0,) * 3, bg, all_sd
+            0.0, (LAT, 0.2, 500.0), (0.0,) * 3, tuple(np.radians(rph)), (0.0,) * 3, b_g, all_std
         ),
         noise,
         **options,
     )
 
 
-def correct(filter, belief, kind, y, sd, gate=math.inf, field=FIELD):
+def correct(filter, belief, kind, y, std, gate=math.inf, field=FIELD):
     """(NIS, innovation) of one fix."""
     sensor = aiding.find(kind)
     compile_kernel(sensor.observe)
     innovation, source = np.zeros(12), new_source()
     source.parameters[:3] = field
-    y, sd = (np.r_[value, np.full(3 - np.size(value), np.nan)].astype(float) for value in (y, sd))
+    y, std = (np.r_[value, np.full(3 - np.size(value), np.nan)].astype(float) for value in (y, std))
     return filter.correct(
-        belief, y, sd, aiding.number(sensor.name), sensor.observe, source, gate, innovation
+        belief, y, std, aiding.number(sensor.name), sensor.observe, source, gate, innovation
     ), innovation[:3]
 
 
@@ -91,8 +91,8 @@ class Twin:
 
     def __init__(self, belief):
         self.C, self.b, self.P = (
-            belief.C.copy(),
-            belief.bg.copy(),
+            belief.C_nb.copy(),
+            belief.b_g.copy(),
             belief.P[np.ix_(SIX, SIX)].copy(),
         )
 
@@ -115,7 +115,7 @@ class Twin:
         axis = axis / np.linalg.norm(axis) if np.linalg.norm(axis) else np.array([1.0, 0, 0])
         self.correct(np.eye(2, 3), (angle * axis)[:2], (NOISE.accel / G) ** 2 / dt * np.eye(2))
 
-    def field(self, y, sd):
+    def field(self, y, std):
         azimuth = lambda theta: math.atan2(*(rotvec(theta) @ self.C @ y)[[1, 0]])
         e = (math.atan2(FIELD[1], FIELD[0]) - azimuth(np.zeros(3)) + math.pi) % (
             2 * math.pi
@@ -125,7 +125,7 @@ class Twin:
             [[wrapped(azimuth(1e-6 * axis) - azimuth(-1e-6 * axis)) / 2e-6 for axis in np.eye(3)]]
         )
         return e, self.correct(
-            H, np.array([e]), np.array([[sd**2 / np.sum((self.C @ y)[:2] ** 2)]])
+            H, np.array([e]), np.array([[std**2 / np.sum((self.C @ y)[:2] ** 2)]])
         )
 
     def correct(self, H, e, R):
@@ -139,16 +139,16 @@ class Twin:
 
     def compare(self, belief, tolerance):
         """Differences in standard deviations."""
-        sd = np.sqrt(np.diag(self.P))
-        theta = Rotation.from_matrix(self.C @ belief.C.T).as_rotvec()
-        assert np.abs(np.r_[theta, self.b - belief.bg] / sd).max() < tolerance
-        assert np.abs((belief.P[np.ix_(SIX, SIX)] - self.P) / np.outer(sd, sd)).max() < tolerance
+        std = np.sqrt(np.diag(self.P))
+        theta = Rotation.from_matrix(self.C @ belief.C_nb.T).as_rotvec()
+        assert np.abs(np.r_[theta, self.b - belief.b_g] / std).max() < tolerance
+        assert np.abs((belief.P[np.ix_(SIX, SIX)] - self.P) / np.outer(std, std)).max() < tolerance
         np.testing.assert_array_equal(belief.P, belief.P.T)
         assert (
             not np.delete(belief.P, SIX, axis=0).any()
             and not np.delete(belief.P, SIX, axis=1).any()
         )
-        np.testing.assert_allclose(belief.C @ belief.C.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(belief.C_nb @ belief.C_nb.T, np.eye(3), atol=1e-12)
 
 
 @pytest.mark.short
@@ -188,9 +188,9 @@ def test_the_field_is_used_as_by_the_dense_filter(name):
 def test_over_many_irregular_samples_the_filters_stay_together():
     rng, belief = (
         np.random.default_rng(3),
-        begun(ATTITUDE_MEKF, ATTITUDES["south"], sd=(0.05, 0.05, 0.1, 0.02, 0.02, 0.02), **WHITE),
+        begun(ATTITUDE_MEKF, ATTITUDES["south"], std=(0.05, 0.05, 0.1, 0.02, 0.02, 0.02), **WHITE),
     )
-    twin, C = Twin(belief), rotvec([0.1, 0, 0]) @ belief.C
+    twin, C = Twin(belief), rotvec([0.1, 0, 0]) @ belief.C_nb
     for step in range(400):
         dt = rng.uniform(1e-3, 0.02)
         r = np.array([1.0, 2.0 * math.sin(step / 30), -1.5]) * dt
@@ -210,14 +210,14 @@ def test_over_many_irregular_samples_the_filters_stay_together():
 
 
 def test_the_covariance_keeps_its_sign_over_an_hour():
-    belief = begun(ATTITUDE_MEKF, (0, 0, 30), sd=(3.0, 3.0, 3.0, 1.0, 1.0, 1.0), **WHITE)
+    belief = begun(ATTITUDE_MEKF, (0, 0, 30), std=(3.0, 3.0, 3.0, 1.0, 1.0, 1.0), **WHITE)
     u = np.r_[0.01, -0.02, 0.015, 0, 0, -0.098]
     smallest = []
     for k in range(360_000):
         ATTITUDE_MEKF.predict(belief, u, 0.01, NOISE)
         if k % 60_000 < 3:
             smallest.append(np.linalg.eigvalsh(belief.P[np.ix_(SIX, SIX)]).min())
-    assert min(smallest) > 0 and np.isfinite(belief.C).all()
+    assert min(smallest) > 0 and np.isfinite(belief.C_nb).all()
     np.testing.assert_array_equal(belief.P, belief.P.T)
 
 
@@ -245,16 +245,16 @@ def test_a_field_without_a_direction_is_not_measured(filter, y):
 @pytest.mark.short
 def test_a_vertical_field_tells_no_heading():
     """Its direction is noise, and the filter knows; heading keeps its standard deviation."""
-    belief = begun(ATTITUDE_MEKF, (0, 0, 50), sd=(1e-3, 1e-3, 0.1, 0.01, 0.01, 0.01), **WHITE)
+    belief = begun(ATTITUDE_MEKF, (0, 0, 50), std=(1e-3, 1e-3, 0.1, 0.01, 0.01, 0.01), **WHITE)
     before = belief.P[8, 8]
     correct(ATTITUDE_MEKF, belief, "magnetic-field", (1e-9, -1e-9, 48e-6), np.full(3, 1e-6))
-    assert belief.P[8, 8] == pytest.approx(before, rel=1e-2) and np.isfinite(belief.C).all()
+    assert belief.P[8, 8] == pytest.approx(before, rel=1e-2) and np.isfinite(belief.C_nb).all()
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
 def test_free_fall_has_no_vertical_and_no_time_changes_nothing(filter):
-    belief = begun(filter, (30, 40, 50), bg=(0.0, 0.0, 0.0))
+    belief = begun(filter, (30, 40, 50), b_g=(0.0, 0.0, 0.0))
     before = [part.copy() for part in belief]
     filter.predict(belief, np.full(6, 0.3), 0.0, NOISE)
     # where the smoother is told so
@@ -263,17 +263,17 @@ def test_free_fall_has_no_vertical_and_no_time_changes_nothing(filter):
         for name, part, was in zip(belief._fields, belief, before)
         if name != "workspace"
     )
-    C, r = belief.C.copy(), np.array([0.02, -0.01, 0.03])
+    C, r = belief.C_nb.copy(), np.array([0.02, -0.01, 0.03])
     filter.predict(belief, np.r_[r, 1e-3, -1e-3, 2e-3], 0.01, NOISE)
-    np.testing.assert_allclose(belief.C, rotvec(-EARTH * 0.01) @ C @ rotvec(r), atol=1e-12)
-    assert not belief.bg.any()
+    np.testing.assert_allclose(belief.C_nb, rotvec(-EARTH * 0.01) @ C @ rotvec(r), atol=1e-12)
+    assert not belief.b_g.any()
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
 def test_the_first_sample_is_the_whole_vertical(filter):
     """Whatever the low-pass: nothing was there before it."""
-    belief = begun(filter, (10, 0, 0), bg=(0.0, 0.0, 0.0))
+    belief = begun(filter, (10, 0, 0), b_g=(0.0, 0.0, 0.0))
     f = np.array([1.0, -2.0, -9.5])
     filter.predict(belief, np.r_[np.zeros(3), f * 0.01], 0.01, NOISE)
     np.testing.assert_allclose(belief.f, f, rtol=1e-12)
@@ -294,19 +294,19 @@ def test_what_is_left_of_a_heading_error_is_the_same_at_every_heading(filter, ki
             belief = begun(
                 filter,
                 (roll, pitch, heading),
-                bg=(0.0,) * 3,
+                b_g=(0.0,) * 3,
                 **({"k1": 0.5, "k2": 1.0, "k3": 1.0} if filter is MAHONY else WHITE),
             )
-            C = rotvec([0, 0, math.radians(20)]) @ belief.C
+            C = rotvec([0, 0, math.radians(20)]) @ belief.C_nb
             for _ in range(10):
                 filter.predict(belief, np.r_[np.zeros(3), C.T @ UP * G * 0.1], 0.1, NOISE)
-                y, sd = (
+                y, std = (
                     (C.T @ FIELD, np.full(3, 3e-6))
                     if kind == "magnetic-field"
                     else (math.atan2(C[1, 0], C[0, 0]), 0.1)
                 )
-                correct(filter, belief, kind, y, sd)
-            left.append(Rotation.from_matrix(C @ belief.C.T).magnitude())
+                correct(filter, belief, kind, y, std)
+            left.append(Rotation.from_matrix(C @ belief.C_nb.T).magnitude())
         assert max(left) < math.radians(9) and np.ptp(left) < 1e-4
 
 
@@ -346,7 +346,7 @@ def test_without_low_pass_the_observer_is_the_published_one(k1, k2, ki):
         belief = begun(
             MAHONY,
             (r, p, h),
-            bg=(0.0,) * 3,
+            b_g=(0.0,) * 3,
             noise=NOISE._replace(gyro_decay=0.0),
             k1=k1,
             k2=k2,
@@ -364,7 +364,7 @@ def test_without_low_pass_the_observer_is_the_published_one(k1, k2, ki):
             correct(
                 MAHONY, belief, "magnetic-field", body((k + 1) * dt).T @ FIELD, np.full(3, 1e-6)
             )
-        found.append(np.r_[Rotation.from_matrix(R @ belief.C.T).as_rotvec(), b - belief.bg])
+        found.append(np.r_[Rotation.from_matrix(R @ belief.C_nb.T).as_rotvec(), b - belief.b_g])
     coarse, fine = (np.abs(each).max() for each in found)
     assert fine < 2e-3 and (fine < 1e-6 or 1.7 < coarse / fine < 2.3)
 
@@ -377,19 +377,19 @@ def closed_loop(belief, step, places, dt):
         b = belief._replace(
             **{
                 name: getattr(belief, name).copy()
-                for name in ("C", "f", "bg", "workspace", "omega", "P")
+                for name in ("C_nb", "f", "b_g", "workspace", "omega", "P")
             }
         )
         for (name, index), value in zip(places, change):
-            if name == "C":
-                b.C[:] = rotvec(value * np.eye(3)[index]) @ b.C
+            if name == "C_nb":
+                b.C_nb[:] = rotvec(value * np.eye(3)[index]) @ b.C_nb
             else:
                 getattr(b, name)[index] += value
         step(b)
         return np.array(
             [
-                Rotation.from_matrix(b.C).as_rotvec()[index]
-                if name == "C"
+                Rotation.from_matrix(b.C_nb).as_rotvec()[index]
+                if name == "C_nb"
                 else getattr(b, name)[index]
                 for name, index in places
             ]
@@ -410,10 +410,10 @@ def test_poles_are_those_of_the_closed_loop(k, ki, low_pass):
     dt, noise = 1e-3, NOISE._replace(gyro_decay=0.0)
     level, still = np.array([0, 0, -G]), np.r_[EARTH, 0, 0, -G] * dt
     belief = begun(
-        MAHONY, (0, 0, 0), bg=(0.0,) * 3, noise=noise, k1=k, k2=k, k3=k, ki=ki, low_pass=low_pass
+        MAHONY, (0, 0, 0), b_g=(0.0,) * 3, noise=noise, k1=k, k2=k, k3=k, ki=ki, low_pass=low_pass
     )
     belief.f[:], belief.workspace[SECONDS] = level, 1e9
-    places = [("C", 0), ("bg", 0)] + ([("f", 1)] if low_pass else [])
+    places = [("C_nb", 0), ("b_g", 0)] + ([("f", 1)] if low_pass else [])
     found = closed_loop(belief, lambda b: MAHONY.predict(b, still, dt, noise), places, dt)
     np.testing.assert_allclose(
         np.sort_complex(found), np.sort_complex(poles(k, ki, low_pass)), rtol=0.01
@@ -424,7 +424,7 @@ def test_poles_are_those_of_the_closed_loop(k, ki, low_pass):
             MAHONY.predict(b, still, dt, noise)
             correct(MAHONY, b, kind, y, 0.01 * np.ones(np.size(y)))
 
-        found = closed_loop(belief, step, [("C", 2), ("bg", 2)], dt)
+        found = closed_loop(belief, step, [("C_nb", 2), ("b_g", 2)], dt)
         np.testing.assert_allclose(
             np.sort_complex(found), np.sort_complex(poles(k, ki, 0.0)), rtol=0.01
         )
@@ -449,11 +449,11 @@ def test_each_combination_of_directions_corrects_what_it_sees(name):
     belief = begun(
         MAHONY,
         (0, 0, 0),
-        bg=(0.0,) * 3,
+        b_g=(0.0,) * 3,
         **{"k1": 0.0, "k2": 0.0, "k3": 0.0, "ki": 0.0, "low_pass": 0.0} | gains,
     )
     # of the truth: the field, which points north and down, sees this tilt
-    C = rotvec([0.0, 0.17, 0]) @ rotvec([0, 0, 0.17]) @ belief.C
+    C = rotvec([0.0, 0.17, 0]) @ rotvec([0, 0, 0.17]) @ belief.C_nb
     both = "k2" in gains and "k3" in gains
     psi = math.atan2(C[1, 0], C[0, 0])
     for _ in range(2000):
@@ -466,8 +466,8 @@ def test_each_combination_of_directions_corrects_what_it_sees(name):
             np.full(3, 1e-6),
         )
         correct(MAHONY, belief, "heading", psi if compass else psi + 0.2, 0.01)
-    theta = Rotation.from_matrix(C @ belief.C.T).as_rotvec()
-    heading = psi - math.atan2(belief.C[1, 0], belief.C[0, 0])
+    theta = Rotation.from_matrix(C @ belief.C_nb.T).as_rotvec()
+    heading = psi - math.atan2(belief.C_nb[1, 0], belief.C_nb[0, 0])
     assert (abs(theta[1]) < 0.01) == levels and (abs(heading) < 0.01) == heads, (theta, heading)
 
 
@@ -485,9 +485,9 @@ def test_the_observers_covariance_is_what_its_kernels_do_to_small_errors(kind, r
     """P of two beliefs apart by P0 stays apart by M P0 M', M the numeric derivative of all that
     the kernels do to a belief."""
     gains = dict(k1=0.8, k2=0.7, k3=0.6, ki=0.2, low_pass=0.0)
-    own = dict(bg=(0.0,) * 3, noise=NOISE, **gains)
+    own = dict(b_g=(0.0,) * 3, noise=NOISE, **gains)
     belief, dt = correlated(begun(MAHONY, rph, **own), 7), 0.2
-    C = belief.C.copy()
+    C = belief.C_nb.copy()
     u = np.r_[C.T @ EARTH * dt, C.T @ UP * belief.workspace[GRAVITY] * dt]
 
     def step(b):
@@ -500,14 +500,14 @@ def test_the_observers_covariance_is_what_its_kernels_do_to_small_errors(kind, r
             **{name: np.array(getattr(belief, name)) for name in belief._fields if name != "P"},
             P=P.copy(),
         )
-        b.C[:] = rotvec(change[:3]) @ b.C
-        b.bg[:] += change[3:]
+        b.C_nb[:] = rotvec(change[:3]) @ b.C_nb
+        b.b_g[:] += change[3:]
         step(b)
         return b
 
     zero = np.zeros_like(belief.P)
     at = after(np.zeros(6), belief.P)
-    error = lambda b: np.r_[Rotation.from_matrix(b.C @ at.C.T).as_rotvec(), b.bg - at.bg]
+    error = lambda b: np.r_[Rotation.from_matrix(b.C_nb @ at.C_nb.T).as_rotvec(), b.b_g - at.b_g]
     M = np.column_stack(
         [(error(after(e, zero)) - error(after(-e, zero))) / 2e-5 for e in 1e-5 * np.eye(6)]
     )
@@ -523,15 +523,15 @@ def test_the_observers_covariance_is_what_its_kernels_do_to_small_errors(kind, r
 def test_more_magnetometers_than_books_share_the_last_ones(filter):
     found = []
     for number in (MAGNETOMETERS - 1, MAGNETOMETERS, MAGNETOMETERS + 5):
-        belief = begun(filter, (0, 0, 30), bg=(0.0,) * 3)
-        filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.1], 0.1, NOISE)
+        belief = begun(filter, (0, 0, 30), b_g=(0.0,) * 3)
+        filter.predict(belief, np.r_[np.zeros(3), belief.C_nb.T @ UP * G * 0.1], 0.1, NOISE)
         source = new_source()
         source.parameters[:3], source.of_kind = FIELD, number
         sensor, innovation = aiding.find("magnetic-field"), np.zeros(12)
         compile_kernel(sensor.observe)
         filter.correct(
             belief,
-            belief.C.T @ FIELD,
+            belief.C_nb.T @ FIELD,
             np.full(3, 1e-6),
             aiding.number(sensor.name),
             sensor.observe,
@@ -547,9 +547,9 @@ def test_more_magnetometers_than_books_share_the_last_ones(filter):
 @pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
 @pytest.mark.parametrize("field", [(21e-6, 0.0, 44e-6), (0.0, 21e-6, 44e-6)], ids=str)
 def test_a_field_along_an_axis_has_an_azimuth(filter, field):
-    belief = begun(filter, (3, 4, 50), bg=(0.0,) * 3)
-    filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.01], 0.01, NOISE)
+    belief = begun(filter, (3, 4, 50), b_g=(0.0,) * 3)
+    filter.predict(belief, np.r_[np.zeros(3), belief.C_nb.T @ UP * G * 0.01], 0.01, NOISE)
     turned = rotvec([0.0, 0.0, 0.1])
-    y = belief.C.T @ turned.T @ field  # as of a body turned to the right by 0.1 rad more
+    y = belief.C_nb.T @ turned.T @ field  # as of a body turned to the right by 0.1 rad more
     _, innovation = correct(filter, belief, "magnetic-field", y, np.full(3, 1e-6), field=field)
     assert innovation[0] == pytest.approx(0.1, abs=1e-4)

@@ -74,15 +74,15 @@ def flown(motion, grade, seed, rate=50.0):
         magnetometer=Magnetometer(rate=10.0),
         date="2025-06-01",
     )
-    field = tuple(a for a in recording.aidings if a.kind == "magnetic-field")
-    return replace(recording, aidings=field)
+    field = tuple(a for a in recording.sources if a.kind == "magnetic-field")
+    return replace(recording, sources=field)
 
 
 def ratio(name, recording, **options):
     """(n, 3) errors over standard deviations after 60 s."""
     solution = sd.fuse(recording, name, every=5, options=options)
     e = sd.errors(solution, recording.reference)
-    return np.abs(e.attitude / e.sd[:, 6:9])[e.t > 60]
+    return np.abs(e.attitude / e.std[:, 6:9])[e.t > 60]
 
 
 @pytest.mark.parametrize("name", ["attitude-mekf", "mahony", "vru"])
@@ -108,11 +108,11 @@ def test_without_looking_for_accelerations_they_do_not():
 # ------------------------------------------------------------------ kernels by hand
 
 
-def begun(filter: Filter, rph=(0.0, 0.0, 0.0), sd_attitude=0.01, accel_sd=0.0) -> FilterState:
+def begun(filter: Filter, rph=(0.0, 0.0, 0.0), std_attitude=0.01, accel_std=0.0) -> FilterState:
     for each in (filter.predict, filter.correct, aiding.find("magnetic-field").observe):
         compile_kernel(each)
-    all_sd = (10.0,) * 6 + (sd_attitude,) * 3 + (accel_sd,) * 3 + (1e-4,) * 3
-    start = InitialState(0.0, (0.8, 0.2, 0.0), (0.0,) * 3, rph, (0.0,) * 3, (0.0,) * 3, all_sd)
+    all_std = (10.0,) * 6 + (std_attitude,) * 3 + (accel_std,) * 3 + (1e-4,) * 3
+    start = InitialState(0.0, (0.8, 0.2, 0.0), (0.0,) * 3, rph, (0.0,) * 3, (0.0,) * 3, all_std)
     return filter.start(start, NOISE)
 
 
@@ -234,7 +234,7 @@ def test_one_magnetometer_that_is_stuck_beside_a_good_one(name, every):
         if k % every == every - 1:
             used = np.isfinite(measure(filter, belief, FIELD)[1][0])
             assert not (used and t > 4.0)
-    heading = math.atan2(belief.C[1, 0], belief.C[0, 0])
+    heading = math.atan2(belief.C_nb[1, 0], belief.C_nb[0, 0])
     assert abs(math.remainder(heading - rate * t, math.tau)) < 3 * math.sqrt(belief.P[8, 8])
     assert holding(filter, belief) == STUCK + ASIDE
     assert not filter.conditions[int(STUCK + ASIDE) - 1].doubtful
@@ -257,10 +257,10 @@ def test_a_field_that_is_refused_beside_a_heading_makes_nothing_doubtful(name):
     filter, compass = find(name), aiding.find("heading")
     compile_kernel(compass.observe)
     belief, kind = begun(filter), aiding.number("heading")
-    y, sd_y, innovation = np.zeros(3), np.full(3, 0.02), np.zeros(12)
+    y, std_y, innovation = np.zeros(3), np.full(3, 0.02), np.zeros(12)
     for _ in range(20):
         still(filter, belief, 0.5, field=lambda t: 2 * FIELD)
-        filter.correct(belief, y, sd_y, kind, compass.observe, new_source(), math.inf, innovation)
+        filter.correct(belief, y, std_y, kind, compass.observe, new_source(), math.inf, innovation)
     still(filter, belief, 0.5, field=lambda t: 2 * FIELD)
     assert holding(filter, belief) == STRONG + ASIDE
     still(filter, belief, 11.0, field=lambda t: 2 * FIELD)
@@ -301,11 +301,11 @@ def test_an_accelerometer_bias_ends_in_the_covariance(name):
     """At rest the tilt is the bias over gravity, and so is its standard deviation, however long;
     the heading by the dip as much more in attitude-mekf, whose field sees the tilt."""
     filter, bias = find(name), 0.2
-    without, belief = (begun(filter, accel_sd=sd_) for sd_ in (0.0, bias))
+    without, belief = (begun(filter, accel_std=std_) for std_ in (0.0, bias))
     for each in (without, belief):
         still(filter, each, 120.0, force=(bias, 0.0, -9.81))
-    assert np.allclose(without.C, belief.C, atol=1e-12)  # the gains do not know it
-    tilt = math.asin(abs(belief.C[2, 0]))
+    assert np.allclose(without.C_nb, belief.C_nb, atol=1e-12)  # the gains do not know it
+    tilt = math.asin(abs(belief.C_nb[2, 0]))
     assert tilt == pytest.approx(bias / 9.81, rel=0.2)
     grown = math.sqrt(belief.P[7, 7] - without.P[7, 7])
     assert grown == pytest.approx(bias / 9.78, rel=0.2)

@@ -15,9 +15,9 @@ from strapdown.core.loop.contract import FilterState, InitialState, Noise, compi
 from strapdown.core.mathematics.earth import RATE as EARTH_RATE
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.engine import prepare as preparation
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Measurement, Sample, Stream
 from strapdown.filters.attitude.attitude_error_state import GAIN
 from strapdown.filters.attitude.attitude_mekf import (
     ACCELERATION,
@@ -51,7 +51,7 @@ BEGIN = InitialState(
 
 def height(kind, t, y, deviation, **more):
     t = np.atleast_1d(np.asarray(t, float))
-    return Aiding(
+    return Source(
         kind,
         t,
         np.broadcast_to(np.asarray(y, float), t.shape)[:, None].copy(),
@@ -64,13 +64,13 @@ def belief(brought=1, seed=1):
     """A belief with a full covariance of vertical channel and states augmented, and another
     of the attitude."""
     rng = np.random.default_rng(seed)
-    made = VRU.start(BEGIN._replace(sd=BEGIN.sd + (30.0,) * brought), NOISE, **FIXED)
+    made = VRU.start(BEGIN._replace(std=BEGIN.std + (30.0,) * brought), NOISE, **FIXED)
     vertical = [*VERTICAL, *range(15, 15 + brought)]
     scale = np.sqrt(np.diag(made.P))[vertical]
     mixed = rng.standard_normal((len(vertical), 2 * len(vertical)))
     full = np.corrcoef(mixed) * np.outer(scale, scale)
     made.P[np.ix_(vertical, vertical)] = (full + full.T) / 2
-    made.extra_states[:] = 3.0
+    made.augmented[:] = 3.0
     return made, vertical
 
 
@@ -107,10 +107,10 @@ def test_a_step_is_the_textbooks(brought):
     made, rows = belief(brought)
     compile_kernel(VRU.predict)
     made.workspace[MEASURED] = 1.0  # nothing ties the height to the start's
-    P, C, v, h, ba = made.P.copy(), made.C.copy(), made.v[2], made.lla[2], made.ba.copy()
+    P, C, v, h, b_a = made.P.copy(), made.C_nb.copy(), made.v_n[2], made.lla[2], made.b_a.copy()
     VRU.predict(made, u, dt, NOISE)
     turned = C @ (
-        u[3:] - ba * dt + 0.5 * np.cross(u[:3] - BEGIN.bg * np.array(dt), u[3:] - ba * dt)
+        u[3:] - b_a * dt + 0.5 * np.cross(u[:3] - BEGIN.b_g * np.array(dt), u[3:] - b_a * dt)
     )
     phi, q = dense(C, dt, len(rows), turned / dt)
     whole = [*rows, *ATTITUDE]
@@ -120,9 +120,9 @@ def test_a_step_is_the_textbooks(brought):
     )
     assert np.array_equal(made.P, made.P.T)
     gained = turned[2] + 9.81935 * dt  # normal gravity at 60.4 deg, 45 m
-    assert made.v[2] - v == pytest.approx(gained, abs=2e-6)
+    assert made.v_n[2] - v == pytest.approx(gained, abs=2e-6)
     assert h - made.lla[2] == pytest.approx(v * dt + 0.5 * gained * dt, abs=1e-7)
-    np.testing.assert_allclose(made.ba, ba * np.exp(-NOISE.accel_decay * dt), rtol=1e-12)
+    np.testing.assert_allclose(made.b_a, b_a * np.exp(-NOISE.accel_decay * dt), rtol=1e-12)
 
 
 @pytest.mark.short
@@ -170,7 +170,7 @@ def test_a_correction_is_the_textbooks(kind, rows):
     nis = VRU.correct(
         made,
         fixes.y[0],
-        fixes.sd[0],
+        fixes.std[0],
         fixes.sources[0].kind,
         aiding.find(kind).observe,
         fixes.sources[0],
@@ -179,7 +179,7 @@ def test_a_correction_is_the_textbooks(kind, rows):
     )
     P = before[5].copy()
     P[2, :] = P[:, 2] = 0.0  # the first source of height: what the mean level told is forgotten
-    P[2, 2] = BEGIN.sd[2] ** 2
+    P[2, 2] = BEGIN.std[2] ** 2
     reach = before[2] @ arm
     H = np.zeros(16)
     H[2], H[15] = 1.0, -1.0 * rows
@@ -200,10 +200,10 @@ def test_a_correction_is_the_textbooks(kind, rows):
     assert nis == pytest.approx(e * e / single, rel=1e-9) and innovation[0] == pytest.approx(
         e, rel=1e-12
     )
-    assert [made.lla[2], made.v[2], *made.ba, *made.extra_states] == pytest.approx(
+    assert [made.lla[2], made.v_n[2], *made.b_a, *made.augmented] == pytest.approx(
         [45.0 - K[2] * e, 0.3 + K[5] * e, *(before[3] + K[9:12] * e), 3.0 + K[15] * e]
     )
-    np.testing.assert_array_equal(made.C, before[2])
+    np.testing.assert_array_equal(made.C_nb, before[2])
 
 
 @pytest.mark.short
@@ -294,7 +294,7 @@ def heave_errors(solution, truth):
         e.position[rows, 2] - e.position[rows, 2].mean(),
         e.velocity[rows, 2],
         e.rph[rows, :2],
-        e.sd[rows][:, [2, 5]],
+        e.std[rows][:, [2, 5]],
     )
 
 
@@ -323,9 +323,9 @@ def test_heave_in_a_swell(swell):
     for seed in range(20):
         recording = recorded(swell, seed)
         truth = recording.reference
-        for name, aidings in (("sea", (sea(),)), ("start", ())):
+        for name, sources in (("sea", (sea(),)), ("start", ())):
             found[name].append(
-                heave_errors(sd.fuse(replace(recording, aidings=aidings), "vru"), truth)
+                heave_errors(sd.fuse(replace(recording, sources=sources), "vru"), truth)
             )
         rows, true = (
             recording.imu.t > SPAN[0],
@@ -357,14 +357,14 @@ def test_heave_by_pressure(swell):
     ten, measured, velocity, bias = [], [], [], []
     for seed in range(20):
         recording = recorded(swell, seed)
-        (pressure,) = (a for a in recording.aidings if a.kind == "pressure")
+        (pressure,) = (a for a in recording.sources if a.kind == "pressure")
         truth, late = recording.reference, pressure.t > SPAN[0]
-        e = sd.errors(sd.fuse(replace(recording, aidings=(pressure,)), "vru"), truth)
+        e = sd.errors(sd.fuse(replace(recording, sources=(pressure,)), "vru"), truth)
         ten.append((e.position[500:, 2] - e.position[:-500, 2])[int(SPAN[0] * 50) :])
         off = pressure_altitude(pressure.y[:, 0]) - np.interp(pressure.t, truth.t, truth.lla[:, 2])
         measured.append((off[100:] - off[:-100])[int(SPAN[0] * 10) :])
         velocity.append(e.velocity[int(SPAN[0] * 50) :, 2])
-        both = sd.fuse(replace(recording, aidings=(pressure, sea())), "vru")
+        both = sd.fuse(replace(recording, sources=(pressure, sea())), "vru")
         bias.append(
             (
                 recording.meta["b_baro"]
@@ -400,10 +400,10 @@ def vertical_nees(seeds, told=1.0):
     for seed in seeds:
         of_imu, of_fixes, of_start = np.random.default_rng(seed).spawn(3)
         imu, b_a, _ = WHITE.corrupt(ideal, of_imu)
-        start_sd = np.r_[
-            1e-3, 1e-3, 3.0, 1e-3, 1e-3, 0.5, [1e-7] * 3, [WHITE.bias_sd()[0]] * 3, [1e-9] * 3
+        start_std = np.r_[
+            1e-3, 1e-3, 3.0, 1e-3, 1e-3, 0.5, [1e-7] * 3, [WHITE.bias_std()[0]] * 3, [1e-9] * 3
         ]
-        start = draw_start(truth, start_sd, of_start)
+        start = draw_start(truth, start_std, of_start)
         fixes = height(
             "zero-sea-level",
             t[RATE::RATE],
@@ -478,19 +478,19 @@ def test_any_mounting_will_do():
     made = sd.simulate(
         motion, 300.0, "industrial", seed=4, rate=50.0, gnss=sd.scenario("ship-heave").gnss
     )
-    solution = sd.fuse(replace(made, aidings=(sea(300.0),)), "vru")
+    solution = sd.fuse(replace(made, sources=(sea(300.0),)), "vru")
     e = sd.errors(solution, made.reference)
     late = e.t > 150
     assert rms(e.position[late, 2] - e.position[late, 2].mean()) < 0.2
     # y is down; z and x are hardly seen
-    assert solution.trajectory.sd[-1, 10] < 0.3 * solution.trajectory.sd[-1, 11]
+    assert solution.trajectory.std[-1, 10] < 0.3 * solution.trajectory.std[-1, 11]
 
 
 def test_what_is_not_known_is_no_number(swell):
     recording = recorded(swell, 1)
     recording = replace(
         recording,
-        aidings=(sea(30.0),),
+        sources=(sea(30.0),),
         imu=type(recording.imu)(*(column[:1500] for column in recording.imu)),
     )
     for meta in ({}, {"point": "reference", "imu_lever_arm": [0.0, 0.0, -4.0]}):
@@ -498,12 +498,12 @@ def test_what_is_not_known_is_no_number(swell):
         assert (
             np.isnan(path.lla[:, :2]).all()
             and np.isnan(path.v_n[:, :2]).all()
-            and np.isnan(path.sd[:, [0, 1, 3, 4, 8]]).all()
+            and np.isnan(path.std[:, [0, 1, 3, 4, 8]]).all()
         )
         assert (
             np.isfinite(path.lla[:, 2]).all()
             and np.isfinite(path.v_n[:, 2]).all()
-            and np.isfinite(path.sd[:, [2, 5, 6, 7, 9, 10, 11, 12, 13, 14]]).all()
+            and np.isfinite(path.std[:, [2, 5, 6, 7, 9, 10, 11, 12, 13, 14]]).all()
         )
     at_imu = sd.fuse(recording, "vru").trajectory
     assert at_imu.lla[-1, 2] - path.lla[-1, 2] == pytest.approx(4.0, abs=0.1)
@@ -520,16 +520,16 @@ def test_the_first_height_unties_from_the_start(swell):
     """Before it height is that of the start and heave; after it the start's own uncertainty
     counts, and the height is the one measured."""
     recording = recorded(swell, 2)
-    begin = sd.align(recording, sd.grade("industrial"), position=False)._replace(
+    begin = sd.align(recording, sd.imu("industrial"), position=False)._replace(
         lla=(PLACE[0], PLACE[1], 50.0)
     )
     solution = sd.fuse(
-        replace(recording, aidings=(height("altitude", np.arange(200.0, 300.0), 545.0, 2.0),)),
+        replace(recording, sources=(height("altitude", np.arange(200.0, 300.0), 545.0, 2.0),)),
         "vru",
         start=begin,
         every=25,
     )
-    h, deviation = solution.trajectory.lla[:, 2], solution.trajectory.sd[:, 2]
+    h, deviation = solution.trajectory.lla[:, 2], solution.trajectory.std[:, 2]
     before, after = (
         (solution.t > 120) & (solution.t < 199.5),
         (solution.t > 260) & (solution.t < 299),
@@ -542,28 +542,28 @@ def test_the_first_height_unties_from_the_start(swell):
 def test_a_stream_is_the_batch_bit_for_bit(swell):
     recording = recorded(swell, 3)
     imu = type(recording.imu)(*(column[:1000] for column in recording.imu))
-    pressure = next(a for a in recording.aidings if a.kind == "pressure").between(0.0, 20.0)
-    recording = replace(recording, imu=imu, aidings=(sea(20.0), pressure))
-    begin = sd.align(recording, sd.grade("industrial"), position=False)
+    pressure = next(a for a in recording.sources if a.kind == "pressure").between(0.0, 20.0)
+    recording = replace(recording, imu=imu, sources=(sea(20.0), pressure))
+    begin = sd.align(recording, sd.imu("industrial"), position=False)
     solution = sd.fuse(recording, "vru", start=begin, covariance=True)
-    stream = Stream("vru", start=begin, imu="industrial", aidings=recording.aidings)
+    stream = Stream("vru", start=begin, imu="industrial", sources=recording.sources)
     events = [
         Sample(t, dt, tuple(a), tuple(b))
         for t, dt, a, b in zip(*(column.tolist() for column in imu))
     ]
     events += [
-        Fix(t, k, tuple(y), tuple(d))
-        for k, a in enumerate(recording.aidings)
-        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
+        Measurement(t, k, tuple(y), tuple(d))
+        for k, a in enumerate(recording.sources)
+        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.std.tolist())
     ]
     for event in sorted(events, key=lambda event: (event.t, type(event) is Sample)):
         stream.step(event)
     last = stream.finish()
     assert (
         last.lla[2] == solution.trajectory.lla[-1, 2]
-        and last.v[2] == solution.trajectory.v_n[-1, 2]
+        and last.v_n[2] == solution.trajectory.v_n[-1, 2]
     )
-    assert last.extra_states[0] == solution.columns["barometer bias [m]"][-1] and np.array_equal(
+    assert last.augmented[0] == solution.columns["barometer bias [m]"][-1] and np.array_equal(
         last.P, solution.covariance[-1]
     )
     engine_chunk, preparation.ROWS_AT_ONCE = preparation.ROWS_AT_ONCE, 37
@@ -584,11 +584,11 @@ def test_a_gap_is_survived(swell):
     made = replace(
         recording,
         imu=type(recording.imu)(*(column[keep] for column in recording.imu)),
-        aidings=(sea(),),
+        sources=(sea(),),
         meta={"grade": "industrial"},
     )
     e = sd.errors(sd.fuse(made, "vru"), recording.reference)
     after = e.t > 220
-    assert (np.abs(e.position[after, 2]) < 3 * e.sd[after, 2]).all() and e.sd[after][
+    assert (np.abs(e.position[after, 2]) < 3 * e.std[after, 2]).all() and e.std[after][
         0, 2
-    ] > 4 * e.sd[-1, 2]
+    ] > 4 * e.std[-1, 2]

@@ -31,14 +31,14 @@ def fused(recording, name, **options):
 
 
 def difference(a, b):
-    """Largest differences: position m, velocity m/s, attitude rad, biases in their sd, sd
+    """Largest differences: position m, velocity m/s, attitude rad, biases in their std, std
     relative."""
     return (
         np.abs(displacement(a.trajectory.lla, b.trajectory.lla)).max(),
         np.abs(a.trajectory.v_n - b.trajectory.v_n).max(),
         (a.trajectory.rotation * b.trajectory.rotation.inv()).magnitude().max(),
-        np.abs((np.c_[a.b_a, a.b_g] - np.c_[b.b_a, b.b_g]) / b.trajectory.sd[:, 9:]).max(),
-        np.abs(a.trajectory.sd / b.trajectory.sd - 1).max(),
+        np.abs((np.c_[a.b_a, a.b_g] - np.c_[b.b_a, b.b_g]) / b.trajectory.std[:, 9:]).max(),
+        np.abs(a.trajectory.std / b.trajectory.std - 1).max(),
     )
 
 
@@ -69,14 +69,14 @@ def test_bias_in_the_ins_and_in_the_error_state_agree_per_step_to_second_order()
         imu = flight(2.0, 20.0).imu
         one = replace(
             flight(2.0, 20.0),
-            aidings=(),
+            sources=(),
             imu=type(imu)(
                 np.array([dt, 2 * dt]),
                 np.full(2, dt),
                 *(column[:2] * (dt / imu.dt[0]) for column in imu[2:]),
             ),
         )
-        begin = start(flight(2.0, 20.0))._replace(ba=(0.5, -0.3, 0.2), bg=(0.02, -0.03, 0.01))
+        begin = start(flight(2.0, 20.0))._replace(b_a=(0.5, -0.3, 0.2), b_g=(0.02, -0.03, 0.01))
         a, b = (
             sd.fuse(one, name, start=begin, noise=NOISE)
             for name in ("closed-loop", "closed-loop-error-bias")
@@ -102,7 +102,7 @@ def test_the_raw_ins_of_the_open_loop_is_the_belief_less_its_error():
     shift = np.stack(
         [solution.columns[f"ins_error_{axis} [m]"] for axis in ("north", "east", "down")], axis=1
     )
-    raw = replace(recording, aidings=())
+    raw = replace(recording, sources=())
     alone = sd.fuse(raw, "open-loop", start=start(recording), noise=NOISE)
     assert np.abs(displacement(solution.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-3
     assert np.abs(shift).max() > 0.1
@@ -121,10 +121,10 @@ def textbook(recording, begin):
     P) at each sample."""
     lla, v, C = (
         np.array(begin.lla),
-        np.array(begin.v),
+        np.array(begin.v_n),
         Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix(),
     )
-    b_a, b_g, P = np.zeros(3), np.zeros(3), np.diag(np.square(begin.sd))
+    b_a, b_g, P = np.zeros(3), np.zeros(3), np.diag(np.square(begin.std))
     previous = None
     for k, t in enumerate(recording.imu.t):
         dt, rotation, force = recording.imu.dt[k], recording.imu.dtheta[k], recording.imu.dv[k]
@@ -141,7 +141,7 @@ def textbook(recording, begin):
         P = Phi @ P @ Phi.T + Phi @ van_loan[:15, 15:]
         mechanize(lla, v, C, r, a, dt, np.zeros(3))
         b_a, b_g = b_a * np.exp(-NOISE.accel_decay * dt), b_g * np.exp(-NOISE.gyro_decay * dt)
-        for source in recording.aidings:
+        for source in recording.sources:
             for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):
                 arm, H = C @ source.parameters, np.zeros((3, 15))
                 if source.kind == "position":
@@ -172,7 +172,7 @@ def textbook(recording, begin):
                             [-source.parameters[1], source.parameters[0], 0],
                         ]
                     )
-                R = np.diag(source.sd[row] ** 2)
+                R = np.diag(source.std[row] ** 2)
                 K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
                 keep = np.eye(15) - K @ H
                 P, dx = keep @ P @ keep.T + K @ R @ K.T, K @ e
@@ -191,7 +191,7 @@ def textbook(recording, begin):
 def test_the_closed_loop_is_the_textbook_filter():
     recording = flight(5.0, 20.0)
     recording = replace(
-        recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings)
+        recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources)
     )
     solution = fused(recording, "closed-loop")
     lla, v, C, P = (np.array(part) for part in zip(*textbook(recording, start(recording))))
@@ -206,7 +206,7 @@ def test_the_closed_loop_is_the_textbook_filter():
 def test_covariances_stay_symmetric_and_positive(name):
     recording = flight()
     P = fused(
-        replace(recording, aidings=(*recording.aidings, ahrs(recording.reference))),
+        replace(recording, sources=(*recording.sources, ahrs(recording.reference))),
         name,
         **OPTIONS.get(name, {}),
     ).covariance
@@ -258,7 +258,7 @@ def test_a_raw_ins_that_leaves_the_model_is_an_event(name, gone):
         falling,
         name,
         start=start(recording),
-        noise=sd.grade("tactical").noise(),
+        noise=sd.imu("tactical").noise(),
         vehicle=Vehicle(speed=1e6, acceleration=1e4, lowest=-1e7, highest=1e7),
     )
     events = [(t, text) for t, text in solution.events if "raw INS left the model" in text]

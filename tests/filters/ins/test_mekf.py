@@ -17,7 +17,7 @@ from strapdown.core.mathematics.error_dynamics import cross_matrix, dynamics
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.core.mathematics.source import new_source
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.ekf import EKF
 from strapdown.filters.ins.mekf import MEKF
@@ -67,11 +67,11 @@ class Book:
     """Position, velocity, quaternion, biases of accelerometer, gyro and barometer; errors p, v,
     a, b_a, b_g, b_h with a in body axes."""
 
-    def __init__(self, begin, baro_sd):
-        self.lla, self.v = np.array(begin.lla, float), np.array(begin.v, float)
+    def __init__(self, begin, baro_std):
+        self.lla, self.v = np.array(begin.lla, float), np.array(begin.v_n, float)
         self.q = Rotation.from_euler("ZYX", begin.rph[::-1]).as_quat()[[3, 0, 1, 2]]
-        self.ba, self.bg, self.bh = np.array(begin.ba, float), np.array(begin.bg, float), 0.0
-        self.P = self.in_body(np.diag(np.r_[begin.sd, baro_sd] ** 2))
+        self.b_a, self.b_g, self.bh = np.array(begin.b_a, float), np.array(begin.b_g, float), 0.0
+        self.P = self.in_body(np.diag(np.r_[begin.std, baro_std] ** 2))
 
     def in_body(self, P):
         A = block_diag(np.eye(6), matrix(self.q).T, np.eye(7))
@@ -84,7 +84,7 @@ class Book:
     def step(self, rotation, force, dt):
         """Errors of the textbook, a' = -w x a - b_g and v' = -C (f x a) - C b_a; what the Earth
         adds is the library's, its rows of a turned to the body."""
-        r, a = rotation - self.bg * dt, force - self.ba * dt
+        r, a = rotation - self.b_g * dt, force - self.b_a * dt
         self.w, self.f = r / dt, a / dt
         middle = matrix(product(self.q, exponential(r / 2)))
         F, Q = dynamics(self.lla, self.v, middle, np.zeros(3), NOISE)
@@ -99,9 +99,9 @@ class Book:
         turn = np.array(rotation_rates(self.v[0], self.v[1], sine, cosine, M, N)[2:]) * dt
         mechanize(self.lla, self.v, matrix(self.q), r, a, dt, np.zeros(3))
         self.q = product(exponential(-turn), product(self.q, exponential(r)))
-        self.ba, self.bg = (
-            self.ba * np.exp(-NOISE.accel_decay * dt),
-            self.bg * np.exp(-NOISE.gyro_decay * dt),
+        self.b_a, self.b_g = (
+            self.b_a * np.exp(-NOISE.accel_decay * dt),
+            self.b_g * np.exp(-NOISE.gyro_decay * dt),
         )
 
     def expected(self, source, y):
@@ -148,7 +148,7 @@ class Book:
             product(self.q, gibbs(dx[6:9])),
         )
         self.q /= np.linalg.norm(self.q)
-        self.ba, self.bg, self.bh = self.ba + dx[9:12], self.bg + dx[12:15], self.bh + dx[15]
+        self.b_a, self.b_g, self.bh = self.b_a + dx[9:12], self.b_g + dx[12:15], self.bh + dx[15]
 
 
 def book(recording, begin):
@@ -164,17 +164,17 @@ def book(recording, begin):
             )
         before = rotation, force
         made.step(r, a, dt)
-        for source in recording.aidings:
+        for source in recording.sources:
             for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):
                 if source.kind == "pressure-altitude":
                     made.P[15, 15] += WALK**2 * (t - seen.get(source.kind, 0.0))
                     seen[source.kind] = t
-                made.correct(source, source.y[row], source.sd[row])
+                made.correct(source, source.y[row], source.std[row])
         yield (
             made.lla.copy(),
             made.v.copy(),
             matrix(made.q),
-            np.r_[made.ba, made.bg, made.bh],
+            np.r_[made.b_a, made.b_g, made.bh],
             made.in_n(),
         )
 
@@ -184,7 +184,7 @@ def every_kind(seconds=3.0, rate=20.0):
     at its rate, and a start whose errors matter."""
     recording = flight(seconds, rate)
     truth, rng = recording.reference, np.random.default_rng(5)
-    made = [replace(a, gate=np.inf) for a in recording.aidings]
+    made = [replace(a, gate=np.inf) for a in recording.sources]
     kinds = (
         ("heading", 4, 0.02, lambda C, h: [np.arctan2(C[1, 0], C[0, 0])], ()),
         ("magnetic-field", 2, 5e-7, lambda C, h: C.T @ FIELD, tuple(FIELD)),
@@ -195,7 +195,7 @@ def every_kind(seconds=3.0, rate=20.0):
         rows = np.arange(each, len(truth.t), each)
         y = np.array([model(truth.rotation[k].as_matrix(), truth.lla[k, 2]) for k in rows])
         made.append(
-            Aiding(
+            Source(
                 kind,
                 truth.t[rows],
                 y + (kind != "gravity") * rng.normal(0, deviation, y.shape),
@@ -209,14 +209,14 @@ def every_kind(seconds=3.0, rate=20.0):
         np.r_[[2.0] * 3, [0.5] * 3, 0.1, 0.1, 0.4, [0.05] * 3, [2e-3] * 3],
     )
     rph = np.array(begin.rph) + [0.06, -0.05, 0.25]
-    return replace(recording, aidings=tuple(made)), begin._replace(
-        rph=tuple(rph), ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3), sd=tuple(deviation)
+    return replace(recording, sources=tuple(made)), begin._replace(
+        rph=tuple(rph), b_a=(0.05, -0.03, 0.04), b_g=(1e-3, -2e-3, 1e-3), std=tuple(deviation)
     )
 
 
 def distance(solution, made):
-    """Largest distances of a Solution from `book`: m, m/s, rad, biases in their sd, covariance
-    in sd."""
+    """Largest distances of a Solution from `book`: m, m/s, rad, biases in their std, covariance
+    in std."""
     lla, v, C, b, P = (np.array(part) for part in zip(*made))
     scale = np.sqrt(np.einsum("kii->ki", P))
     found = np.c_[solution.b_a, solution.b_g, solution.columns["pressure-altitude bias [m]"]]
@@ -275,7 +275,7 @@ def corrected(a, C, filter=MEKF):
         )
         > 0
     )
-    return belief.C, belief.P, P - np.outer(P[:, 3], P[3]) / (P[3, 3] + 1e-6)
+    return belief.C_nb, belief.P, P - np.outer(P[:, 3], P[3]) / (P[3, 3] + 1e-6)
 
 
 @pytest.mark.short
@@ -316,10 +316,10 @@ def test_the_covariance_after_a_correction_is_that_of_the_error_left(filter):
 @pytest.mark.short
 def test_a_fix_that_is_rejected_changes_nothing():
     recording, begin = every_kind(1.0)
-    far = replace(recording.aidings[1], y=recording.aidings[1].y + 50, gate=11.0)
+    far = replace(recording.sources[1], y=recording.sources[1].y + 50, gate=11.0)
     with_it, without = (
         sd.fuse(
-            replace(recording, aidings=(*others, *recording.aidings[2:])),
+            replace(recording, sources=(*others, *recording.sources[2:])),
             "mekf",
             start=begin,
             noise=NOISE,
@@ -344,7 +344,7 @@ def exact(motion, seconds, rate, *sources):
     for kind, hertz, deviation, model, parameters in sources:
         rows = np.arange(1, round(seconds * hertz) + 1) * round(rate / hertz)
         y = np.array([model(truth, k) for k in rows])
-        made.append(Aiding(kind, t[rows], y, np.full(y.shape, deviation), parameters, gate=np.inf))
+        made.append(Source(kind, t[rows], y, np.full(y.shape, deviation), parameters, gate=np.inf))
     return Recording(increments(motion, t), tuple(made), truth, {"grade": "consumer"})
 
 
@@ -391,7 +391,7 @@ def apart(recording, scale):
         / 2
     )
     return (
-        np.abs(state / b.trajectory.sd).max(axis=0),
+        np.abs(state / b.trajectory.std).max(axis=0),
         np.linalg.norm(between, axis=1).max(),
         corrections,
     )
@@ -492,15 +492,15 @@ def hovering():
     )
     imu, b_a, b_g = SPEC.corrupt(increments(hover(), t), of_imu)
     at = np.r_[100:1001:100, 2100:3001:100]
-    position = Aiding(
+    position = Source(
         "position",
         t[at],
         displace_lla(truth.lla[at], of_fix.normal(0, 1.0, (len(at), 3))),
         np.ones((len(at), 3)),
     )
-    field = Magnetometer(rate=100.0, sd=1e-6, field=tuple(FIELD)).measure(truth, of_field)
-    baro = Barometer(rate=50.0, sd=3.0, bias=40.0).measure(truth, of_baro)
-    gravity = Aiding("gravity", t[10::10], np.zeros((300, 3)), np.full((300, 3), 0.1))
+    field = Magnetometer(rate=100.0, std=1e-6, field=tuple(FIELD)).measure(truth, of_field)
+    baro = Barometer(rate=50.0, std=3.0, bias=40.0).measure(truth, of_baro)
+    gravity = Source("gravity", t[10::10], np.zeros((300, 3)), np.full((300, 3), 0.1))
     sources = tuple(replace(a, gate=np.inf) for a in (position, field, baro, gravity))
     begin = draw_start(truth, DEVIATION, of_start, biases=(b_a[0], b_g[0]))
     return Recording(imu, sources, truth, {"grade": "consumer"}), begin
@@ -517,32 +517,32 @@ def test_whatever_arrives_between_position_fixes_is_used(hovering):
         "gravity": (300, 0),
     }
     assert (
-        np.isin(np.round(used.t[used.source > 0], 6), recording.aidings[0].t, invert=True).sum()
+        np.isin(np.round(used.t[used.source > 0], 6), recording.sources[0].t, invert=True).sum()
         == 2980 + 1480 + 280
     )
-    off = np.c_[e.position, e.velocity, e.attitude] / e.sd[:, :9]
+    off = np.c_[e.position, e.velocity, e.attitude] / e.std[:, :9]
     assert np.abs(off[100:]).max() < 4.5 and np.sqrt(np.mean(off[100:] ** 2)) < 1.5
-    horizontal = e.sd[:, :2].max(axis=1)
+    horizontal = e.std[:, :2].max(axis=1)
     # dead reckoning from 10 to 21 s
     assert horizontal[2090] > 2 * max(horizontal[1000], horizontal[2900])
     # but for height and heading
-    assert e.sd[2090, 2] < 1.5 * e.sd[1000, 2] and e.sd[2090, 8] < 1.2 * e.sd[1000, 8]
+    assert e.std[2090, 2] < 1.5 * e.std[1000, 2] and e.std[2090, 8] < 1.2 * e.std[1000, 8]
 
 
 def test_a_field_between_position_fixes_improves_the_heading(hovering):
     """Against the field at the times of positions alone, which is what the published routine
     makes of it."""
     recording, begin = hovering
-    position, field, *others = recording.aidings
+    position, field, *others = recording.sources
     rare = replace(
         recording,
-        aidings=(position, field._where(np.isin(np.round(field.t, 6), position.t)), *others),
+        sources=(position, field._where(np.isin(np.round(field.t, 6), position.t)), *others),
     )
     ours, printed = (
         sd.errors(sd.fuse(each, "mekf", start=begin, noise=SPEC.noise()), recording.reference)
         for each in (recording, rare)
     )
-    assert (ours.sd[200:, 8] < 0.5 * printed.sd[200:, 8]).all()
+    assert (ours.std[200:, 8] < 0.5 * printed.std[200:, 8]).all()
     assert np.sqrt(np.mean(ours.rph[200:, 2] ** 2)) < 0.5 * np.sqrt(
         np.mean(printed.rph[200:, 2] ** 2)
     )

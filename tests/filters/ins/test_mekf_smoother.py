@@ -38,8 +38,8 @@ def recorded(filter, n, y, gate=np.inf):
     ):
         compile_kernel(kernel)
     begin = start(flight())
-    belief = filter.start(begin._replace(v=(0.0,) * 3, sd=(1.0,) * n), NOISE)
-    belief.P[...], before = correlated(n, 1), Rotation.from_matrix(belief.C)
+    belief = filter.start(begin._replace(v_n=(0.0,) * 3, std=(1.0,) * n), NOISE)
+    belief.P[...], before = correlated(n, 1), Rotation.from_matrix(belief.C_nb)
     filter.correct(
         belief,
         np.array(y),
@@ -52,7 +52,7 @@ def recorded(filter, n, y, gate=np.inf):
     )
     record = np.full(filter.smoother.width(n), np.nan)
     filter.smoother.save_step(belief, record)
-    return record, (Rotation.from_matrix(belief.C) * before.inv()).as_matrix()
+    return record, (Rotation.from_matrix(belief.C_nb) * before.inv()).as_matrix()
 
 
 def undone(filter, record, n):
@@ -101,9 +101,9 @@ def test_smoothed_solutions_are_the_closed_loops_to_second_order_and_nearer_to_t
         ours.b_a - closed.b_a,
         ours.b_g - closed.b_g,
     ]
-    assert 0 < np.abs(apart / closed.trajectory.sd).max() < 0.05
-    np.testing.assert_allclose(ours.trajectory.sd, closed.trajectory.sd, rtol=0.02)
+    assert 0 < np.abs(apart / closed.trajectory.std).max() < 0.05
+    np.testing.assert_allclose(ours.trajectory.std, closed.trajectory.std, rtol=0.02)
     late = slice(40, -1)
     smoothed, filtered = (sd.errors(s, recording.reference).position[late] for s in (ours, forward))
     assert np.sqrt(np.mean(smoothed**2)) < 0.8 * np.sqrt(np.mean(filtered**2))
-    assert (ours.trajectory.sd[late] < forward.trajectory.sd[late]).all()
+    assert (ours.trajectory.std[late] < forward.trajectory.std[late]).all()

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.geometry.geodesy import displace_lla, displacement
 
 H, SECONDS = 0.001, 20.0
@@ -26,7 +26,7 @@ FIELD = np.array([13559e-9, 921e-9, 50209e-9])
 BIAS_A, BIAS_G = np.array([0.1, 0.3, -0.1]), np.array([0.05, 0.1, -0.05])
 Q = np.array([0.01, 0.01, 0.1, 0.001])  # of velocity, accelerometer bias, attitude, gyro bias
 T_ACC, T_ARS = 5.0, 3.0
-SD = np.repeat([1.0, 1.0, 0.03, 1.0, 0.2], 3)  # at the start, in the order of the library
+STD = np.repeat([1.0, 1.0, 0.03, 1.0, 0.2], 3)  # at the start, in the order of the library
 R_POSITION, R_VELOCITY, R_FIELD = 1.0, 0.1, 0.01
 NOISE = Noise(*np.sqrt(Q[[2, 0, 3, 1]] * H).tolist(), 1 / T_ARS, 1 / T_ACC)
 STATES_WITHIN, DEVIATIONS_WITHIN = 0.2, 0.03
@@ -45,8 +45,8 @@ class Published:
     """The filter, in the published order of states."""
 
     def __init__(self, q):
-        self.p, self.v, self.ba, self.bg = (np.zeros(3) for _ in range(4))
-        self.q, self.P = q, np.diag(SD[[0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8, 12, 13, 14]] ** 2)
+        self.p, self.v, self.b_a, self.b_g = (np.zeros(3) for _ in range(4))
+        self.q, self.P = q, np.diag(STD[[0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8, 12, 13, 14]] ** 2)
 
     def correct(self, position=None, velocity=None, field=None):
         """All measurements of one time at once, as published."""
@@ -78,12 +78,12 @@ class Published:
         I = np.eye(15) - K @ Cd
         self.P = I @ self.P @ I.T + K @ np.diag(R) @ K.T
         x = K @ e
-        self.p, self.v, self.ba = self.p + x[0:3], self.v + x[3:6], self.ba + x[6:9]
+        self.p, self.v, self.b_a = self.p + x[0:3], self.v + x[3:6], self.b_a + x[6:9]
         self.q = self.q * Rotation.from_quat(np.r_[x[9:12], 2] / np.sqrt(4 + x[9:12] @ x[9:12]))
-        self.bg = self.bg + x[12:15]
+        self.b_g = self.b_g + x[12:15]
 
     def predict(self, f, w, estimates_decay=False):
-        f, w, C = f - self.ba, w - self.bg, self.q.as_matrix()
+        f, w, C = f - self.b_a, w - self.b_g, self.q.as_matrix()
         A, E = np.zeros((15, 15)), np.zeros((15, 12))
         A[0:3, 3:6] = np.eye(3)
         A[3:6, 6:9], A[3:6, 9:12] = -C, -C @ S(f)
@@ -101,7 +101,7 @@ class Published:
         self.p, self.v = self.p + H * self.v + 0.5 * H * H * a, self.v + H * a
         self.q = self.q * Rotation.from_rotvec(H * w)
         if estimates_decay:  # what the published code does not
-            self.ba, self.bg = self.ba * np.exp(-H / T_ACC), self.bg * np.exp(-H / T_ARS)
+            self.b_a, self.b_g = self.b_a * np.exp(-H / T_ACC), self.b_g * np.exp(-H / T_ARS)
 
 
 def samples():
@@ -147,22 +147,22 @@ def both():
             filter.correct(**seen, field=y_m[row[0]] if len(row) else None)
             if (k + 1) % 100 == 0:
                 P = np.sqrt(np.diag(filter.P))
-                kept.append((filter.p, filter.v, filter.q.as_matrix(), filter.ba, filter.bg, P))
+                kept.append((filter.p, filter.v, filter.q.as_matrix(), filter.b_a, filter.b_g, P))
         return kept
 
     # gravity and the turn of n as this library has them, into the samples
     place = lambda p: displace_lla(PLACE, p)
     recording = round_earth(t, f_imu, w_imu, rotations, states)
     fixes = (
-        Aiding(
+        Source(
             "position",
             t[at],
             np.array([place(p) for p in y_p]),
             np.full((len(at), 3), 1.0),
             gate=np.inf,
         ),
-        Aiding("velocity", t[at], y_v, np.full((len(at), 3), R_VELOCITY**0.5), gate=np.inf),
-        Aiding(
+        Source("velocity", t[at], y_v, np.full((len(at), 3), R_VELOCITY**0.5), gate=np.inf),
+        Source(
             "magnetic-field",
             t[of_field],
             y_m,
@@ -178,7 +178,7 @@ def both():
         tuple(begun.as_euler("ZYX")[::-1]),
         (0.0,) * 3,
         (0.0,) * 3,
-        tuple(SD),
+        tuple(STD),
     )
     run = lambda bias: sd.fuse(
         Recording(recording, fixes, None, {}),
@@ -213,15 +213,15 @@ def round_earth(t, f, w, rotations, states):
 def apart(solution, kept):
     """(states (n, 15) of a Solution less those of the transcription, ratios of the deviations (n, 15)),
     attitude in body axes, over and of the transcription's deviations."""
-    p, v, C, ba, bg, P = (np.array(part) for part in zip(*kept))
+    p, v, C, b_a, b_g, P = (np.array(part) for part in zip(*kept))
     path, order = solution.trajectory, [0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8, 12, 13, 14]
     turned = (Rotation.from_matrix(C).inv() * path.rotation).as_rotvec()
     place = displacement(path.lla, PLACE) - p
-    off = np.c_[place, path.v_n - v, turned, solution.b_a - ba, solution.b_g - bg]
+    off = np.c_[place, path.v_n - v, turned, solution.b_a - b_a, solution.b_g - b_g]
     in_body = np.einsum("kji,kjl,klm->kim", C, solution.covariance[:, 6:9, 6:9], C)
-    sd = np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2)).copy()
-    sd[:, 6:9] = np.sqrt(np.diagonal(in_body, axis1=1, axis2=2))
-    return off / P[:, order], sd / P[:, order]
+    std = np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2)).copy()
+    std[:, 6:9] = np.sqrt(np.diagonal(in_body, axis1=1, axis2=2))
+    return off / P[:, order], std / P[:, order]
 
 
 def test_held_biases_are_the_published_recursion(both):

@@ -52,7 +52,7 @@ def noiseless(seconds=15.0, rate=100.0):
         "tactical",
         3,
         rate,
-        Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3),
+        Gnss(position_std=(1e-3,) * 3, velocity_std=(1e-3,) * 3),
     )
 
 
@@ -60,7 +60,7 @@ def off(recording):
     """An InitialState whose attitude is off by 37 deg and whose biases are off too."""
     truth = start(recording)
     rph = (OFF * recording.reference.rotation[0]).as_euler("ZYX")[::-1]
-    return truth._replace(rph=tuple(rph), ba=(0.02, -0.01, 0.03), bg=(0.004, -0.003, 0.002))
+    return truth._replace(rph=tuple(rph), b_a=(0.02, -0.01, 0.03), b_g=(0.004, -0.003, 0.002))
 
 
 def gravity(lla):
@@ -83,24 +83,27 @@ def plain_observer(recording, begin_at, parts=4):
     """Equations (1)-(3) of the paper, corrected, in ECEF, in small Euler steps; fixes and course as
     docs/explanation/observer.md has them.
 
-    Returns the final (lla, v, C, ba, bg, xi).
+    Returns the final (lla, v, C, b_a, b_g, xi).
     """
     lla = np.array(begin_at.lla)
     axes = ned_axes(lla)
     p = np.array(pymap3d.geodetic2ecef(*lla, deg=False))
-    v, R = axes.T @ begin_at.v, axes.T @ Rotation.from_euler("ZYX", begin_at.rph[::-1]).as_matrix()
-    ba, bg, xi, square = (
-        np.array(begin_at.ba),
-        np.array(begin_at.bg),
+    v, R = (
+        axes.T @ begin_at.v_n,
+        axes.T @ Rotation.from_euler("ZYX", begin_at.rph[::-1]).as_matrix(),
+    )
+    b_a, b_g, xi, square = (
+        np.array(begin_at.b_a),
+        np.array(begin_at.b_g),
         np.zeros(3),
-        float(np.dot(begin_at.ba, begin_at.ba)),
+        float(np.dot(begin_at.b_a, begin_at.b_a)),
     )
     spin, since, gains = (
         np.array([0, 0, RATE]),
         0.0,
         np.array([[0.4, 0.05, 0.01], [0.2, 0.5, 0.15]]),
     )
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     for k, t in enumerate(recording.imu.t):
         w, f = (
             recording.imu.dtheta[k] / recording.imu.dt[k],
@@ -108,12 +111,12 @@ def plain_observer(recording, begin_at, parts=4):
         )
         h = recording.imu.dt[k] / parts
         for _ in range(parts):
-            force = R @ (f - ba) + xi
+            force = R @ (f - b_a) + xi
             sigma = K1 * np.cross(
-                (f - ba) / np.linalg.norm(f - ba), R.T @ force / np.linalg.norm(force)
+                (f - b_a) / np.linalg.norm(f - b_a), R.T @ force / np.linalg.norm(force)
             )
             lla = np.array(pymap3d.ecef2geodetic(*p, deg=False))
-            phi, theta = np.r_[1.0, -2 * f], np.r_[square, ba]
+            phi, theta = np.r_[1.0, -2 * f], np.r_[square, b_a]
             scale = np.array([1.0, 1, 1, 1])
             slope = (
                 ADAPTATION
@@ -127,13 +130,17 @@ def plain_observer(recording, begin_at, parts=4):
                 v + h * (-2 * np.cross(spin, v) + force + ned_axes(lla).T @ [0, 0, gravity(lla)]),
             )
             p, v = p + 0.5 * h * (v_next - v), v_next
-            xi = xi - h * R @ np.cross(sigma, f - ba)
+            xi = xi - h * R @ np.cross(sigma, f - b_a)
             R = (
                 Rotation.from_rotvec(-h * spin).as_matrix()
                 @ R
-                @ Rotation.from_rotvec(h * (w - bg + sigma)).as_matrix()
+                @ Rotation.from_rotvec(h * (w - b_g + sigma)).as_matrix()
             )
-            ba, square, bg = ba + h * slope[1:], max(square + h * slope[0], 0), bg - h * KI * sigma
+            b_a, square, b_g = (
+                b_a + h * slope[1:],
+                max(square + h * slope[0], 0),
+                b_g - h * KI * sigma,
+            )
         since += recording.imu.dt[k]
         for row in np.flatnonzero(np.abs(position.t - t) < 1e-6):
             e = np.array(pymap3d.geodetic2ecef(*position.y[row], deg=False)) - p
@@ -147,11 +154,11 @@ def plain_observer(recording, begin_at, parts=4):
             turn = (angle - 2 * np.arctan(np.tan(angle / 2) * np.exp(-K2 * min(since, 1.0)))) * C[2]
             since, before = 0.0, R
             R = R @ Rotation.from_rotvec(turn).as_matrix()
-            xi, bg = xi + (before - R) @ (f - ba), bg - KI * turn
+            xi, b_g = xi + (before - R) @ (f - b_a), b_g - KI * turn
             p, v, xi = p + gains[1, 0] * e, v + gains[1, 1] * e, xi + gains[1, 2] * e
     lla = np.array(pymap3d.ecef2geodetic(*p, deg=False))
     axes = ned_axes(lla)
-    return lla, axes @ v, axes @ R, ba, bg, axes @ xi
+    return lla, axes @ v, axes @ R, b_a, b_g, axes @ xi
 
 
 def distance(rate):
@@ -159,9 +166,9 @@ def distance(rate):
     the library's solution."""
     recording = noiseless(rate=rate)
     # as published: every fix is used
-    ungated = replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings))
+    ungated = replace(recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources))
     ours = sd.fuse(ungated, "nlo", start=off(recording), noise=NOISE, options=CONSTANT)
-    lla, v, C, ba, bg, xi = plain_observer(recording, off(recording), round(400 / rate))
+    lla, v, C, b_a, b_g, xi = plain_observer(recording, off(recording), round(400 / rate))
     end, own = (
         ours.trajectory,
         [ours.columns[f"xi_{axis} [m/s^2]"][-1] for axis in ("north", "east", "down")],
@@ -171,8 +178,8 @@ def distance(rate):
             np.linalg.norm(displacement(lla, end.lla[-1])),
             np.linalg.norm(v - end.v_n[-1]),
             (Rotation.from_matrix(C) * end.rotation[-1].inv()).magnitude(),
-            np.linalg.norm(bg - ours.b_g[-1]),
-            np.linalg.norm(ba - ours.b_a[-1]),
+            np.linalg.norm(b_g - ours.b_g[-1]),
+            np.linalg.norm(b_a - ours.b_a[-1]),
             np.linalg.norm(xi - own),
         ]
     ), ours
@@ -214,7 +221,7 @@ def belief(at=None, **options):
 
 
 def force_of_observer(b):
-    return b.C @ b.f + b.workspace[equations.XI]
+    return b.C_nb @ b.f + b.workspace[equations.XI]
 
 
 def test_a_turn_by_sigma_leaves_the_force_where_it_was_with_the_bias_taken_off_and_not_without():
@@ -222,10 +229,10 @@ def test_a_turn_by_sigma_leaves_the_force_where_it_was_with_the_bias_taken_off_a
     one of them f_n moves by sigma x R b."""
     b, s = belief(), np.array([0.2, -0.3, 0.5])
     b.f[:], b.workspace[equations.XI] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
-    before, C = force_of_observer(b), b.C.copy()
+    before, C = force_of_observer(b), b.C_nb.copy()
     equations.turn(b, *s)
-    assert np.abs(force_of_observer(b) - before).max() < 1e-14 and np.abs(b.C - C).max() > 0.1
-    assert np.abs(b.C - C @ Rotation.from_rotvec(s).as_matrix()).max() < 1e-14
+    assert np.abs(force_of_observer(b) - before).max() < 1e-14 and np.abs(b.C_nb - C).max() > 0.1
+    assert np.abs(b.C_nb - C @ Rotation.from_rotvec(s).as_matrix()).max() < 1e-14
     bias, sigma, xi_rate = np.array([0.1, 0.2, -0.1]), s, lambda f: -C @ np.cross(s, f)
     rate_of_rotated = C @ np.cross(sigma, b.f)
     assert (
@@ -290,17 +297,23 @@ def test_adaptation_finds_a_bias_that_is_excited_and_survives_an_impact(predict)
     for _ in range(1500):
         C = Rotation.random(random_state=rng).as_matrix()
         f = C.T @ [0, 0, -9.8]
-        b.C[:], b.v[:], b.lla[:], b.workspace[equations.SINCE_FIX] = C, 0.0, (0.8, 0.1, 300.0), 0.0
-        b.workspace[equations.XI] = C @ (f - (f + true - b.ba))
+        b.C_nb[:], b.v_n[:], b.lla[:], b.workspace[equations.SINCE_FIX] = (
+            C,
+            0.0,
+            (0.8, 0.1, 300.0),
+            0.0,
+        )
+        b.workspace[equations.XI] = C @ (f - (f + true - b.b_a))
         predict(b, np.r_[0.0, 0, 0, (f + true) * dt], dt, NOISE)
     assert (
-        np.abs(b.ba - true).max() < 2e-3 and abs(b.workspace[equations.SQUARE] - true @ true) < 2e-2
+        np.abs(b.b_a - true).max() < 2e-3
+        and abs(b.workspace[equations.SQUARE] - true @ true) < 2e-2
     )
     assert equations.smallest(b.workspace) > 0.05
-    before = b.ba.copy()
+    before = b.b_a.copy()
     predict(b, np.r_[0.0, 0, 0, 157.0 * dt, 0, 0], dt, NOISE)
     # along an impact the step is that of any other sample
-    assert np.linalg.norm(b.ba - before) < 1e-4
+    assert np.linalg.norm(b.b_a - before) < 1e-4
 
 
 def test_the_monitor_is_the_smallest_eigenvalue(predict):
@@ -337,8 +350,8 @@ def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predi
         b.workspace[equations.SINCE_HEADING] = 0.0  # a heading is there, and not injected
         predict(b, np.r_[0.0, 0, 0, 0.1, 0, -0.98], 0.1, NOISE)
     assert (
-        np.array_equal(b.ba, at.ba)
-        and np.array_equal(b.bg, at.bg)
+        np.array_equal(b.b_a, at.b_a)
+        and np.array_equal(b.b_g, at.b_g)
         and b.workspace[equations.FADE] == equations.FADE_AT_START
     )
     xi = b.workspace[equations.XI]
@@ -355,7 +368,7 @@ def test_printed_course_turns_a_right_attitude_and_the_tilt_compensated_does_not
     recording, truth = noiseless(), start(noiseless())
     exact = truth._replace(
         rph=tuple(recording.reference.rph[0]),
-        v=tuple(recording.reference.v_n[0]),
+        v_n=tuple(recording.reference.v_n[0]),
         lla=tuple(recording.reference.lla[0]),
     )
     errors = {
@@ -379,10 +392,10 @@ def test_a_block_inside_another_filter_is_the_same_observer():
     begin(own.workspace[: equations.OBSERVER.size], at, NOISE)
     state = np.r_[
         own.lla,
-        own.v,
-        own.C.ravel(),
-        own.ba,
-        own.bg,
+        own.v_n,
+        own.C_nb.ravel(),
+        own.b_a,
+        own.b_g,
         own.omega,
         own.f,
         own.workspace[: equations.OBSERVER.size],
@@ -393,7 +406,7 @@ def test_a_block_inside_another_filter_is_the_same_observer():
 def with_xi(**options):
     """A belief at rest with fixes just now, an xi across the specific force and biases."""
     b = belief(**options)
-    b.workspace[equations.XI], b.ba[:], b.bg[:] = (
+    b.workspace[equations.XI], b.b_a[:], b.b_g[:] = (
         (0.6, -0.4, 0.2),
         (0.05, -0.03, 0.02),
         (1e-3, 2e-3, -1e-3),
@@ -414,7 +427,7 @@ def test_xi_accelerates_in_n_however_the_body_turns_within_a_sample(predict):
     for one in (b, without):
         one.workspace[equations.SINCE_FIX] = 1e3  # in an outage nothing else acts
         predict(one, SAMPLE, dt, NOISE)
-    assert np.abs(b.v - without.v - xi * dt).max() < 1e-3 * np.linalg.norm(xi) * dt
+    assert np.abs(b.v_n - without.v_n - xi * dt).max() < 1e-3 * np.linalg.norm(xi) * dt
 
 
 @pytest.mark.parametrize("since", [0.0, 1e3])
@@ -424,19 +437,20 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
     for name, noise in (("made up", NOISE._replace(accel=1.0)), ("measured", NOISE)):
         b = ends[name] = with_xi(course="frozen", k1=0.3, k2=0.03)
         b.workspace[equations.COURSE], b.workspace[equations.SINCE_FIX] = 1.0, since
-        begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI].copy()
+        begun = b.b_g.copy(), b.b_a.copy(), b.workspace[equations.XI].copy()
         predict(b, SAMPLE, 0.1, noise)
     gap = ends["made up"]
     assert (
-        np.array_equal(gap.bg, begun[0])
-        and np.array_equal(gap.ba, begun[1])
+        np.array_equal(gap.b_g, begun[0])
+        and np.array_equal(gap.b_a, begun[1])
         and np.array_equal(gap.workspace[equations.XI], begun[2])
     )
     # but for the Earth's turn
     assert (
-        np.abs(gap.C - Rotation.from_rotvec(SAMPLE[:3] - 0.1 * begun[0]).as_matrix()).max() < 1e-4
+        np.abs(gap.C_nb - Rotation.from_rotvec(SAMPLE[:3] - 0.1 * begun[0]).as_matrix()).max()
+        < 1e-4
     )
-    assert np.abs(ends["measured"].C - gap.C).max() > 1e-3
+    assert np.abs(ends["measured"].C_nb - gap.C_nb).max() > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -448,17 +462,17 @@ def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
         with_xi(bias_law="norm", k1=1e-9, k1_start=1e-9, ki=0.0, ki_start=0.0, adaptation=1.0),
         0.1,
     )
-    b.workspace[equations.FADE], b.workspace[equations.SQUARE], ba, xi = (
+    b.workspace[equations.FADE], b.workspace[equations.SQUARE], b_a, xi = (
         fade,
         0.01,
-        b.ba.copy(),
+        b.b_a.copy(),
         b.workspace[equations.XI].copy(),
     )
     m = SAMPLE[3:] / dt
-    e = (m - ba + xi) @ (m - ba + xi) - m @ m - 0.01 + 2 * m @ ba
+    e = (m - b_a + xi) @ (m - b_a + xi) - m @ m - 0.01 + 2 * m @ b_a
     step = share * dt * e / (1 + 4 * m @ m) * -2 * m  # accel_bound is 1 m/s^2
     predict(b, SAMPLE, dt, NOISE)
-    assert np.abs(b.ba - ba - step).max() < 1e-9 and (share == 0 or np.abs(step).max() > 1e-3)
+    assert np.abs(b.b_a - b_a - step).max() < 1e-9 and (share == 0 or np.abs(step).max() > 1e-3)
 
 
 def test_gaps_add_the_velocity_they_spread_to_what_a_fix_may_correct(predict):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
-from strapdown.data.solution import VALID, Aiding
+from strapdown.data.solution import VALID, Source
 from strapdown.filters.observer.gains import configure
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -33,7 +33,7 @@ def far(recording, seed, degrees=170.0, bias=0.05):
     imu = recording.imu
     attitude = Rotation.from_rotvec(np.radians(degrees) * axis) * recording.reference.rotation[0]
     begin = start(recording)._replace(rph=tuple(attitude.as_euler("ZYX")[::-1]))
-    begin = begin._replace(sd=(*begin.sd[:6], *[1.7] * 3, *begin.sd[9:12], *[0.03] * 3))
+    begin = begin._replace(std=(*begin.std[:6], *[1.7] * 3, *begin.std[9:12], *[0.03] * 3))
     return replace(
         recording, imu=imu._replace(dtheta=imu.dtheta + bias * drift * imu.dt[:, None])
     ), begin
@@ -54,7 +54,7 @@ def test_it_comes_back_from_170_deg_and_a_large_gyro_bias(seed, source):
         date="2024-07-01",
     )
     recording, begin = far(
-        replace(made, aidings=tuple(a for a in made.aidings if a.kind in ("position", kept))), seed
+        replace(made, sources=tuple(a for a in made.sources if a.kind in ("position", kept))), seed
     )
     solution = sd.fuse(recording, "nlo", start=begin)
     error = attitude_error(solution, recording)
@@ -64,7 +64,7 @@ def test_it_comes_back_from_170_deg_and_a_large_gyro_bias(seed, source):
 @pytest.mark.short
 def test_it_claims_standard_deviations_and_publishes_its_columns():
     solution = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE)
-    assert (solution.trajectory.sd > 0).all() and np.isfinite(solution.innovations.nis).all()
+    assert (solution.trajectory.std > 0).all() and np.isfinite(solution.innovations.nis).all()
     assert list(solution.columns) == [
         "excitation",
         "course_held [s]",
@@ -115,7 +115,7 @@ def with_field_and_heading(recording, kind):
     more = {"parameters": tuple(field)} if kind == "magnetic-field" else {}
     return replace(
         recording,
-        aidings=(*recording.aidings, Aiding(kind, truth.t[row], y, np.full(y.shape, 1e-6), **more)),
+        sources=(*recording.sources, Source(kind, truth.t[row], y, np.full(y.shape, 1e-6), **more)),
     )
 
 
@@ -126,7 +126,7 @@ def test_in_an_outage_heading_and_field_change_nothing_and_go_on_after_it(kind):
     (hidden too) the outage is the same bit for bit."""
     recording, window = with_field_and_heading(flight(60.0), kind), (8.0, 38.0)
     begin = start(recording)._replace(
-        rph=(0.3, 0.1, start(recording).rph[2] + 0.6), bg=(2e-3, -1e-3, 3e-3)
+        rph=(0.3, 0.1, start(recording).rph[2] + 0.6), b_g=(2e-3, -1e-3, 3e-3)
     )
     solution = sd.fuse(
         recording.hidden([window], kinds=("position", "velocity")), "nlo", start=begin, noise=NOISE
@@ -162,10 +162,10 @@ def test_after_an_outage_the_course_does_not_take_the_place_of_a_heading_that_wa
     recording = flight(60.0)
     truth = recording.reference
     row = np.searchsorted(truth.t, np.arange(0.1, 60.0, 0.2) - 1e-9)
-    heading = Aiding(
+    heading = Source(
         "heading", truth.t[row], truth.rph[row, 2:3] + 0.5, np.full((len(row), 1), 0.01)
     )
-    away = replace(recording, aidings=(*recording.aidings, heading)).hidden(
+    away = replace(recording, sources=(*recording.sources, heading)).hidden(
         [(8.0, 38.0)], kinds=("position", "velocity")
     )
     solution = sd.fuse(away, "nlo", start=start(recording), noise=NOISE)
@@ -216,7 +216,7 @@ def test_near_standstill_the_course_is_held_and_that_is_said():
     held = solution.columns["course_held [s]"]
     # the fixes' 0.1 m/s are 5 deg of course at 1.15 m/s
     assert 15 <= held[-1] <= 18.1 and held[0] == 0
-    heading = solution.trajectory.sd[:, 8]
+    heading = solution.trajectory.std[:, 8]
     assert (np.diff(heading[20:300:40]) > 0).all()
     eager = sd.fuse(
         recording, "nlo", start=start(recording), noise=NOISE, options={"min_speed": 1e-3}
@@ -233,11 +233,11 @@ def test_a_heading_takes_the_place_of_the_course():
     recording = flight(30.0)
     truth = recording.reference
     row = np.searchsorted(truth.t, np.arange(1.0, 30.0) - 1e-9)
-    heading = Aiding(
+    heading = Source(
         "heading", truth.t[row], truth.rph[row, 2:3] + 0.5, np.full((len(row), 1), 0.01)
     )
     solution = sd.fuse(
-        replace(recording, aidings=(*recording.aidings, heading)),
+        replace(recording, sources=(*recording.sources, heading)),
         "nlo",
         start=start(recording),
         noise=NOISE,
@@ -250,9 +250,9 @@ def test_a_heading_takes_the_place_of_the_course():
 @pytest.mark.short
 def test_altitudes_and_positions_alone_serve_the_height():
     recording = flight(30.0)
-    position, velocity = recording.aidings
+    position, velocity = recording.sources
     level = replace(position, y=position.y + [0, 0, 0])
-    height = Aiding(
+    height = Source(
         "altitude",
         level.t,
         level.y[:, 2:3] + 40.0,
@@ -261,7 +261,7 @@ def test_altitudes_and_positions_alone_serve_the_height():
         gate=np.inf,
     )
     solution = sd.fuse(
-        replace(recording, aidings=(position, velocity, height)),
+        replace(recording, sources=(position, velocity, height)),
         "nlo",
         start=start(recording),
         noise=NOISE,
@@ -313,12 +313,12 @@ def test_gains_as_given_are_said_and_act_and_are_refused_where_not_stable():
 def test_hiding_fixes_changes_no_option_however_the_time_stamps_jitter():
     rng, recording = np.random.default_rng(5), flight(60.0)
     jittered = tuple(
-        replace(a, t=a.t + rng.uniform(-4e-4, 4e-4, len(a.t))) for a in recording.aidings
+        replace(a, t=a.t + rng.uniform(-4e-4, 4e-4, len(a.t))) for a in recording.sources
     )
-    whole = replace(recording, aidings=jittered)
+    whole = replace(recording, sources=jittered)
     hidden = whole.hidden([(20.0, 45.0)])
     assert (
-        configure({}, whole.aidings)[0] == configure({}, hidden.aidings)[0] == {"outage_after": 3.0}
+        configure({}, whole.sources)[0] == configure({}, hidden.sources)[0] == {"outage_after": 3.0}
     )
     told = [
         sd.fuse(r, "nlo", start=start(recording), noise=NOISE).meta["notes"]
@@ -352,12 +352,12 @@ def test_a_gap_in_the_samples_widens_the_design_and_is_recovered():
     ],
 )
 def test_what_it_cannot_run_on_is_refused_in_one_line(name, kinds, options, said):
-    recording = replace(flight(), aidings=tuple(a for a in flight().aidings if a.kind in kinds))
+    recording = replace(flight(), sources=tuple(a for a in flight().sources if a.kind in kinds))
     with pytest.raises(DataError, match=said) as refused:
         sd.fuse(
             recording,
             name,
-            start=start(recording)._replace(bg=(1e-4, 0.0, 0.0)),
+            start=start(recording)._replace(b_g=(1e-4, 0.0, 0.0)),
             noise=NOISE,
             options=options,
         )
@@ -370,7 +370,7 @@ def test_positions_are_all_that_the_list_of_filters_says_it_needs(command):
     lines = [line.split() for line in command("filters")[1].splitlines()]
     needs = [line[-1] for line in lines if line[:1] in (["nlo"], ["xkf"])]
     assert needs == ["position", "position"]
-    alone = replace(flight(), aidings=flight().aidings[:1])
+    alone = replace(flight(), sources=flight().sources[:1])
     for name in ("nlo", "xkf"):
         assert np.isfinite(
             sd.fuse(
@@ -386,10 +386,10 @@ def test_a_bias_that_nothing_excites_is_said_live_as_in_batch(name):
     ((t, text),) = [event for event in solution.events if "not excited" in event[1]]
     assert t == pytest.approx(60.0, abs=0.1) and "calibrate the accelerometer" in text
     assert (solution.status == VALID).all() and solution.columns["excitation"].max() < 1e-3
-    stream = sd.Stream(name, start=begin, noise=NOISE, aidings=even.aidings)
+    stream = sd.Stream(name, start=begin, noise=NOISE, sources=even.sources)
     events = [sd.Sample(*row) for row in zip(*even.imu)]
-    for k, a in enumerate(even.aidings):
-        events += [sd.Fix(t, k, y, deviations) for t, y, deviations in zip(a.t, a.y, a.sd)]
+    for k, a in enumerate(even.sources):
+        events += [sd.Measurement(t, k, y, deviations) for t, y, deviations in zip(a.t, a.y, a.std)]
     for event in sorted(events, key=lambda event: (event.t, type(event) is sd.Sample)):
         stream.step(event)
     assert tuple(stream.events) == solution.events

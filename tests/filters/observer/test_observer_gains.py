@@ -1,11 +1,13 @@
 """The gain designer: against scipy's Riccati solution, numpy's poles and the recursion that the
 filter runs, and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.filters.observer import gains
 from strapdown.filters.observer.translation_gains import grow
 
@@ -15,16 +17,16 @@ DEFAULTS = gains.DEFAULTS
 
 def source(kind, interval, deviation, seconds=60.0):
     t = np.arange(interval, seconds, interval)
-    return Aiding(kind, t, np.zeros((len(t), 3)), np.full((len(t), 3), deviation))
+    return Source(kind, t, np.zeros((len(t), 3)), np.full((len(t), 3), deviation))
 
 
 @pytest.mark.parametrize("interval", [0.2, 1.0, 10.0])
 def test_the_riccati_design_is_that_of_scipy(interval):
     Phi, Q = gains.transition(interval), gains.driving_noise(interval, DEFAULTS["wander"] ** 2)
-    for kinds, sd in ((("position",), [2.0]), (("position", "velocity"), [2.0, 0.1])):
+    for kinds, std in ((("position",), [2.0]), (("position", "velocity"), [2.0, 0.1])):
         H = np.eye(3)[: len(kinds)]
-        P = solve_discrete_are(Phi.T, H.T, Q, np.diag(np.square(sd)))
-        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(np.square(sd)))
+        P = solve_discrete_are(Phi.T, H.T, Q, np.diag(np.square(std)))
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(np.square(std)))
         jumps = gains.schedule(DEFAULTS, interval, interval if len(kinds) == 2 else 0.0, 2.0, 0.1)
         assert [kind for _, kind, _ in jumps] == list(kinds)
         one_by_one = np.eye(3)
@@ -115,15 +117,25 @@ def test_fit_completes_the_options_and_says_gains_and_radius():
     )
 
 
-@pytest.mark.parametrize("column", ["y", "sd"])
+def without(source, column, place):
+    """The source with NaN at this place of a column."""
+    values = getattr(source, column).copy()
+    values[place] = np.nan
+    return replace(source, **{column: values})
+
+
+@pytest.mark.parametrize("column", ["y", "std"])
 def test_a_fix_without_an_axis_does_not_count_on_it(column):
     """One NaN changes nothing but by that fix; an axis that is never measured has no velocity,
     and without positions no check."""
     position, velocity = source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)
     whole = gains.configure({}, (position, velocity))
-    getattr(position, column)[5, 2] = getattr(velocity, column)[7, 0] = np.nan
+    position, velocity = (
+        without(position, column, (5, 2)),
+        without(velocity, column, (7, 0)),
+    )
     assert gains.configure({}, (position, velocity)) == whole
-    getattr(velocity, column)[:, 2] = np.nan
+    velocity = without(velocity, column, (slice(None), 2))
     options, (north, down) = gains.configure({}, (position, velocity))
     assert (
         options == whole[0]
@@ -131,18 +143,18 @@ def test_a_fix_without_an_axis_does_not_count_on_it(column):
         and "every 1 s; down:" in down
         and "velocity every" not in down
     )
-    getattr(velocity, column)[:, 0] = np.nan
+    velocity = without(velocity, column, (slice(None), 0))
     assert ["; east:" in note for note in gains.configure({}, (position, velocity))[1]] == [
         False,
         True,
         False,
     ]
-    getattr(position, column)[:, 2] = np.nan
+    position = without(position, column, (slice(None), 2))
     assert (
         gains.configure({}, (position, velocity))[1][-1]
         == "down: fewer than two fixes of position; the observer's gains are not checked there"
     )
-    getattr(position, column)[:, :2] = np.nan
+    position = without(position, column, (slice(None), slice(2)))
     assert gains.configure({}, (position, velocity))[1] == [
         "fewer than two fixes of position: the observer's gains are not checked"
     ]
@@ -173,7 +185,7 @@ def test_an_interval_is_rounded_to_milliseconds_unless_it_is_that_short():
     rng = np.random.default_rng(4)
     for interval, expected in ((0.2, 0.2), (1.0, 1.0), (0.05, 0.05)):
         t = np.arange(interval, 60.0, interval)
-        jittered = Aiding(
+        jittered = Source(
             "position",
             t + rng.uniform(-2e-4, 2e-4, len(t)),
             np.zeros((len(t), 3)),
@@ -220,8 +232,8 @@ def test_what_the_printed_gains_leave_out_is_small(interval, accel, most):
         found, P = [], np.zeros((3, 3))
         P[np.triu_indices(3)] = A
         P = P + np.triu(P, 1).T
-        for row, sd in enumerate((2.0, 0.1)):
-            found.append(P[:, row] / (P[row, row] + sd**2))
+        for row, std in enumerate((2.0, 0.1)):
+            found.append(P[:, row] / (P[row, row] + std**2))
             P = P - np.outer(found[-1], P[row])
         A = P[np.triu_indices(3)].copy()
     difference = max(np.abs(f / p - 1).max() for f, p in zip(found, printed))

@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.deep,  # half a minute to compile
 ]
 FIELD = np.array([21e-6, 1.6e-6, 43.9e-6])
-SD = {
+STD = {
     "position": np.array([1.5, 1.5, 3.0]),
     "velocity": np.array([0.1, 0.1, 0.2]),
     "heading": np.full(3, 2 * DEG),
@@ -50,7 +50,7 @@ def begun(filter, options):
         rng = np.random.default_rng([5, lane])
         own = belief.workspace[xkf.INSIDE] if filter is XKF else belief.workspace
         block = own[xkf.BLOCK] if filter is XKF else own
-        belief.v[:] += rng.standard_normal(3)
+        belief.v_n[:] += rng.standard_normal(3)
         block[FADE] = (3.0, 0.0, 0.5, 0.0)[lane % 4]  # what is learnt fades in with the start
         if lane in (2, 3, 6):
             block[SINCE_COURSE] = 0.0
@@ -74,17 +74,19 @@ def fixes(k):
     """[(kind, y of each run)] after that step; some lack numbers, some are far off."""
     _, _, truth, given = world()
     rng, state = np.random.default_rng([7, k]), truth[k]
-    heading = np.arctan2(state.C[1, 0], state.C[0, 0])
+    heading = np.arctan2(state.C_nb[1, 0], state.C_nb[0, 0])
     found = [(kind, np.tile(y, (LANES, 1))) for kind, y in given.get(k, [])]
     if k % 4 == 0:
         found += [
             ("heading", np.tile([heading, 0, 0], (LANES, 1))),
-            ("magnetic-field", np.tile(state.C.T @ FIELD, (LANES, 1))),
+            ("magnetic-field", np.tile(state.C_nb.T @ FIELD, (LANES, 1))),
             ("altitude", np.tile([state.lla[2], 0, 0], (LANES, 1))),
         ]
     for kind, y in found:
         y += (
-            rng.standard_normal(y.shape) * SD[kind] * ([1e-7, 1e-7, 1] if kind == "position" else 1)
+            rng.standard_normal(y.shape)
+            * STD[kind]
+            * ([1e-7, 1e-7, 1] if kind == "position" else 1)
         )
         y[rng.integers(LANES)] *= 1.5
         y[rng.integers(LANES), rng.integers(3)] = np.nan
@@ -111,10 +113,10 @@ def test_runs_in_different_states_do_not_reach_each_other(filter, options):
             observe, number = aiding.find(kind).observe, aiding.number(kind)
             source = new_source()
             source.parameters[:3] = FIELD if kind == "magnetic-field" else (0.3, -0.2, -0.5)
-            rest = SD[kind], number, observe, source, GATE
+            rest = STD[kind], number, observe, source, GATE
             given = np.ascontiguousarray(y.T)
-            sd, number, _, source, gate = rest
-            nis = correct(wide, given, sd, number, side_by_side(observe), source, gate, innovation)
+            std, number, _, source, gate = rest
+            nis = correct(wide, given, std, number, side_by_side(observe), source, gate, innovation)
             alone = [
                 filter.correct(belief, y[lane], *rest, np.zeros(12))
                 for lane, belief in enumerate(beliefs)

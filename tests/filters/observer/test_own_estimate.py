@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from test_xkf import NOISE, begun, fix, put, world
 
 import strapdown as sd
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.evaluation import consistency
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.filters.observer import xkf
@@ -22,7 +22,7 @@ from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 
-ALL = ("lla", "v", "C", "ba", "bg")
+ALL = ("lla", "v_n", "C_nb", "b_a", "b_g")
 
 
 def about_vertical(z):
@@ -42,7 +42,7 @@ def uncertain(off):
     course)."""
     belief = begun(near=np.inf, jacobian="estimate")
     belief.P[8, 8] = (30 * DEG) ** 2
-    put(belief, copied(belief)._replace(C=about_vertical(-off) @ belief.C))
+    put(belief, copied(belief)._replace(C_nb=about_vertical(-off) @ belief.C_nb))
     belief.workspace[xkf.INSIDE][xkf.BLOCK.start + SINCE_COURSE] = 0.0
     u, dt, _, _ = world()
     XKF.predict(belief, u[0], dt, NOISE)
@@ -63,7 +63,7 @@ def test_with_a_sure_heading_it_is_the_closed_loop():
     closed, mine = run("closed-loop"), run("xkf")
     off = displacement(mine.trajectory.lla, closed.trajectory.lla)
     assert np.abs(off).max() < 1e-6
-    np.testing.assert_allclose(mine.trajectory.sd, closed.trajectory.sd, rtol=1e-8)
+    np.testing.assert_allclose(mine.trajectory.std, closed.trajectory.std, rtol=1e-8)
     turn = (mine.trajectory.rotation * closed.trajectory.rotation.inv()).magnitude()
     assert turn.max() < 1e-9
 
@@ -75,25 +75,25 @@ def test_with_an_unsure_one_it_is_the_linear_filter_about_the_observers_heading(
     u, dt, _, fixes = world()
     z = own(belief)[TURN]
     assert abs(z) == pytest.approx(0.6, abs=0.1)
-    turned = copied(belief)._replace(C=about_vertical(-z) @ belief.C)
+    turned = copied(belief)._replace(C_nb=about_vertical(-z) @ belief.C_nb)
     oracle = Dense(belief, turned, tilted(belief.P, -0.5 * z))
     oracle.predict(turned, moved(turned, u[1], dt), u[1], dt)
     end = plus(moved(turned, u[1], dt), oracle.x - np.eye(15)[8] * z)
     XKF.predict(belief, u[1], dt, NOISE)
-    assert np.abs(minus(belief, end._replace(C=about_vertical(z) @ end.C))).max() < 1e-7
+    assert np.abs(minus(belief, end._replace(C_nb=about_vertical(z) @ end.C_nb))).max() < 1e-7
     z = own(belief)[TURN]
     scale = np.sqrt(np.diag(belief.P))
     off = np.abs(tilted(oracle.P, 0.5 * z) - belief.P) / np.outer(scale, scale)
     assert off.max() < 1e-9
     kind, y = next(one for one in fixes[10] if one[0] == "velocity")
-    turned = copied(belief)._replace(C=about_vertical(-z) @ belief.C)
+    turned = copied(belief)._replace(C_nb=about_vertical(-z) @ belief.C_nb)
     oracle.x = minus(belief, turned)
     oracle.P = tilted(belief.P, -0.5 * z)
     expected = oracle.correct(turned, kind, y)
     nis, _ = fix(belief, kind, y)
     assert nis == pytest.approx(expected, rel=1e-9)
     end = plus(turned, oracle.x - np.eye(15)[8] * z)
-    assert np.abs(minus(belief, end._replace(C=about_vertical(z) @ end.C))).max() < 1e-7
+    assert np.abs(minus(belief, end._replace(C_nb=about_vertical(z) @ end.C_nb))).max() < 1e-7
     off = np.abs(tilted(oracle.P, 0.5 * (oracle.x[8])) - belief.P) / np.outer(scale, scale)
     assert off.max() < 1e-9
 
@@ -109,13 +109,13 @@ def test_a_rejected_fix_leaves_belief_and_covariance_bit_for_bit():
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("sd_deg, off", [(1.0, 0.02), (30.0, 1.7)])
-def test_an_observer_that_is_less_sure_or_contradicts_tells_no_heading(sd_deg, off):
+@pytest.mark.parametrize("std_deg, off", [(1.0, 0.02), (30.0, 1.7)])
+def test_an_observer_that_is_less_sure_or_contradicts_tells_no_heading(std_deg, off):
     belief = uncertain(0.3)
     assert own(belief)[TURN] != 0
     belief.P[8, :8] = belief.P[:8, 8] = belief.P[8, 9:] = belief.P[9:, 8] = 0.0
-    belief.P[8, 8] = (sd_deg * DEG) ** 2
-    put(belief, copied(belief)._replace(C=about_vertical(-off) @ belief.C))
+    belief.P[8, 8] = (std_deg * DEG) ** 2
+    put(belief, copied(belief)._replace(C_nb=about_vertical(-off) @ belief.C_nb))
     XKF.predict(belief, world()[0][0], world()[1], NOISE)
     assert own(belief)[TURN] == 0
 
@@ -126,7 +126,7 @@ def test_it_follows_the_observer_when_the_fixes_speak_against_the_estimate():
     belief = begun(near=0.5, jacobian="estimate")
     u, dt, _, _ = world()
     here = copied(belief)
-    put(belief, here._replace(C=about_vertical(1.0) @ belief.C))
+    put(belief, here._replace(C_nb=about_vertical(1.0) @ belief.C_nb))
     XKF.predict(belief, u[0], dt, NOISE)
     assert belief.workspace[xkf.CLOSE] == 1
     followed = []
@@ -141,7 +141,7 @@ def test_it_follows_the_observer_when_the_fixes_speak_against_the_estimate():
 
 @pytest.mark.short
 def test_a_start_without_a_level_follows_the_observer():
-    lost = start(flight())._replace(sd=(*start(flight()).sd[:6], 1.0, 1.0, 1.0, *[0.01] * 6))
+    lost = start(flight())._replace(std=(*start(flight()).std[:6], 1.0, 1.0, 1.0, *[0.01] * 6))
     belief = XKF.start(lost, NOISE)
     assert belief.workspace[xkf.CLOSE] == 0
     assert begun(near=0.5).workspace[xkf.CLOSE] == 1
@@ -158,12 +158,12 @@ def test_a_heading_that_the_gyro_turned_away_is_corrected_without_harm():
         lambda t: (0.05 * np.sin(t), 0.05 * np.cos(0.7 * t), 0 * t),
     )
     recording = sd.simulate(motion, 60.0, "consumer", 5, 20.0, Gnss())
-    compass = Aiding("heading", np.array([45.0]), np.zeros((1, 1)), np.full((1, 1), 0.02))
-    recording = replace(recording, aidings=(*recording.aidings, compass))
-    accel, gyro = sd.grade("consumer").bias_sd()
+    compass = Source("heading", np.array([45.0]), np.zeros((1, 1)), np.full((1, 1), 0.02))
+    recording = replace(recording, sources=(*recording.sources, compass))
+    accel, gyro = sd.imu("consumer").bias_std()
     unknown = (2.0,) * 3 + (0.1,) * 3 + (0.002, 0.002, 0.02) + (accel,) * 3 + (gyro,) * 3
     begin = start(recording)._replace(
-        rph=tuple(recording.reference.rph[0]), ba=(0.0,) * 3, bg=(0.0,) * 3, sd=unknown
+        rph=tuple(recording.reference.rph[0]), b_a=(0.0,) * 3, b_g=(0.0,) * 3, std=unknown
     )
     late = {}
     for name in ("xkf", "closed-loop"):

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.short
 
 
 def correction(own, velocity, axis=0):
-    """Gains on position, velocity and force of a fix with sd 0.5."""
+    """Gains on position, velocity and force of a fix with std 0.5."""
     change = np.zeros(3)
     fix_gains(own, axis, velocity, 0.5, 0.0, 0.0, change)
     return change
@@ -63,7 +63,7 @@ def test_positions_do_the_work_of_velocities_that_are_lost(since, alone):
 @pytest.mark.parametrize("velocity", [False, True])
 def test_gains_of_the_riccati_equation_are_those_of_the_dense_filter(axis, velocity):
     """Van Loan's process noise over the time since the last fix, then a scalar update."""
-    rng, sd, accel, wander, T, spread = np.random.default_rng(axis), 0.5, 0.3, 0.2, 0.8, 0.4
+    rng, std, accel, wander, T, spread = np.random.default_rng(axis), 0.5, 0.3, 0.2, 0.8, 0.4
     B = rng.standard_normal((3, 3))
     dense, upper = B @ B.T, np.triu_indices(3)
     own = TRANSLATION.zeros()
@@ -76,10 +76,10 @@ def test_gains_of_the_riccati_equation_are_those_of_the_dense_filter(axis, veloc
         Phi = loan[3:, 3:].T
         dense = Phi @ (dense + np.diag([0.0, spread, 0.0])) @ Phi.T + Phi @ loan[:3, 3:]
         h = np.eye(3)[int(velocity)]
-        K = dense @ h / (h @ dense @ h + sd**2)
+        K = dense @ h / (h @ dense @ h + std**2)
         dense = dense - np.outer(K, h @ dense)
         found = np.zeros(3)
-        fix_gains(own, axis, velocity, sd, accel, wander, found)
+        fix_gains(own, axis, velocity, std, accel, wander, found)
         np.testing.assert_allclose(found, K, rtol=1e-9)
         np.testing.assert_allclose(packed, dense[upper], rtol=1e-9, atol=1e-12)
         T, spread = 0.0, 0.0

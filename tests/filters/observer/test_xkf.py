@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from affine_filter import ARM, FIX_SD, NOISE, Dense, State, copied, expected, minus, moved, plus
+from affine_filter import ARM, FIX_STD, NOISE, Dense, State, copied, expected, minus, moved, plus
 from recordings import flight, start
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +16,7 @@ from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import CORRECT, PREDICT, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.filters.observer import nlo, xkf
 from strapdown.filters.observer.equations import embedded_observer
 from strapdown.filters.observer.xkf import XKF
@@ -41,13 +41,13 @@ def carried(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def corrected(belief, y, sd, kind, observe, parameters, gate, innovation):
+def corrected(belief, y, std, kind, observe, parameters, gate, innovation):
     """A fix by the filter without the observer taking it."""
     return xkf.correct_around(
         belief,
         embedded_observer(belief, xkf.INSIDE.start),
         y,
-        sd,
+        std,
         kind,
         observe,
         parameters,
@@ -73,13 +73,13 @@ def world():
         float(imu.dt[0]),
         copied(start(flight()).belief(np.zeros(1))),
     )
-    truth = [plus(begin, rng.standard_normal(15) * start(flight()).sd)]
+    truth = [plus(begin, rng.standard_normal(15) * start(flight()).std)]
     for row in u:
         truth.append(moved(truth[-1], row, dt))
     fixes = {}
     for k in range(EVERY, STEPS + 1, EVERY):
         fixes[k] = []
-        for kind, deviation in FIX_SD.items():
+        for kind, deviation in FIX_STD.items():
             h, _ = expected(kind, truth[k], u[k - 1, :3] / dt)
             error = rng.standard_normal(3) * deviation
             fixes[k].append(
@@ -99,7 +99,7 @@ def begun(**options):
         XKF.correct,
         carried,
         corrected,
-        *(aiding.find(kind).observe for kind in FIX_SD),
+        *(aiding.find(kind).observe for kind in FIX_STD),
     ):
         compile_kernel(needed)
     return XKF.start(start(flight()), NOISE, **{"near": 0.0} | options)
@@ -112,7 +112,7 @@ def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
     return correct(
         belief,
         np.array(y, float),
-        FIX_SD[kind],
+        FIX_STD[kind],
         aiding.number(sensor.name),
         sensor.observe,
         source,
@@ -161,7 +161,7 @@ def assert_equal(belief, oracle, nis, relative):
 def wandering(size, seed=5):
     """The true states, each off by a different error of about `size` times the start's: a
     trajectory that is no solution of anything."""
-    rng, scale = np.random.default_rng(seed), size * np.array(start(flight()).sd)
+    rng, scale = np.random.default_rng(seed), size * np.array(start(flight()).std)
     slow = scale * np.cumsum(rng.standard_normal((STEPS + 1, 15)), axis=0) / 4
     slow[STEPS // 2 :] += 3 * scale  # and a jump
     return [plus(truth, x) for truth, x in zip(world()[2], slow)]
@@ -236,14 +236,14 @@ def test_it_is_the_closed_loop_to_first_order():
         and np.abs(own.v_n - closed.v_n).max() < 0.02
     )
     assert (own.rotation * closed.rotation.inv()).magnitude().max() < 1e-3 and np.abs(
-        own.sd / closed.sd - 1
+        own.std / closed.std - 1
     ).max() < 0.1
 
 
 def test_the_observer_inside_is_nlo():
     """Nothing of the Kalman filter reaches it, not even a gate that rejects and is lifted."""
     recording = flight()
-    strict = replace(recording, aidings=tuple(replace(a, gate=0.5) for a in recording.aidings))
+    strict = replace(recording, sources=tuple(replace(a, gate=0.5) for a in recording.sources))
     alone = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE)
     for solution in (
         sd.fuse(r, "xkf", start=start(recording), noise=NOISE, covariance=True)
@@ -301,8 +301,8 @@ def test_a_heading_across_the_turn_of_the_compass():
     belief, compass = begun(), aiding.find("heading")
     compile_kernel(compass.observe)
     heading, innovation = float(start(flight()).rph[2]), np.zeros(12)
-    away = Rotation.from_rotvec([0, 0, np.radians(178.0)]).as_matrix() @ belief.C
-    put(belief, State(belief.lla, belief.v, away, belief.ba, belief.bg))
+    away = Rotation.from_rotvec([0, 0, np.radians(178.0)]).as_matrix() @ belief.C_nb
+    put(belief, State(belief.lla, belief.v_n, away, belief.b_a, belief.b_g))
     y = np.array([(heading - np.radians(4.0) + np.pi) % (2 * np.pi) - np.pi, np.nan, np.nan])
     XKF.correct(
         belief,
@@ -345,16 +345,16 @@ def test_states_that_sources_bring_along_are_estimated():
     truth = recording.reference
     rows, rng = slice(10, None, 20), np.random.default_rng(2)
     height = truth.lla[rows, 2] + 40.0 + rng.standard_normal(len(truth.lla[rows])) * 0.5
-    barometer = Aiding(
+    barometer = Source(
         "pressure-altitude", truth.t[rows], height, np.full((len(height), 1), 0.5), name="baro"
     )
     run = lambda sources: sd.fuse(
-        replace(recording, aidings=sources), "xkf", start=start(recording), noise=NOISE
+        replace(recording, sources=sources), "xkf", start=start(recording), noise=NOISE
     )
-    solution, alone = run((*recording.aidings, barometer)), run(recording.aidings)
+    solution, alone = run((*recording.sources, barometer)), run(recording.sources)
     bias, deviation = (
         solution.columns["baro bias [m]"][-1],
-        solution.columns["sd of baro bias [m]"][-1],
+        solution.columns["std of baro bias [m]"][-1],
     )
     assert abs(bias - 40) < 3 * deviation < 3 and solution.counts()["baro"][0] == len(height)
     np.testing.assert_allclose(
@@ -373,7 +373,7 @@ def test_options_are_those_of_the_observer_and_one_more():
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, options={"k1": -1.0})
     with pytest.raises(DataError, match="nothing measures heading or course"):
         sd.fuse(
-            replace(flight(), aidings=flight().aidings[:1]),
+            replace(flight(), sources=flight().sources[:1]),
             "xkf",
             start=start(flight()),
             noise=NOISE,

@@ -40,8 +40,8 @@ def positive(rng, n, zero=False):
 
 def scaled(difference, S):
     """The largest entry of a difference of covariances in units of standard deviations."""
-    sd = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
-    return np.abs(difference / np.outer(sd, sd)).max()
+    std = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
+    return np.abs(difference / np.outer(std, std)).max()
 
 
 def test_effective_number_in_closed_form():
@@ -170,15 +170,15 @@ def test_resampling_keeps_mean_and_covariance(N, n, zero):
         Phi,
         np.full(resample_size(n), np.nan),
     )
-    sd = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
-    assert np.abs(drawn.mean(axis=0) / sd).max() < 1e-12
+    std = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
+    assert np.abs(drawn.mean(axis=0) / std).max() < 1e-12
     # draws that barely span the states are nearly singular: of 20 seeds the worst had 2e-9
     rounding = 1e-8 if N == n + 1 else 1e-12
     assert scaled(drawn.T @ drawn / N + Phi - S, S) < rounding
     assert np.allclose(weights, 1 / N) and repairs == (
         1 if N <= n and len(set(ancestors)) > 1 else 0
     )
-    assert np.linalg.eigvalsh((Phi - kernel**2 * S) / np.outer(sd, sd)).min() > -1e-12
+    assert np.linalg.eigvalsh((Phi - kernel**2 * S) / np.outer(std, std)).min() > -1e-12
     if N > n:
         assert scaled(Phi - kernel**2 * S, S) < 1e-14
 
@@ -226,17 +226,17 @@ def test_what_is_no_covariance_is_mended_and_counted(N):
 def test_a_mixture_begins_with_the_covariance_that_it_is_given(N, n):
     P = positive(np.random.default_rng(3), n, zero=n == 4)
     deviations, Phi, stream = begin(P, N, 0.6, 9)
-    sd = np.where(np.diag(P) > 0, np.sqrt(np.diag(P)), 1)
-    assert deviations.shape == (N, n) and np.abs(deviations.mean(axis=0) / sd).max() < 1e-12
+    std = np.where(np.diag(P) > 0, np.sqrt(np.diag(P)), 1)
+    assert deviations.shape == (N, n) and np.abs(deviations.mean(axis=0) / std).max() < 1e-12
     assert scaled(deviations.T @ deviations / N + Phi - P, P) < 1e-12
     if N == 1:
         assert np.array_equal(Phi, P) and not deviations.any()
     else:
         assert (
             stream[COUNTER] > 0
-            and np.linalg.eigvalsh((Phi - 0.36 * P) / np.outer(sd, sd)).min() > -1e-12
+            and np.linalg.eigvalsh((Phi - 0.36 * P) / np.outer(std, std)).min() > -1e-12
         )
-        assert np.linalg.matrix_rank(deviations / sd) == min(N - 1, n - (n == 4))
+        assert np.linalg.matrix_rank(deviations / std) == min(N - 1, n - (n == 4))
 
 
 def test_silverman():

@@ -15,7 +15,7 @@ from strapdown.checks import DataError
 from strapdown.core.compile.signatures import LANES
 from strapdown.core.loop.contract import OBSERVE, InitialState, Noise, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
 from strapdown.filters.particle.pkf import PKF
@@ -36,17 +36,17 @@ BEGIN = InitialState(
 )
 INCREMENTS, DT = np.array([0.002, -0.001, 0.005, 0.01, 0.02, -0.49]), 0.05
 
-WIDE = BEGIN._replace(sd=(*BEGIN.sd[:8], 0.9, *BEGIN.sd[9:]))
+WIDE = BEGIN._replace(std=(*BEGIN.std[:8], 0.9, *BEGIN.std[9:]))
 
 
 class Parts(NamedTuple):
     """The components of a belief as arrays, and their weights."""
 
     lla: np.ndarray
-    v: np.ndarray
-    C: np.ndarray
+    v_n: np.ndarray
+    C_nb: np.ndarray
     biases: np.ndarray
-    extra_states: np.ndarray
+    augmented: np.ndarray
     P: np.ndarray
     weights: np.ndarray
 
@@ -78,10 +78,10 @@ def deviations(belief):
     own, (M, E) = parts(belief), np.add(radii(belief.lla[0]), belief.lla[2])
     return np.c_[
         (own.lla - belief.lla) * [M, E * np.cos(belief.lla[0]), -1],
-        own.v - belief.v,
-        Rotation.from_matrix(own.C @ belief.C.T).as_rotvec(),
-        own.biases - np.r_[belief.ba, belief.bg],
-        own.extra_states - belief.extra_states,
+        own.v_n - belief.v_n,
+        Rotation.from_matrix(own.C_nb @ belief.C_nb.T).as_rotvec(),
+        own.biases - np.r_[belief.b_a, belief.b_g],
+        own.augmented - belief.augmented,
     ]
 
 
@@ -96,8 +96,8 @@ def moments(belief):
 
 def scaled(difference, P):
     """The largest entry of a vector or covariance in units of standard deviations."""
-    sd = np.sqrt(np.diag(P))
-    return np.abs(difference / (np.outer(sd, sd) if np.ndim(difference) == 2 else sd)).max()
+    std = np.sqrt(np.diag(P))
+    return np.abs(difference / (np.outer(std, std) if np.ndim(difference) == 2 else std)).max()
 
 
 def made(components=40, begin=BEGIN, kernel=0.7, **options):
@@ -136,13 +136,13 @@ def position(north, east, down, lla=BEGIN.lla):
 def eventful():
     """A jump that lifts the gate, gaps with fixes inside, a barometer that brings a state along,
     a component and a fix that are not measured."""
-    p, v = flight().aidings
+    p, v = flight().sources
     y = p.y.copy()
     y[8:] = displace_lla(y[8:], np.tile([[60.0, -30, 5]], (len(y) - 8, 1)))
     y[4, 2], y[6] = np.nan, np.nan
-    baro = Aiding("pressure-altitude", p.t + 0.02, p.y[:, 2:] + 30.0, np.full((len(p.t), 1), 1.0))
+    baro = Source("pressure-altitude", p.t + 0.02, p.y[:, 2:] + 30.0, np.full((len(p.t), 1), 1.0))
     return without_samples(
-        replace(flight(), aidings=(replace(p, t=p.t - 0.013, y=y), replace(v, t=v.t - 0.02), baro)),
+        replace(flight(), sources=(replace(p, t=p.t - 0.013, y=y), replace(v, t=v.t - 0.02), baro)),
         (4.8, 5.3),
         (16.6, 18.1),
     )
@@ -183,7 +183,7 @@ def test_one_component_is_the_closed_loop():
 def test_the_belief_is_the_mean_and_covariance_of_the_mixture():
     """Before and after predictions, a fix, a resampling; with a heading so uncertain that the
     components are spread over 200 deg."""
-    belief = made(20, WIDE._replace(sd=(*WIDE.sd, 20.0)), seed=2)
+    belief = made(20, WIDE._replace(std=(*WIDE.std, 20.0)), seed=2)
     mean, P = moments(belief)
     assert scaled(mean, belief.P) < 1e-9 and np.ptp(deviations(belief)[:, 8]) > 2.0
     for times, kind, y in (
@@ -194,7 +194,7 @@ def test_the_belief_is_the_mean_and_covariance_of_the_mixture():
         predict(belief, times)
         mean, P = moments(belief)
         assert scaled(mean, belief.P) < 1e-5 and scaled(P - belief.P, P) < 1e-5
-        assert np.abs(belief.C @ belief.C.T - np.eye(3)).max() < 1e-14
+        assert np.abs(belief.C_nb @ belief.C_nb.T - np.eye(3)).max() < 1e-14
         nis, _ = fix(belief, kind, y, [0.5, 0.5, 0.8])
         mean, P = moments(belief)
         assert np.isfinite(nis) and scaled(mean, belief.P) < 1e-3 and scaled(P - belief.P, P) < 1e-3
@@ -209,7 +209,7 @@ def test_the_start_is_the_one_that_was_asked_for():
         assert (
             scaled(mean, belief.P) < 1e-8
             and scaled(P - belief.P, P) < 1e-8
-            and np.array_equal(np.diag(belief.P), np.square(BEGIN.sd))
+            and np.array_equal(np.diag(belief.P), np.square(BEGIN.std))
         )
         assert np.ptp(deviations(belief)[:, 3]) > 0.1 or N == 1
 
@@ -227,13 +227,13 @@ def test_a_fix_is_gated_by_what_the_mixture_foresees_and_one_that_is_rejected_to
     predict(belief, 20)
     own = parts(belief)
     y_at, M = (
-        displace_lla(np.tile(own.lla, 1), np.einsum("kij,j->ki", own.C, arm)),
+        displace_lla(np.tile(own.lla, 1), np.einsum("kij,j->ki", own.C_nb, arm)),
         np.add(radii(belief.lla[0]), belief.lla[2]),
     )
     e = (y - y_at) * [M[0], M[1] * np.cos(belief.lla[0]), -1]
     H = np.zeros((25, 3, 15))
     H[:, :, :3] = np.eye(3)
-    for k, lever in enumerate(np.einsum("kij,j->ki", own.C, arm)):
+    for k, lever in enumerate(np.einsum("kij,j->ki", own.C_nb, arm)):
         H[k, :, 6:9] = np.cross(np.eye(3), lever).T
     mean = own.weights @ e
     S = np.diag(deviation**2) + np.einsum(
@@ -278,7 +278,7 @@ def test_weights_are_likelihoods():
         )
         gain = own[5][:, :, 3:6] @ np.linalg.inv(S)
         np.testing.assert_allclose(
-            parts(belief).v, own[1] + np.einsum("kij,kj->ki", gain[:, 3:6], e), rtol=1e-9
+            parts(belief).v_n, own[1] + np.einsum("kij,kj->ki", gain[:, 3:6], e), rtol=1e-9
         )
 
 
@@ -290,7 +290,7 @@ def test_what_became_of_a_component_without_weight_reaches_nobody():
     fix(belief, "velocity", [10.3, 4.8, 0.2], [0.2] * 3)
     assert parts(belief).weights[2] == 0 and np.count_nonzero(parts(belief).weights) == 19
     predict(belief, 2)
-    assert np.isfinite(parts(belief).v).all() and np.isfinite(belief.P).all()
+    assert np.isfinite(parts(belief).v_n).all() and np.isfinite(belief.P).all()
     mean, P = moments(belief)
     assert scaled(mean, P) < 1e-6 and scaled(P - belief.P, P) < 1e-6
 
@@ -319,14 +319,14 @@ def test_a_resampling_changes_nothing_but_the_components(components):
     assert all(np.array_equal(a, b) for a, b in zip(kept[:6], drawn[:6]))
     mean, P = moments(drawn)
     assert scaled(mean, P) < 1e-8 and scaled(P - drawn.P, P) < 1e-8
-    assert not np.allclose(parts(kept).v, parts(drawn).v)
+    assert not np.allclose(parts(kept).v_n, parts(drawn).v_n)
 
 
 @short
 def test_what_the_loop_does_to_the_covariance_reaches_the_components():
     """More of everything and of the position, as before a fix with the gate opened, and more of
     a state that walks."""
-    belief = made(20, BEGIN._replace(sd=(*BEGIN.sd, 5.0)))
+    belief = made(20, BEGIN._replace(std=(*BEGIN.std, 5.0)))
     predict(belief, 5)
     belief.P[:] *= 3.0
     belief.P[0, 0] += 400.0
@@ -405,7 +405,7 @@ def test_a_run_repeats_and_the_seed_decides():
 
 def test_many_components_are_the_closed_loop_within_their_monte_carlo_error():
     """Errors are small, so that the closed loop is right: over six seeds of 500 components no state
-    is off by more than 0.3 of its sd rms.
+    is off by more than 0.3 of its std rms.
 
     Ten sets with other seeds gave 0.12 to 0.20; a hundred components gave 0.28 to 0.40, and the
     error must have a cause to be there at all.
@@ -423,8 +423,8 @@ def test_many_components_are_the_closed_loop_within_their_monte_carlo_error():
             found.b_a - closed.b_a,
             found.b_g - closed.b_g,
         ]
-        off.append(difference / b.sd)
-        wide.append(a.sd / b.sd - 1)
+        off.append(difference / b.std)
+        wide.append(a.std / b.std - 1)
     rms = lambda values: np.sqrt(np.mean(np.square(values), axis=(0, 1)))
     assert 0.01 < rms(off).min() and rms(off).max() < 0.3 and rms(wide).max() < 0.15
 
@@ -449,7 +449,7 @@ def bent(components, kernel=None, seed=0):
     compile_kernel(horizontal_range)
     belief = made(
         components,
-        BEGIN._replace(sd=(50.0, 50.0, *BEGIN.sd[2:])),
+        BEGIN._replace(std=(50.0, 50.0, *BEGIN.std[2:])),
         kernel=kernel,
         seed=seed,
         resample=0.0,

@@ -385,10 +385,10 @@ def test_on_nonlinear_benchmarks_it_is_filterpy_step_by_step(model, name):
         y = h(truth) + rng.standard_normal(len(R)) * np.sqrt(R)
         own.update(y)
         peer.update(y if name == "ukf" else y[:, None])
-        sd = np.sqrt(np.diag(peer.P))
+        std = np.sqrt(np.diag(peer.P))
         assert (
-            np.abs((own.x - peer.x.ravel()) / sd).max() < 1e-8
-            and np.abs((own.P - peer.P) / np.outer(sd, sd)).max() < 1e-8
+            np.abs((own.x - peer.x.ravel()) / std).max() < 1e-8
+            and np.abs((own.P - peer.P) / np.outer(std, std)).max() < 1e-8
         )
         # each step from the same belief: on the growth model differences multiply
         own.x, own.A[:] = (

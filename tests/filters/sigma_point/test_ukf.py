@@ -30,8 +30,8 @@ def short():
     recording = flight(2.1, 10.0)
     begin = start(recording)
     roll, pitch, heading = begin.rph
-    ungated = replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings))
-    return ungated, begin._replace(sd=tuple(WIDE), rph=(roll, pitch, heading + 0.3))
+    ungated = replace(recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources))
+    return ungated, begin._replace(std=tuple(WIDE), rph=(roll, pitch, heading + 0.3))
 
 
 # ---- the textbook: 2 n + 1 points, weights of the book, deviations about the mean, P - K S K'
@@ -44,12 +44,12 @@ class Twin:
     def __init__(self, begin, alpha, beta, kappa, augmented):
         self.state = (
             np.array(begin.lla),
-            np.array(begin.v),
+            np.array(begin.v_n),
             Rotation.from_euler("ZYX", begin.rph[::-1]),
             np.zeros(6),
         )
         self.P, self.parameters, self.augmented = (
-            np.diag(np.square(begin.sd)),
+            np.diag(np.square(begin.std)),
             (alpha, beta, kappa),
             augmented,
         )
@@ -88,16 +88,16 @@ class Twin:
         """The closed loop's own mean."""
         belief = self.belief
         for part, value in zip(
-            (belief.lla, belief.v, belief.C, belief.ba, belief.bg),
+            (belief.lla, belief.v_n, belief.C_nb, belief.b_a, belief.b_g),
             (*state[:2], state[2].as_matrix(), state[3][:3], state[3][3:]),
         ):
             part[...] = value
         CLOSED_LOOP.predict(belief, u, dt, NOISE)
         return (
             belief.lla.copy(),
-            belief.v.copy(),
-            Rotation.from_matrix(belief.C),
-            np.r_[belief.ba, belief.bg],
+            belief.v_n.copy(),
+            Rotation.from_matrix(belief.C_nb),
+            np.r_[belief.b_a, belief.b_g],
         )
 
     def predict(self, u, dt):
@@ -134,11 +134,11 @@ class Twin:
             0 if self.augmented else E[15:, 15:].T @ E[:15, 15:]
         )
 
-    def update(self, innovations, sd):
+    def update(self, innovations, std):
         points, mean_weights, cov_weights = self.points(self.P)
         e = np.array([innovations(*self.moved(p)) for p in points])
         mean = mean_weights @ e
-        S = (cov_weights[:, None] * (mean - e)).T @ (mean - e) + np.diag(sd**2)
+        S = (cov_weights[:, None] * (mean - e)).T @ (mean - e) + np.diag(std**2)
         K = (cov_weights[:, None] * points).T @ (mean - e) @ np.linalg.inv(S)
         dx, turn = K @ mean, np.eye(len(self.P))
         turn[6:9, 6:9] = Rotation.from_rotvec(dx[6:9] / 2).as_matrix()
@@ -161,20 +161,21 @@ class Twin:
                 )
             previous, last = (rotation, force), self.state[3]
             self.predict(u, dt)
-            for source in recording.aidings:
+            for source in recording.sources:
                 for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):
                     y, arm, rate = source.y[row], source.parameters, u[:3] / dt - last[3:]
                     change = self.state[3][3:].copy()
                     if source.kind == "position":
                         self.update(
-                            lambda lla, v, C, b: displacement(y, lla) - C.apply(arm), source.sd[row]
+                            lambda lla, v, C, b: displacement(y, lla) - C.apply(arm),
+                            source.std[row],
                         )
                     else:  # the rate less the bias of the point
                         self.update(
                             lambda lla, v, C, b: (
                                 y - v - C.apply(np.cross(rate - (b[3:] - change), arm))
                             ),
-                            source.sd[row],
+                            source.std[row],
                         )
             yield *self.state, self.P.copy()
 
@@ -236,7 +237,7 @@ def test_where_errors_are_small_all_are_the_closed_loop():
     assert p < 1e-4 and v < 1e-4 and attitude < 1e-6 and bias < 1e-3 and deviation < 5e-4
 
 
-# ---- what the loop does with P, gates, axes that are not measured, states of aidings
+# ---- what the loop does with P, gates, axes that are not measured, states of sources
 
 
 def copied(belief):
@@ -264,9 +265,9 @@ def test_what_the_gate_rejects_changes_nothing(name):
     recording = flight(3.5, 10.0)
     off = {"position": np.array([1e-3, 0, 0]), "velocity": 50.0}
     wrong = replace(
-        recording, aidings=tuple(replace(a, y=a.y + off[a.kind]) for a in recording.aidings)
+        recording, sources=tuple(replace(a, y=a.y + off[a.kind]) for a in recording.sources)
     )
-    alone, rejected = fused(replace(recording, aidings=()), name), fused(wrong, name)
+    alone, rejected = fused(replace(recording, sources=()), name), fused(wrong, name)
     assert {count[0] for count in rejected.counts().values()} == {0} and np.array_equal(
         rejected.covariance, alone.covariance
     )
@@ -279,18 +280,18 @@ def test_axes_that_are_not_measured_and_a_barometer_with_a_bias(name):
     from fixes without height; as the closed loop does it."""
     recording = flight(4.1, 10.0)
     flat = tuple(
-        replace(a, y=a.y * [1, 1, np.nan]) if a.kind == "position" else a for a in recording.aidings
+        replace(a, y=a.y * [1, 1, np.nan]) if a.kind == "position" else a for a in recording.sources
     )
     t, height = recording.reference.t[4::5], recording.reference.lla[4::5, 2:]
     white = np.random.default_rng(1).standard_normal(height.shape)
-    high = sd.Aiding(
+    high = sd.Source(
         "pressure-altitude",
         t,
         height + 20 + 0.5 * white,
         np.full(height.shape, 0.5),
         (0.1, 0.2, -0.3),
     )
-    log = replace(recording, aidings=(*flat, high))
+    log = replace(recording, sources=(*flat, high))
     begin = start(recording)
     own, closed = (
         sd.fuse(log, each, start=begin, noise=NOISE, covariance=True)
@@ -317,9 +318,9 @@ def test_headings_near_half_a_turn_from_the_belief_or_across_south_are_one_measu
     recording, sense = flight(1.0, 10.0), math.copysign(1.0, apart)
     begin = start(recording)._replace(
         rph=(0.0, 0.0, sense * (math.pi - 0.2)),
-        sd=tuple(np.r_[WIDE[:6], 1e-4, 1e-4, 0.5, WIDE[9:]]),
+        std=tuple(np.r_[WIDE[:6], 1e-4, 1e-4, 0.5, WIDE[9:]]),
     )
-    record = sd.Aiding(
+    record = sd.Source(
         "heading",
         recording.imu.t[:1],
         np.array([[sense * (math.pi - 0.2) + apart]]),
@@ -327,12 +328,12 @@ def test_headings_near_half_a_turn_from_the_belief_or_across_south_are_one_measu
         gate=np.inf,
     )
     still = replace(
-        recording, aidings=(record,), imu=type(recording.imu)(*(part[:2] for part in recording.imu))
+        recording, sources=(record,), imu=type(recording.imu)(*(part[:2] for part in recording.imu))
     )
     for name in ("ukf", "ckf"):
         solution = sd.fuse(still, name, start=begin, noise=NOISE)
         assert solution.innovations.innovation[0, 0] == pytest.approx(apart, abs=0.05)
-        assert solution.trajectory.sd[0, 8] == pytest.approx(0.5 / math.sqrt(2), rel=0.05)
+        assert solution.trajectory.std[0, 8] == pytest.approx(0.5 / math.sqrt(2), rel=0.05)
 
 
 WIDER = [("ukf", {}), ("ukf", {"alpha": 0.5}), ("ukf", {"sigma": "symmetric"}), ("ckf", {})]
@@ -340,21 +341,21 @@ WIDER = [("ukf", {}), ("ukf", {"alpha": 0.5}), ("ukf", {"sigma": "symmetric"}), 
 
 
 @pytest.mark.parametrize("name, options", WIDER)
-@pytest.mark.parametrize("heading_sd", [40, 90, 150])
+@pytest.mark.parametrize("heading_std", [40, 90, 150])
 def test_a_heading_so_uncertain_that_points_would_turn_round_stays_as_uncertain(
-    name, options, heading_sd
+    name, options, heading_std
 ):
     begin = start(flight(1.0, 10.0))
-    begin = begin._replace(sd=(*begin.sd[:8], math.radians(heading_sd), *begin.sd[9:]))
-    still = replace(flight(1.0, 10.0), aidings=())
+    begin = begin._replace(std=(*begin.std[:8], math.radians(heading_std), *begin.std[9:]))
+    still = replace(flight(1.0, 10.0), sources=())
     deviations = sd.fuse(
         replace(still, imu=type(still.imu)(*(part[:3] for part in still.imu))),
         name,
         start=begin,
         noise=NOISE,
         options=options,
-    ).trajectory.sd
-    assert np.allclose(deviations[:, 6:9], begin.sd[6:9], rtol=0.01)
+    ).trajectory.std
+    assert np.allclose(deviations[:, 6:9], begin.std[6:9], rtol=0.01)
 
 
 @pytest.mark.parametrize("name, options", WIDER)
@@ -365,18 +366,18 @@ def test_a_heading_measured_where_points_would_turn_round(name, options, kind):
     recording, known = flight(1.0, 10.0), math.radians(5.0)
     begin = start(recording)._replace(
         rph=(0.0, 0.0, 1.0),
-        sd=tuple(np.r_[WIDE[:6], 1e-6, 1e-6, math.pi / 2, WIDE[9:12], [1e-9] * 3]),
+        std=tuple(np.r_[WIDE[:6], 1e-6, 1e-6, math.pi / 2, WIDE[9:12], [1e-9] * 3]),
     )
     y, deviation = (
         (np.array([[2.5]]), [[known]])
         if kind == "heading"
         else (np.array([[0.0, 0.0, 2.5]]), [[0.1, 0.1, known]])
     )
-    record = sd.Aiding(kind, recording.imu.t[:1], y, np.array(deviation), gate=np.inf)
+    record = sd.Source(kind, recording.imu.t[:1], y, np.array(deviation), gate=np.inf)
     calm = type(recording.imu)(*recording.imu[:2], 0 * recording.imu.dtheta, recording.imu.dv)
-    still = replace(recording, aidings=(record,), imu=type(calm)(*(part[:2] for part in calm)))
+    still = replace(recording, sources=(record,), imu=type(calm)(*(part[:2] for part in calm)))
     solution = sd.fuse(still, name, start=begin, noise=NOISE, options=options)
-    assert solution.trajectory.sd[0, 8] == pytest.approx(
+    assert solution.trajectory.std[0, 8] == pytest.approx(
         known, rel=0.01
     ) and solution.trajectory.rph[0, 2] == pytest.approx(2.5, abs=0.01)
 
@@ -386,10 +387,10 @@ def test_the_noise_of_one_sample_is_that_of_the_error_dynamics(filter):
     """From a state that is known: velocity noise with what the gyros' tilts it, against Van
     Loan's integral."""
     compile_kernel(filter.predict)
-    begin = start(flight())._replace(sd=(0.0,) * 15)
+    begin = start(flight())._replace(std=(0.0,) * 15)
     belief, dt, noise = filter.start(begin, NOISE), 0.1, NOISE._replace(gyro=3e-3)
-    C, u = belief.C.copy(), np.array([0.0, 0, 0, 1.0, 2.0, -3.0])
-    F, Q = dynamics(belief.lla, belief.v, C, C @ u[3:] / dt, noise)
+    C, u = belief.C_nb.copy(), np.array([0.0, 0, 0, 1.0, 2.0, -3.0])
+    F, Q = dynamics(belief.lla, belief.v_n, C, C @ u[3:] / dt, noise)
     E = expm(np.block([[-F, Q], [np.zeros((15, 15)), F.T]]) * dt)
     expected = (E[15:, 15:].T @ E[:15, 15:])[3:, 3:]
     filter.predict(belief, u, dt, noise)
@@ -411,14 +412,14 @@ def test_the_noise_of_one_sample_is_that_of_the_error_dynamics(filter):
 
 def test_a_set_whose_covariances_are_none_is_repaired_counted_and_flagged():
     recording, begin = short()
-    speed = sd.Aiding(
+    speed = sd.Source(
         "speed",
         np.array([1.5]),
         np.linalg.norm(recording.reference.v_n[:1], axis=1)[:, None],
         np.array([[0.05]]),
         gate=np.inf,
     )
-    recording = replace(recording, aidings=(speed,))
+    recording = replace(recording, sources=(speed,))
     solution = sd.fuse(
         recording,
         "ukf",
@@ -464,7 +465,7 @@ def test_sets_that_do_not_exist_are_refused(options, words):
 def test_the_ekf_is_the_textbook_filter():
     recording = flight(5.0, 20.0)
     recording = replace(
-        recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings)
+        recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources)
     )
     own = fused(recording, "ekf")
     lla, v, C, P = (np.array(part) for part in zip(*textbook(recording, start(recording))))

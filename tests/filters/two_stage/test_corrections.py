@@ -28,9 +28,9 @@ SPIN = RATE * np.array([math.cos(LAT), 0.0, -math.sin(LAT)])
 
 def begun(rph=RPH, **options):
     filter = filters.find("two-stage-ekf")
-    sd = np.linspace(0.01, 0.15, 15)
+    std = np.linspace(0.01, 0.15, 15)
     start = InitialState(
-        0.0, (LAT, 0.2, 500.0), tuple(V), rph, (0.1, 0.2, -0.1), (0.0,) * 3, tuple(sd)
+        0.0, (LAT, 0.2, 500.0), tuple(V), rph, (0.1, 0.2, -0.1), (0.0,) * 3, tuple(std)
     )
     return filter.start(start, NOISE, **options)
 
@@ -54,28 +54,28 @@ def by_turns(function, C, step=1e-6):
 def test_means_are_those_of_vectors_that_the_gyros_carry_along():
     belief, rng, dt = begun(correlation=0.0), np.random.default_rng(1), 0.01
     r = np.array([0.02, -0.03, 0.05]) * dt
-    C, forces, turns = belief.C.copy(), [], []
-    belief.bg[:], belief.workspace[model.RAW] = 0.0, 0.0
+    C, forces, turns = belief.C_nb.copy(), [], []
+    belief.b_g[:], belief.workspace[model.RAW] = 0.0, 0.0
     for _ in range(40):
         f = rng.standard_normal(3)
-        middle = belief.C @ Rotation.from_rotvec(r / 2).as_matrix()
+        middle = belief.C_nb @ Rotation.from_rotvec(r / 2).as_matrix()
         forces.append(middle @ f)
-        turns.append(middle @ np.cross(r / dt, belief.C.T @ belief.v))
-        u = np.r_[r, (f + belief.ba) * dt]
-        corrections.gather(belief, belief, belief.ba, u, *r, dt, False)
-        belief.C[:] = belief.C @ Rotation.from_rotvec(r).as_matrix()
+        turns.append(middle @ np.cross(r / dt, belief.C_nb.T @ belief.v_n))
+        u = np.r_[r, (f + belief.b_a) * dt]
+        corrections.gather(belief, belief, belief.b_a, u, *r, dt, False)
+        belief.C_nb[:] = belief.C_nb @ Rotation.from_rotvec(r).as_matrix()
     workspace = belief.workspace
     assert workspace[model.SECONDS] == pytest.approx(40 * dt)
     np.testing.assert_allclose(
-        belief.C @ workspace[model.FORCE], np.mean(forces, axis=0), atol=1e-6
+        belief.C_nb @ workspace[model.FORCE], np.mean(forces, axis=0), atol=1e-6
     )
     np.testing.assert_allclose(
-        belief.C @ workspace[model.CENTRIFUGAL], np.mean(turns, axis=0), rtol=1e-4, atol=1e-4
+        belief.C_nb @ workspace[model.CENTRIFUGAL], np.mean(turns, axis=0), rtol=1e-4, atol=1e-4
     )
-    assert not np.array_equal(C, belief.C)
+    assert not np.array_equal(C, belief.C_nb)
     since = workspace[model.SINCE_VELOCITY]
     workspace[model.KNOWN] = 1.0
-    corrections.gather(belief, belief, belief.ba, u, *r, dt, True)
+    corrections.gather(belief, belief, belief.b_a, u, *r, dt, True)
     assert workspace[model.SECONDS] == workspace[model.KNOWN] == 0.0
     assert workspace[model.SINCE_VELOCITY] == pytest.approx(since + dt)
 
@@ -85,9 +85,9 @@ def test_a_raw_force_keeps_its_bias(raw):
     belief = begun()
     belief.workspace[model.RAW] = raw
     corrections.gather(
-        belief, belief, belief.ba, np.r_[0, 0, 0, 0.1, 0.2, 0.3], 0.0, 0.0, 0.0, 0.1, False
+        belief, belief, belief.b_a, np.r_[0, 0, 0, 0.1, 0.2, 0.3], 0.0, 0.0, 0.0, 0.1, False
     )
-    bias = (1 - raw) * belief.ba
+    bias = (1 - raw) * belief.b_a
     np.testing.assert_allclose(belief.workspace[model.FORCE], [1.0, 2.0, 3.0] - bias, atol=1e-12)
 
 
@@ -100,7 +100,7 @@ def moved(belief, T):
     workspace = belief.workspace
     workspace[model.SECONDS], workspace[model.KNOWN], workspace[model.VELOCITY_THEN] = T, 1.0, V
     force = (end - V) / T + 2 * np.cross(SPIN, end) - G * DOWN
-    workspace[model.FORCE] = belief.C.T @ force
+    workspace[model.FORCE] = belief.C_nb.T @ force
     return end
 
 
@@ -111,7 +111,7 @@ def test_a_change_of_velocity_leaves_gravity():
     assert corrections.level_by_velocity(belief, belief, *end, 0.04) == 3
     H, e, deviation = rows(belief, 3)
     np.testing.assert_allclose(e, 0.0, atol=1e-12)
-    felt = by_turns(lambda C: -G * C.T @ DOWN, belief.C)
+    felt = by_turns(lambda C: -G * C.T @ DOWN, belief.C_nb)
     np.testing.assert_allclose(H[:, 6:9], felt, atol=1e-6)
     assert not np.delete(H, (6, 7, 8), axis=1).any()
     across = (acceleration[0] ** 2 + acceleration[1] ** 2) * belief.P[8, 8]
@@ -129,10 +129,10 @@ def test_what_differs_from_gravity_in_size_is_noise():
     corrections.level_by_velocity(belief, belief, *end, 0.0)
     before = rows(belief, 3)[2].copy()
     end = moved(belief, 2.0)
-    belief.workspace[model.FORCE] -= 0.7 * belief.C.T @ DOWN  # stronger than gravity by 0.7
+    belief.workspace[model.FORCE] -= 0.7 * belief.C_nb.T @ DOWN  # stronger than gravity by 0.7
     corrections.level_by_velocity(belief, belief, *end, 0.0)
     _, e, after = rows(belief, 3)
-    np.testing.assert_allclose(e, -0.7 * belief.C[2], atol=1e-9)
+    np.testing.assert_allclose(e, -0.7 * belief.C_nb[2], atol=1e-9)
     np.testing.assert_allclose(after**2 - before**2, 0.49, rtol=1e-6)
 
 
@@ -162,7 +162,7 @@ def test_without_velocities_the_turn_alone_is_taken_off(since, T, made):
     workspace[model.SINCE_VELOCITY], workspace[model.SECONDS] = since, T
     workspace[model.KNOWN] = 1.0
     workspace[model.CENTRIFUGAL] = [0.5, -0.6, 0.7]
-    workspace[model.FORCE] = -G * belief.C[2] + [0.5, -0.6, 0.7]
+    workspace[model.FORCE] = -G * belief.C_nb[2] + [0.5, -0.6, 0.7]
     assert corrections.level_alone(belief, belief, NOISE) == made
     assert (workspace[model.SECONDS] == 0) == (workspace[model.KNOWN] == 0) == bool(made)
     if made:
@@ -177,17 +177,17 @@ def test_without_velocities_the_turn_alone_is_taken_off(since, T, made):
 # ---- the course
 
 
-def coursed(rph=RPH, v=V, sd=0.1, since=1.0, **options):
+def coursed(rph=RPH, v=V, std=0.1, since=1.0, **options):
     belief = begun(rph, **options)
     belief.workspace[model.SINCE_HEADING] = 100.0
-    return belief, corrections.course(belief, belief, v[0], v[1], sd, since)
+    return belief, corrections.course(belief, belief, v[0], v[1], std, since)
 
 
 def test_a_course_is_a_heading():
     belief, made = coursed(correlation=10.0, crab=5.0)
     (H,), (e,), (deviation,) = rows(belief, 1)
     assert made == 1
-    expected = by_turns(lambda C: np.array([math.atan2(C[1, 0], C[0, 0])]), belief.C)[0]
+    expected = by_turns(lambda C: np.array([math.atan2(C[1, 0], C[0, 0])]), belief.C_nb)[0]
     np.testing.assert_allclose(H[6:9], expected, atol=1e-8)
     assert not np.delete(H, (6, 7, 8)).any()
     off = math.atan2(V[1], V[0]) - RPH[2]

@@ -11,6 +11,7 @@ from strapdown import filters
 from strapdown.core.loop.contract import InitialState, Noise
 from strapdown.core.mathematics.earth import gravity
 from strapdown.engine.prepare import prepare
+from strapdown.filters.two_stage.joseph_covariance import of_stages
 from strapdown.filters.two_stage.model import (
     from_angles,
     inflate_velocity,
@@ -87,14 +88,18 @@ def test_p_between_fixes_is_that_of_the_numerically_differentiated_model():
         (1.0,) * 15,
     )
     belief = filter.start(
-        start, QUIET._replace(gyro_decay=0.0, accel_decay=0.0), correlation=0.0, acceleration=1e6
+        start,
+        QUIET._replace(gyro_decay=0.0, accel_decay=0.0),
+        correlation=0.0,
+        acceleration=1e6,
+        covariance="published",
     )
     rng = np.random.default_rng(2)
     one, two = ([6, 7, 8, 12, 13, 14], [3, 4, 5, 9, 10, 11])
     A = rng.standard_normal((6, 6))
     begin = np.zeros((15, 15))
     begin[np.ix_(one, one)], begin[np.ix_(two, two)] = 1e-4 * A @ A.T, 1e-2 * A @ A.T
-    belief.P[:] = begin
+    of_stages(belief).P[:] = begin
     for _ in range(steps):
         filter.predict(
             belief,
@@ -177,7 +182,7 @@ def test_printed_velocity_equation():
     """(9) turns gravity by C_nb; differentiated along a true flight, v_b' + omega x v_b - f is
     gravity turned by C_bn."""
     truth, imu = flight(20.0, 20.0).reference, flight(20.0, 20.0).imu
-    v_b = truth.rotation.inv().apply(truth.v_n)
+    v_b = truth.rotation.inv().apply(truth.v_n.copy())
     k = np.flatnonzero((truth.t > 5) & (truth.t < 15))
     row = np.searchsorted(imu.t, truth.t[k] + 1e-6)
     dt = truth.t[k + 1] - truth.t[k - 1]
@@ -216,7 +221,7 @@ def test_printed_measurement_of_stage_two():
         abs(C[:, 2] @ full.innovations.innovation[first] - down.innovations.innovation[first, 0])
         < 0.01
     )
-    assert (down.trajectory.sd[-1, 3:5] > 1.2 * full.trajectory.sd[-1, 3:5]).all()
+    assert (down.trajectory.std[-1, 3:5] > 1.2 * full.trajectory.std[-1, 3:5]).all()
 
 
 def test_p_is_carried_to_other_angles_and_attitudes():

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_ins import increments, wrap
 from recordings import flight, start
 from scipy.spatial.transform import Rotation
-from test_two_stage_ekf import compensated, ungated
-from two_stage_twin import WRAP, State, Twin
+from test_two_stage_ekf import ungated
+from two_stage_twin import State, Twin
 
 import strapdown as sd
 from strapdown import aiding
@@ -45,23 +46,23 @@ def along(belief, u, dt, noise):
     carry(belief, bar, u, dt, noise)
     first = workspace.size - GIVEN
     for i in range(3):
-        bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i] = (
+        bar.omega[i], bar.f[i] = u[i] / dt - bar.b_g[i], u[3 + i] / dt - bar.b_a[i]
+        bar.lla[i], bar.v_n[i], bar.b_a[i], bar.b_g[i] = (
             workspace[first + i],
             workspace[first + 3 + i],
             workspace[first + 15 + i],
             workspace[first + 18 + i],
         )
-        bar.omega[i], bar.f[i] = u[i] / dt - bar.bg[i], u[3 + i] / dt - bar.ba[i]
         for j in range(3):
-            bar.C[i, j] = workspace[first + 6 + 3 * i + j]
+            bar.C_nb[i, j] = workspace[first + 6 + 3 * i + j]
     arrive(belief, bar, dt, noise)
 
 
 @kernel(CORRECT)
-def correct_along(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct_along(belief, y, std, kind, observe, parameters, gate, innovation):
     """`correct` without an observer."""
     bar = embedded_observer(belief, INSIDE.start)
-    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    nis = correct_around(belief, bar, y, std, kind, observe, parameters, gate, innovation)
     compose(belief, bar)
     return nis
 
@@ -107,7 +108,7 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     twin.bar = twin.at
     rows = np.searchsorted(given.t, recording.imu.t - 1e-6)
     first, worst = belief.workspace.size - GIVEN, np.zeros(4)
-    for k, (t, dt, u) in enumerate(compensated(recording)):
+    for k, (t, dt, u) in enumerate(increments(recording.imu)):
         lla, v, C, bias = (
             given.lla[rows[k]],
             given.v_n[rows[k]],
@@ -119,26 +120,24 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
         twin.predict(
             u, dt, State(lla, v, given.rotation[rows[k]].as_euler("ZYX")[::-1], bias[:3], bias[3:])
         )
-        for source in recording.aidings:
+        for source in recording.sources:
             for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):
                 if source.kind == "position":
-                    twin.position(source.y[row], source.sd[row], source.parameters)
+                    twin.position(source.y[row], source.std[row], source.parameters)
                 else:
-                    twin.velocity(
-                        source.y[row], source.sd[row], source.parameters, u[:3] / dt - twin.bar.bg
-                    )
+                    twin.velocity(source.y[row], source.std[row], source.parameters)
         got, scale = (
-            State(belief.lla, belief.v, np.zeros(3), belief.ba, belief.bg),
+            State(belief.lla, belief.v_n, np.zeros(3), belief.b_a, belief.b_g),
             np.sqrt(np.diag(twin.covariance())),
         )
-        angles = Rotation.from_matrix(belief.C).as_euler("ZYX")[::-1]
+        angles = Rotation.from_matrix(belief.C_nb).as_euler("ZYX")[::-1]
         e = got.minus(twin.at)
         worst = np.maximum(
             worst,
             [
                 np.abs(e[:3]).max(),
-                np.abs(belief.v - twin.bar.C @ twin.at.v).max(),
-                np.abs(WRAP(angles - twin.at.angles)).max(),
+                np.abs(belief.v_n - twin.bar.C @ twin.at.v).max(),
+                np.abs(wrap(angles - twin.at.angles)).max(),
                 np.abs((belief.P - twin.covariance()) / np.outer(scale, scale)).max(),
             ],
         )
@@ -169,11 +168,11 @@ def test_the_observer_takes_fixes_of_two_sources_alike_and_once_where_a_gate_is_
     recording = flight()
     twice = replace(
         recording,
-        aidings=tuple(
-            replace(a, gate=gate, name=f"{a.kind} {n}") for a in recording.aidings for n in (1, 2)
+        sources=tuple(
+            replace(a, gate=gate, name=f"{a.kind} {n}") for a in recording.sources for n in (1, 2)
         ),
     )
-    ungated_twice = replace(twice, aidings=tuple(replace(a, gate=np.inf) for a in twice.aidings))
+    ungated_twice = replace(twice, sources=tuple(replace(a, gate=np.inf) for a in twice.sources))
     both, alone = (
         sd.fuse(of, name, start=start(recording))
         for of, name in ((twice, "xkf-two-stage"), (ungated_twice, "nlo"))
@@ -197,7 +196,7 @@ def test_options_are_those_of_both():
         sd.fuse(recording, "xkf-two-stage", start=start(recording), options={"crab": -1.0})
     with pytest.raises(DataError, match="nothing gives a heading"):
         sd.fuse(
-            replace(recording, aidings=recording.aidings[:1]),
+            replace(recording, sources=recording.sources[:1]),
             "xkf-two-stage",
             start=start(recording),
         )
@@ -220,18 +219,18 @@ def driven(attitude, error):
     belief = xkf_two_stage.start(begun, NOISE, attitude=attitude, outage_after=9.0, **still)
     compile_kernel(XKF_TWO_STAGE.predict), compile_kernel(XKF_TWO_STAGE.correct)
     belief.workspace[ERROR][6:9] = error
-    before = belief.v.copy()
+    before = belief.v_n.copy()
     for _ in range(45):  # before the specific force alone levels
         XKF_TWO_STAGE.predict(belief, np.r_[0.0, 0.002, 0.004, 0.02, 0.1, -0.2], 0.02, NOISE)
-    after = belief.v.copy()
+    after = belief.v_n.copy()
     observe = aiding.find("heading").observe
     compile_kernel(observe)
-    turned = np.arctan2(belief.C[1, 0], belief.C[0, 0])
+    turned = np.arctan2(belief.C_nb[1, 0], belief.C_nb[0, 0])
     y, deviation = np.r_[turned + 0.01, 0.0, 0.0], np.full(3, 0.01)
     rest = Kind.HEADING, observe, new_source(), np.inf, np.zeros(12)
     XKF_TWO_STAGE.correct(belief, y, deviation, *rest)
-    turned = np.arctan2(belief.C[1, 0], belief.C[0, 0]) - turned
-    return before, after, belief.v.copy(), turned
+    turned = np.arctan2(belief.C_nb[1, 0], belief.C_nb[0, 0]) - turned
+    return before, after, belief.v_n.copy(), turned
 
 
 @pytest.mark.short
@@ -258,18 +257,18 @@ def test_an_attitude_of_its_own_is_levelled_by_its_own_bias():
     up to asin(0.2 / g) = 20 mrad."""
     tilt, bias, dt = {}, np.array([0.2, -0.2, 0.0]), 0.02
     for attitude in ("stage-1", "observer"):
-        begun = start(flight())._replace(rph=(0.0, 0.0, 0.7), v=(0.0,) * 3, ba=(0.0,) * 3)
-        begun = begun._replace(sd=(*begun.sd[:9], *[1e-3] * 3, *[1e-6] * 3))
+        begun = start(flight())._replace(rph=(0.0, 0.0, 0.7), v_n=(0.0,) * 3, b_a=(0.0,) * 3)
+        begun = begun._replace(std=(*begun.std[:9], *[1e-3] * 3, *[1e-6] * 3))
         still = dict(k1=1e-9, k1_start=1e-9, k2_start=1e-9, ki=0.0, ki_start=0.0, bias_law="norm")
         belief = xkf_two_stage.start(begun, NOISE, attitude=attitude, outage_after=9.0, **still)
         compile_kernel(XKF_TWO_STAGE.predict)
         belief.workspace[ERROR][9:12] = bias
-        belief.ba[:] = bias
+        belief.b_a[:] = bias
         u = np.zeros(6)
         for _ in range(round(8.0 / dt)):
             stationary_increments(belief.lla, np.zeros(3), euler(begun.rph), dt, u)
             XKF_TWO_STAGE.predict(belief, u + dt * np.r_[np.zeros(3), bias], dt, NOISE)
-        tilt[attitude] = np.hypot(*belief.C[2, :2])
+        tilt[attitude] = np.hypot(*belief.C_nb[2, :2])
     assert tilt["stage-1"] < 1e-3 and tilt["observer"] > 5e-3
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data.solution import Aiding, Innovations, Solution, Trajectory
-from strapdown.data.verdict import Reason, Verdict
+from strapdown.data.solution import Innovations, Solution, Source, Trajectory
+from strapdown.data.verdict import Reason, Untested, Verdict
 from strapdown.pages.notebook import cards
 from strapdown.sim.trajectory import demo_flight
 
@@ -46,7 +46,7 @@ def rows(solution, count):
     )
     return replace(
         solution,
-        trajectory=solution.trajectory.taking(few),
+        trajectory=solution.trajectory.take(few),
         b_a=solution.b_a[few],
         b_g=solution.b_g[few],
         status=solution.status[few],
@@ -65,10 +65,10 @@ def test_a_recording_says_what_was_measured(recording):
 
 
 def test_gaps_and_dates_and_notes_of_a_recording_are_said(recording):
-    keep = recording.aidings[0].t
-    aiding = recording.aidings[0]._where((keep < 2.5) | (keep > 6.5))
+    keep = recording.sources[0].t
+    source = recording.sources[0]._where((keep < 2.5) | (keep > 6.5))
     meta = {"epoch": "2024-05-01T12:00:00Z", "notes": ["a spike was left out"] * 20}
-    made = replace(recording, aidings=(aiding,), meta=recording.meta | meta)
+    made = replace(recording, sources=(source,), meta=recording.meta | meta)
     shown = text(made._repr_html_())
     assert "date 2024-05-01 12:00:00.0 to 12:00:08.0 UTC" in shown
     assert "1, the longest 5 s" in shown
@@ -102,12 +102,12 @@ def test_solutions_of_no_row_and_of_one_row_show_themselves(solution, count):
 
 
 def test_names_with_markup_are_inert(recording, solution):
-    aidings = tuple(replace(a, name=MARKUP) for a in recording.aidings)
+    sources = tuple(replace(a, name=MARKUP) for a in recording.sources)
     meta = {"name": MARKUP, "recording": MARKUP, "filter": MARKUP, "grade": {"name": MARKUP}}
     meta |= {"notes": [MARKUP]}
-    made = replace(recording, aidings=aidings, meta=recording.meta | meta)
+    made = replace(recording, sources=sources, meta=recording.meta | meta)
     reason = Reason("clock", MARKUP, MARKUP, MARKUP)
-    verdict = Verdict("doubtful", (reason,), (MARKUP,))
+    verdict = Verdict("doubtful", (reason,), (Untested(MARKUP, MARKUP, MARKUP),))
     fixes = replace(solution.innovations, names=(MARKUP, MARKUP + "2"))
     judged = replace(
         solution, innovations=fixes, meta=solution.meta | meta | {"verdict": verdict.as_dict()}
@@ -115,7 +115,7 @@ def test_names_with_markup_are_inert(recording, solution):
     labels = made.plot("sources").layout.yaxis.ticktext
     names = [trace.name for what in ("sources", "track") for trace in made.plot(what).data]
     assert MARKUP in str(made) and "<script" not in "".join([*labels, *names])
-    for each in (made, made.aidings[0], judged, verdict):
+    for each in (made, made.sources[0], judged, verdict):
         assert "script&gt;alert" in each._repr_html_() and "<script" not in each._repr_html_()
     framed = replace(sd.report(solution), html=f"<p title=\"'x'\">{MARKUP}")._repr_html_()
     assert "<script" not in framed and framed.count('"') == 2
@@ -137,7 +137,7 @@ def test_a_verdict_shows_its_reasons():
 
 def test_a_source_and_a_trajectory_that_know_little():
     empty = np.zeros(0)
-    source = Aiding("position", empty, np.zeros((0, 3)), np.zeros((0, 3)))
+    source = Source("position", empty, np.zeros((0, 3)), np.zeros((0, 3)))
     assert text(source._repr_html_()) == "Source position kind position fixes 0"
     nothing = Trajectory(np.arange(3.0), np.full((3, 3), np.nan))
     assert "known nothing, 0.0 to 2.0 s, 1 Hz" in text(nothing._repr_html_())

@@ -8,7 +8,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data.solution import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS
+from strapdown.data.solution import BIAS_COLUMNS, NAV_COLUMNS, STD_COLUMNS
 from strapdown.io.solutions.solution_netcdf import attributes
 from strapdown.sim.trajectory import demo_flight
 
@@ -50,13 +50,13 @@ def test_a_dataset_of_a_solution_is_as_its_file(solution, tmp_path):
     sd.write_solution(made, tmp_path / "a.nc")
     ours = made.to_xarray()
     with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as theirs:
-        for name in [*NAV_COLUMNS, *BIAS_COLUMNS, *SD_COLUMNS, "innovation", "covariance"]:
+        for name in [*NAV_COLUMNS, *BIAS_COLUMNS, *STD_COLUMNS, "innovation", "covariance"]:
             assert np.array_equal(ours[name], theirs[name], equal_nan=True)
             assert ours[name].attrs == theirs[name].attrs
         off = np.abs(ours["time"].values - theirs["time"].values)
         assert off.max() <= np.timedelta64(1, "us")
-    assert ours["lat"].attrs["ancillary_variables"] == "sd_north"
-    assert ours["sd_north"].attrs == {
+    assert ours["lat"].attrs["ancillary_variables"] == "std_north"
+    assert ours["std_north"].attrs == {
         "units": "m",
         "long_name": "standard deviation of position north",
     }
@@ -65,7 +65,7 @@ def test_a_dataset_of_a_solution_is_as_its_file(solution, tmp_path):
     assert ours.attrs["filter"] == "closed-loop" and ours.attrs["Conventions"].startswith("CF-")
     ends = np.array(["2024-05-01T12:00:03", "2024-05-01T12:00:04"], "M8[ns]")
     part = ours.sel(time=slice(*ends))
-    assert part.sizes["time"] == len(solution[3:4]) == 51
+    assert part.sizes["time"] == len(solution.between(3, 4)) == 51
 
 
 def test_a_dataset_without_a_clock_counts_seconds(solution):
@@ -78,7 +78,7 @@ def test_a_dataset_without_a_clock_counts_seconds(solution):
 def test_every_column_has_a_long_name_and_its_standard_deviations():
     for name in NAV_COLUMNS + BIAS_COLUMNS:
         claims = attributes(name)["ancillary_variables"].split()
-        assert attributes(name)["long_name"] and set(claims) <= set(SD_COLUMNS)
+        assert attributes(name)["long_name"] and set(claims) <= set(STD_COLUMNS)
         assert len(claims) == (3 if name in ("roll", "pitch", "heading") else 1)
 
 
@@ -93,7 +93,7 @@ def test_the_frame_of_the_imu_is_what_from_frames_takes(recording):
 @pytest.mark.parametrize("epoch", ["2024-05-01T12:00:00Z", "2016-12-31T23:59:50Z"])
 def test_dates_go_and_come_back(recording, epoch):
     """Over a leap second too: POSIX dates show it twice, so there samples may be a second early."""
-    frame = recording.knowing(epoch=epoch).to_pandas()
+    frame = recording.with_meta(epoch=epoch).to_pandas()
     again = sd.Recording.from_frames(frame, epoch=epoch)
     before = again.imu.t < 9.0
     np.testing.assert_allclose(again.imu.t[before], recording.imu.t[before], atol=2e-6)
@@ -107,9 +107,9 @@ def test_dates_go_and_come_back(recording, epoch):
 
 def test_fixes_and_reference_are_frames_too(recording):
     frame = recording.to_pandas("GNSS position")
-    assert list(frame.columns) == ["lat", "lon", "alt", "sd_north", "sd_east", "sd_down"]
-    assert np.allclose(frame["lat"], np.degrees(recording.aidings[0].y[:, 0]))
-    assert frame.attrs["units"]["sd_north"] == "m" and frame.attrs["units"]["lat"] == "degree"
+    assert list(frame.columns) == ["lat", "lon", "alt", "std_north", "std_east", "std_down"]
+    assert np.allclose(frame["lat"], np.degrees(recording.sources[0].y[:, 0]))
+    assert frame.attrs["units"]["std_north"] == "m" and frame.attrs["units"]["lat"] == "degree"
     reference = recording.to_pandas("reference")
     assert len(reference) == len(recording.reference) and "heading" in reference
     assert recording.reference.to_pandas().equals(recording.reference.table())
@@ -119,16 +119,16 @@ def test_fixes_and_reference_are_frames_too(recording):
 
 def test_sources_of_one_name_and_of_few_components(recording):
     t = np.arange(1.0, 8.0)
-    baro = sd.Aiding("altitude", t, np.full((7, 1), 900.0), np.ones((7, 1)), name="baro")
-    field = sd.Aiding(
+    baro = sd.Source("altitude", t, np.full((7, 1), 900.0), np.ones((7, 1)), name="baro")
+    field = sd.Source(
         "magnetic-field", t, np.full((7, 3), 3e-5), np.full((7, 3), 1e-6), name="baro"
     )
-    made = replace(recording, aidings=(baro, field))
-    assert list(made.to_pandas("baro").columns) == ["alt", "sd_altitude"]
+    made = replace(recording, sources=(baro, field))
+    assert list(made.to_pandas("baro").columns) == ["alt", "std_altitude"]
     second = made.to_pandas("baro 2")
     assert second.attrs["units"]["magnetic_field_x"] == "uT"
     assert second["magnetic_field_x"].iloc[0] == pytest.approx(30.0)
-    assert second["sd_x"].iloc[0] == pytest.approx(1.0)
+    assert second["std_x"].iloc[0] == pytest.approx(1.0)
 
 
 def test_a_dataset_of_a_recording_has_a_time_of_each_source(recording):
@@ -155,7 +155,7 @@ def test_no_row_and_one_row(solution, count):
     few = slice(0, count)
     made = replace(
         solution,
-        trajectory=solution.trajectory.taking(few),
+        trajectory=solution.trajectory.take(few),
         b_a=solution.b_a[few],
         b_g=solution.b_g[few],
         status=solution.status[few],

@@ -74,8 +74,8 @@ def test_what_cannot_be_drawn_is_told_in_a_line(recording):
     with pytest.raises(DataError, match="nothing to draw there without a reference: give"):
         SOLUTION.plot("errors")
     with pytest.raises(DataError, match="this recording has nothing to draw there"):
-        replace(recording, aidings=(), reference=None).plot("track")
-    none = replace(SOLUTION, trajectory=SOLUTION.trajectory.taking(slice(0, 0)))
+        replace(recording, sources=(), reference=None).plot("track")
+    none = replace(SOLUTION, trajectory=SOLUTION.trajectory.take(slice(0, 0)))
     with pytest.raises(DataError, match="the solution has no rows, so there is nothing to draw"):
         none.plot()
 
@@ -85,7 +85,7 @@ def test_one_row_is_drawn(name):
     one = slice(0, 1)
     made = replace(
         SOLUTION,
-        trajectory=SOLUTION.trajectory.taking(one),
+        trajectory=SOLUTION.trajectory.take(one),
         b_a=SOLUTION.b_a[one],
         b_g=SOLUTION.b_g[one],
         status=SOLUTION.status[one],
@@ -106,7 +106,7 @@ def test_figures_of_a_recording(recording, name):
 
 def test_fixes_are_drawn_when_they_were_and_where(recording):
     marks = recording.plot("sources").data
-    assert list(marks[1].x) == pytest.approx(recording.aidings[0].t)
+    assert list(marks[1].x) == pytest.approx(recording.sources[0].t)
     fixes, reference = recording.plot("track").data
     assert (fixes.x[0], fixes.y[0]) == (0, 0) and len(fixes.x) == 20
     assert np.hypot(reference.x[0], reference.y[0]) == pytest.approx(

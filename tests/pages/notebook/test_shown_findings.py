@@ -9,7 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.allan.deviation import allan
-from strapdown.flight.asked import Sensors
+from strapdown.flight import Sensors
 from strapdown.pages.notebook import cards
 
 NAME = "<script>alert(1)</script>"
@@ -21,7 +21,7 @@ def drive():
     return replace(
         made,
         meta=made.meta | {"name": NAME},
-        aidings=tuple(replace(each, name=f"{each.name} {NAME}") for each in made.aidings),
+        sources=tuple(replace(each, name=f"{each.name} {NAME}") for each in made.sources),
     )
 
 
@@ -34,7 +34,9 @@ def found(drive):
         "estimated": estimated.installation,
         "installation": sd.calibrate_installation(drive),
         "tuning": sd.tune(drive),
-        "flight": sd.fly("turning", duration=10.0, seed=1, sensors=Sensors(imu="industrial")),
+        "flight": sd.flight.fly(
+            "turning", duration=10.0, seed=1, sensors=Sensors(imu="industrial")
+        ),
         "allan": allan(sd.simulate("static", duration=200.0, imu="consumer", seed=1).imu),
     }
 

@@ -59,14 +59,25 @@ CHOICES = (
     (
         "accelerometer bias of the observer",
         "‖b‖ for ‖b‖², and y_f from the estimate itself, which adapts nothing",
-        "‖b‖², y_f = ‖f̂‖² − ‖f_IMU‖² (NLO, XKF); and, as another reading, biases and wind from ξ, "
-        "the library's own law (NLO, bias by xi; XKF, bias by xi)",
+        "‖b‖², y_f = ‖f̂‖² − ‖f_IMU‖² (letter); and the library's own law, biases and wind from ξ "
+        "(charity)",
     ),
     (
-        "(5), (6), (9), (10) of the two-stage EKF",
-        "no rows of the bias, −cos θ sin θ, gravity turned the wrong way, vectors of different "
-        "length",
-        "corrected; see the page on the two-stage filters",
+        "(5), (6), (9) of the two-stage EKF",
+        "no rows of the bias, −cos θ sin θ and no g, gravity turned the wrong way",
+        "corrected; see the page on the two-stage filters. The Earth turns and is round in the "
+        "prediction of the state",
+    ),
+    (
+        "(6): which accelerometers level stage 1",
+        'the accelerometers as they are, "when only gravity affects the sensor"',
+        "with their bias, less the change of velocity between fixes (letter); without the bias of "
+        "stage 2 (spirit)",
+    ),
+    (
+        "(10): what is measured of the velocity",
+        "all of it in z, its downward component in ẑ and in the text",
+        "the downward component (letter); all of it (spirit)",
     ),
     (
         "heading from the GNSS velocity",
@@ -75,14 +86,30 @@ CHOICES = (
     ),
     (
         "XKF",
-        '"the Jacobian is evaluated at the NLO\'s estimate"',
-        "the affine filter of Johansen & Fossen (2017), for the two-stage model (XKF) and for the "
-        "library's 15-state error model around the library's observer (XKF, 15 states)",
+        '"the Jacobian ... to calculate the transition matrix is performed based on the estimated '
+        'states by NLO", after Johansen & Fossen (2017)',
+        "the EKF with that transition matrix (letter: XKF); the affine filter of Johansen & Fossen, "
+        "whose mean goes on about the observer too (spirit: XKF, affine); both with the library's 15 "
+        "states beside them",
     ),
     (
         "(8): the attitude as an input of stage 2",
-        "whose is not said",
-        "both: the observer's (XKF) and that of the XKF's own stage 1 (XKF, own attitude)",
+        "whose is not said; given it, (9) is linear, so that only this choice, and no point of "
+        "linearisation, matters to stage 2",
+        "by the letter that of stage 1; of the affine XKF the observer's or (own attitude) that of "
+        "its own stage 1",
+    ),
+    (
+        "(8): the ACF as an input",
+        '"can be found in Rohac et al. (2017)"',
+        "ω × v of the estimate; no other source is flown, as none is printed",
+    ),
+    (
+        "gains of the observer",
+        '"in Rohac et al. (2017)"',
+        "for the printed law k1 = 0.3, k2 = 0.03, ki = 0.01, wander 0.02; those of the library (0.1, "
+        "0.003, 0.003, 0.01) one at a time and all together, and the library's law with the former "
+        "(charity)",
     ),
     (
         "outages",

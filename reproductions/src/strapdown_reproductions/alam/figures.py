@@ -15,7 +15,8 @@ from strapdown.typing import Array, Ints
 
 from ..common.figures import names_down, quantile_lines, side_by_side
 from ..common.paired_ratios import ratio
-from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, AlamResults, AlamRun, windows
+from .readings import EKF, NLO, XKF
+from .runs import AXES, CLOSED, FULL, SINCE, AlamResults, AlamRun, windows
 
 COLOUR = dict(zip((EKF, NLO, XKF, FULL, CLOSED), COLOURS))
 DEG = float(np.degrees(1.0))
@@ -35,13 +36,13 @@ def all_figures(
     path, height = flight(results.recording)
     return [
         (
-            "Figure 1a: the simulated flight seen from above",
+            "Figures 2a and 3 of the paper: the flight seen from above, and the outages",
             path,
-            "Thick: where position and velocity fixes are withheld, as in the paper's Figure 3.",
+            "Thick: where position and velocity fixes are withheld, the red circles of Figure 3.",
         ),
-        ("Figure 1b: its height", height, "Above the ellipsoid; the paper's Figure 2b."),
+        ("Figure 2b of the paper: its height", height, "Above the ellipsoid."),
         (
-            "Figure 2a: growth of the errors in the simulated outages",
+            "Figure 5a: growth of the errors in the simulated outages",
             growth_of_runs(results.growth),
             "Horizontal and vertical error by time in the outage: median over all outages and "
             "seeds, dotted the 10 and 90 % quantiles. "
@@ -49,21 +50,25 @@ def all_figures(
         ),
         *(
             (
-                f"Figure 2{letter}: growth of the errors in {name}",
+                f"Figure 5{letter}: growth of the errors in {name}",
                 growth_of_recording(table),
-                "As figure 2a, over the windows; here windows that a filter did not get through "
+                "As figure 5a, over the windows; here windows that a filter did not get through "
                 "are left out.",
             )
             for letter, (name, table) in zip("bc", growth.items())
         ),
         (
-            "Figure 3: ratios of RMSE",
+            "Figure 6: ratios of RMSE",
             ratios(tables),
             "Geometric means over the seeds, or over the blocks of windows of a recording, "
             "with 95 % intervals. Left of 1: the XKF is better.",
         ),
         *(
-            (f"Figure 4{letter}: {title}", drawn, f"{FIRST} {BIASES.get(title, '')}".strip())
+            (
+                f"Figure 4{letter} of the paper: {title}",
+                drawn,
+                f"{FIRST} {BIASES.get(title, '')}".strip(),
+            )
             for letter, (title, drawn) in zip("abcde", figure4(results))
         ),
     ]
@@ -108,7 +113,7 @@ def figure4(results: AlamResults) -> list[tuple[str, go.Figure]]:
     b_a, b_g = rec.meta["b_a"], rec.meta["b_g"]
     some = next(iter(results.sample.values())).t if results.sample else truth.t[::20]
     rows, samples = _rows(truth.t, some), _rows(rec.imu.t, some)
-    true_v_b = truth.rotation[rows].inv().apply(truth.v_n[rows])
+    true_v_b = truth.rotation[rows].inv().apply(truth.v_n[rows].copy())
     turned = lambda run: (truth.rph[_rows(truth.t, run.t)] - run.rph + np.pi) % (2 * np.pi) - np.pi
     parts = (
         ("errors of roll, pitch and heading", ANGLES, "deg", lambda run: turned(run) * DEG, None),

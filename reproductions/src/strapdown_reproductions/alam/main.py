@@ -14,16 +14,27 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.typing import File
 
+from ..common.concordance import concordance
 from ..common.markdown import number
 from ..common.paired_ratios import ratio
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import part_of
+from ..common.runner import ENOUGH, part_of
 from ..common.study import Outcome, StudyWork, choices_table, write_study
-from . import claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
+from . import claims as alam_claims, convergence, costs, on_recordings, runs as alam_runs, table1
 from .choices import CHOICES
+from .concordance import entries
 from .figures import all_figures
 from .on_recordings import Recorded
-from .runs import ABLATIONS, AXES, EKF_NO_COURSE, FILTERS, XKF_NO_COURSE, AlamResults
+from .readings import VARIANTS
+from .runs import (
+    ABLATIONS,
+    AXES,
+    EKF_NO_COURSE,
+    FILTERS,
+    SIMULATED_ALONE,
+    XKF_NO_COURSE,
+    AlamResults,
+)
 
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
@@ -41,9 +52,9 @@ WORK = StudyWork(
         "library's 15-state error model.",
         "Each claim of the paper has a verdict that code has taken from the numbers, by the rule of its "
         'kind, which stands beside it. "Not reproduced" means: not under the assumptions stated here. A '
-        "claim about NLO or XKF is judged for each reading of two things that the paper leaves open: "
-        "which attitude drives stage 2 of the XKF, and how the accelerometer bias is found. Where one "
-        "reading supports it and another contradicts it, the reading decides. The rules were written "
+        "claim about the filters is judged for each reading of what the paper leaves open or prints "
+        "twice: the two-stage model, the form of the XKF, the law of the accelerometer bias and the "
+        "gains. Where one reading supports it and another contradicts it, the reading decides. The rules were written "
         "before any run of the seeds that they judge. Runs that diverge or stop are counted: with 10 km "
         "and 1 km/s, and the wander of their bias estimates with a hundred times the turn-on biases.",
     ),
@@ -65,29 +76,37 @@ WANDERS = {
 DEGREES = float(np.degrees(1.0))
 
 
-@reproduction("quick", "runs", "seed", "recordings", "threads", "say", "progress")
+@reproduction("quick", "runs", "seed", "recordings", "threads", "notify", "progress")
 def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
     claims; quick: 3 seeds in place of 50, 20 starts in place of 100; recordings that are not in the
     source tree are left out. Raises DataError."""
     of_flight = asked.seeds(SEEDS, QUICK_SEEDS)
     starts = range(QUICK_STARTS) if asked.quick else convergence.SEEDS
-    variants, threads, say = FILTERS | ABLATIONS, asked.threads, asked.say
+    variants, threads, notify = FILTERS | ABLATIONS, asked.threads, asked.notify
     before, later = part_of(asked.progress, 0.0, 0.15), part_of(asked.progress, 0.2, 1.0)
-    recorded = on_recordings.run(variants, asked.recordings, threads, say, before)
+    anywhere = {label: each for label, each in variants.items() if label not in SIMULATED_ALONE}
+    timed = costs.measure_costs()
+    recorded = on_recordings.run(anywhere, asked.recordings, threads, notify, before)
     converged = convergence.study(seeds=starts, threads=threads)
-    results = alam_runs.run_all(of_flight, variants, later, threads, say)
-    return write(out, results, recorded, converged, asked.seed)
+    results = alam_runs.run_all(of_flight, variants, later, threads, notify)
+    return write(out, results, recorded, (converged, timed), asked.seed)
 
 
 def write(
-    out: File, results: AlamResults, recorded: Recorded, converged: pd.DataFrame, seed: int
+    out: File,
+    results: AlamResults,
+    recorded: Recorded,
+    beside: tuple[pd.DataFrame, pd.DataFrame],
+    seed: int,
 ) -> list[dict[str, Any]]:
-    """Write the page of finished Results, Recorded and convergence study into the folder `out`;
-    return the claims."""
+    """Write the page of finished Results, Recorded, and the tables of the convergence study and of the
+    costs into the folder `out`; return the claims."""
+    converged, timed = beside
     scores = pd.concat([results.scores, recorded.scores], ignore_index=True)
     wide = table1.wide(scores)
-    claims = alam_claims.claims(alam_claims.AlamEvidence(wide, results.biases, converged))
+    evidence = alam_claims.AlamEvidence(wide, results.biases, converged, timed)
+    claims = alam_claims.claims(evidence)
     count = results.scores["block"].nunique()
     size = (
         f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages "
@@ -106,11 +125,13 @@ def write(
             "outages": (None, scores),
             "biases-runs": (None, results.biases),
             "convergence-runs": (None, converged),
+            "seconds": (None, timed),
         },
         all_figures(results, recorded.growth, wide),
-        shown(scores, results.biases, converged),
+        table_texts(scores, evidence),
         [("Notes on the recordings", said)] if recorded.notes else (),
         runs=count,
+        texts=lambda claims: {"concordance.md": concordance(entries(claims))},
     )
     return write_study(out, WORK, outcome)
 
@@ -120,35 +141,54 @@ def choices(count: int) -> pd.DataFrame:
     return choices_table(CHOICES, seeds=f"{count} seed{'s' * (count > 1)}")
 
 
-def shown(
-    scores: pd.DataFrame, biases: pd.DataFrame, converged: pd.DataFrame
+def table_texts(
+    scores: pd.DataFrame, evidence: alam_claims.AlamEvidence
 ) -> list[tuple[str, str, pd.DataFrame]]:
-    """[(name, heading, DataFrame of text)] of the tables for people."""
+    """[(name, heading, DataFrame of text)] of the tables for people; of few runs without verdicts."""
+    heading = "Readings: letter, spirit or charity, and the verdict of each on each claim"
+    enough = scores["block"].nunique() >= ENOUGH
+    voted = [("readings", heading, alam_claims.votes(evidence))] if enough else []
     return [
         (
             "redrawn",
-            "Table 1 redrawn: RMSE in m, published / ours as mean ± standard deviation over the "
-            "runs",
-            table1.redrawn(scores),
+            "Table 1 redrawn, all three as printed: RMSE in m, published / ours as mean ± standard "
+            "deviation over the runs",
+            table1.redraw_table1(scores),
         ),
-        ("filters", "All filters and ablations: medians over the outages", filters(scores)),
+        *voted,
+        (
+            "filters",
+            "All filters, readings and ablations: medians over the outages",
+            filters(scores),
+        ),
         (
             "ablations",
-            "Ablations: ratio of RMSE to the same filter with its defaults, and of EKF to XKF both "
+            "Ablations: ratio of RMSE to the same filter as printed, and of EKF to XKF both "
             "without course",
-            ablations(table1.wide(scores)),
+            ablations(evidence.tables),
         ),
         (
             "biases",
             "Wander of the bias estimates from 600 s to the touchdown, medians over the seeds",
-            bias_table(biases),
+            bias_table(evidence.biases),
         ),
         (
             "convergence",
             "Starts 170 deg off: below 10 deg within 60 s, staying there or not",
-            convergence_table(converged),
+            convergence_table(evidence.converged),
+        ),
+        (
+            "costs",
+            "Seconds of one core for four minutes of the flight: median, smallest, largest",
+            cost_table(evidence.costs),
         ),
     ]
+
+
+def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
+    """A row per filter that was timed."""
+    seconds = costs.groupby("filter", sort=False)["seconds"].agg(["median", "min", "max"])
+    return seconds.map("{:.3g}".format).reset_index()
 
 
 def of_all(held: pd.Series) -> str:
@@ -156,7 +196,7 @@ def of_all(held: pd.Series) -> str:
     return f"{int(held.sum())} of {len(held)}"
 
 
-def lost(rows: pd.DataFrame) -> pd.Series:
+def count_lost(rows: pd.DataFrame) -> pd.Series:
     """Texts by filter: how many of its rows were lost."""
     return rows["said"].ne("").groupby(rows["filter"], sort=False).agg(of_all)
 
@@ -178,18 +218,23 @@ def filters(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_filter(columns: dict[str, pd.Series], rows: pd.DataFrame) -> pd.DataFrame:
-    """The columns {heading: texts by filter} and `lost`, in the order of the filters in `rows`."""
+    """The columns {heading: texts by filter} and `count_lost`, in the order of the filters in `rows`."""
     names = dict.fromkeys(rows["filter"])
-    return pd.DataFrame(columns | {"lost": lost(rows)}).loc[list(names)].reset_index(names="filter")
+    return (
+        pd.DataFrame(columns | {"lost": count_lost(rows)})
+        .loc[list(names)]
+        .reset_index(names="filter")
+    )
 
 
 def ablations(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """A row per ablation and axis: the ratio of RMSE to the filter that it is a variant of, and of
+    """A row per ablation, which is no reading, and axis: the ratio of RMSE to the filter that it is a variant of, and of
     EKF to XKF both without course, by case.
 
     tables: of table1.wide.
     """
-    pairs = [*((name, name.split(",")[0]) for name in ABLATIONS), (EKF_NO_COURSE, XKF_NO_COURSE)]
+    own = [name for name in ABLATIONS if name not in VARIANTS]
+    pairs = [*((name, name.split(",")[0]) for name in own), (EKF_NO_COURSE, XKF_NO_COURSE)]
     return pd.DataFrame(
         [
             {
@@ -235,6 +280,7 @@ def convergence_table(converged: pd.DataFrame) -> pd.DataFrame:
             "below 10 deg from some time to 60 s": ("since", of_all),
             "below 10 deg at some time": ("first", of_all),
             "median time, s": ("since_s", time),
+            "epochs below 10 deg from 30 s on": ("late_share", lambda share: f"{share.mean():.0%}"),
             "said": ("said", said),
         }
     ).reset_index(names="filter")

@@ -12,11 +12,13 @@ from strapdown.checks import DataError
 from strapdown.experiments.outages.compare import compare
 from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.summaries import blocks, overlap_factor
-from strapdown.typing import File, Progress, Say
+from strapdown.typing import File, Notify, Progress
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
 from ..common.runner import part_of
-from .runs import MEASURES, Variant
+from .readings import Variant
+from .runs import MEASURES
+from .xkf_as_printed import make_known
 
 SWEEP = f"30@{FLIGHT[0]:g}:{FLIGHT[1]:g}/5"
 """thor75: windows of 30 s inside its scored seconds, one every 5 s, each a run of its own."""
@@ -40,7 +42,7 @@ def run(
     variants: dict[str, Variant],
     folder: File | None = None,
     threads: int | None = None,
-    say: Say | None = None,
+    notify: Notify | None = None,
     progress: Progress | None = None,
 ) -> Recorded:
     """Recorded of `variants` {name: Variant} on the descriptions in `folder`. Recordings that are
@@ -48,6 +50,7 @@ def run(
 
     Raises DataError where `folder` is named and lacks one.
     """
+    make_known()
     folder, parts, growth, notes = Path(folder or DESCRIPTIONS), [], {}, []
     for number, name in enumerate(RECORDINGS):
         part = part_of(progress, number / len(RECORDINGS), (number + 1) / len(RECORDINGS))
@@ -63,7 +66,7 @@ def run(
             [(each.filter, each.options) for each in variants.values()],
             outages=SWEEP if name == "thor75" else windows_of(recording),
             threads=threads,
-            say=say,
+            notify=notify,
             progress=part,
         )
         named = dict(zip(compared.filters, variants))

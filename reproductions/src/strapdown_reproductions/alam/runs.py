@@ -7,24 +7,28 @@ samples, fixes, start and noise.
 
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from strapdown.alignment.initial import align
 from strapdown.checks import DataError
+from strapdown.core.loop.contract import InitialState
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import Errors, errors
 from strapdown.experiments.outages.protocols import protocol
-from strapdown.sensor_models.imu import grade
+from strapdown.filters.observer import gains
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
-from strapdown.typing import Array, Progress, Say
+from strapdown.typing import Array, Notify, Progress
 
 from ..common.runner import on_threads
+from .readings import EKF, NLO, NORM, READINGS, VARIANTS, XKF, Variant, label_of
+from .xkf_as_printed import make_known
 
 PROTOCOL, LENGTH = "30/300", 30.0
 """An outage of 30 s at the end of every 300 s but the first."""
@@ -44,65 +48,64 @@ MEASURES = {
     "horizontal_end_m": FAR,
     "velocity_end_m_s": FAST,
 }
-"""What claims are decided with, and the most that counts of it."""
+"""Measures that decide claims, each with the largest value that counts."""
 TURN_ON = {"accel": 0.049, "gyro": float(np.radians(0.2))}
 """m/s^2 and rad/s: standard deviation of the turn-on biases of the grade `dmu10`."""
 ASTRAY = {sensor: 100 * size for sensor, size in TURN_ON.items()}
 """The wander and rms error of the bias estimates of a filter that stopped, or whose are larger."""
 WANDERS = ("wander", "rms", "true", "wander_late", "true_late")
-"""What is told of the bias estimates of a sensor."""
+"""Columns on the bias estimates of a sensor."""
 LAST = 0.1
 """s before the end of an outage: its last scored row; at the end itself a fix is used again."""
 SINCE = np.r_[np.arange(0.0, LENGTH), LENGTH - LAST]
 """s in an outage at which errors are kept for the growth curves."""
 
 
-class Variant(NamedTuple):
-    """A filter with its options."""
-
-    filter: str
-    options: dict[str, Any] = {}
-
-
-EKF, NLO, XKF, FULL, CLOSED = "EKF", "NLO", "XKF", "XKF, 15 states", "closed loop"
-PAPER = {"bias_law": "norm"}
-"""The observer of the paper: it finds what of the accelerometer bias lies along the specific force,
-and knows no wind."""
-OWN = {"attitude": "stage-1"}
+FULL, CLOSED = "XKF, 15 states", "closed loop"
+FULL_PRINTED = "XKF, 15 states, Jacobian at the observer"
 FILTERS = {
-    EKF: Variant("two-stage-ekf"),
-    NLO: Variant("nlo", PAPER),
-    XKF: Variant("xkf-two-stage", PAPER),
+    **{label: VARIANTS[label] for label in (EKF, NLO, XKF)},
     FULL: Variant("xkf", {"near": 0.0}),
     CLOSED: Variant("closed-loop"),
 }
-"""The three of the paper, the exogenous filter with the library's error model around the library's
-observer, and an anchor, by the names that they have in tables."""
+"""The three of the paper by its letter, the affine exogenous filter with the library's error model
+around the library's observer, and an anchor, by the names that they have in tables."""
 EKF_NO_COURSE, XKF_NO_COURSE = "EKF, no course", "XKF, no course"
-XKF_OWN, NLO_XI, XKF_XI = "XKF, own attitude", "NLO, bias by xi", "XKF, bias by xi"
-XKF_OWN_XI = "XKF, own attitude, bias by xi"
-READINGS = {
-    "as printed": (NLO, XKF),
-    "own attitude in stage 2": (NLO, XKF_OWN),
-    "bias by xi": (NLO_XI, XKF_XI),
-    "both": (NLO_XI, XKF_OWN_XI),
+CONSTANT, POSITION_ALONE = "NLO, constant gains", "NLO, constant gains, no velocity injected"
+STABILISED = "accelerometer bias constant"
+
+
+def constant_gains(injected: bool) -> dict[str, float]:
+    """The gains that the design settles to at the study's fixes, with velocities `injected` or
+    positions alone, as options of `nlo`."""
+    o = gains.check_gain_options(NORM)
+    jumps = gains.schedule(o, 0.2, 0.2 if injected else 0.0, 2.1, 0.1)
+    return {
+        f"k{of}{kind[0]}": float(value)
+        for kind, K in gains.last_gains(jumps)
+        for of, value in zip("pvx", K)
+    }
+
+
+SIMULATED_ALONE = {
+    CONSTANT: Variant("nlo", NORM | constant_gains(True)),
+    POSITION_ALONE: Variant("nlo", NORM | constant_gains(False)),
+    **{label_of(each.ekf, STABILISED): VARIANTS[each.ekf] for each in READINGS},
 }
-"""NLO and XKF by what the paper leaves open: which attitude drives stage 2, and a law of the
-accelerometer bias that works, as the printed one adapts nothing."""
+"""Variants that need the receiver of the study, or its IMU."""
 ABLATIONS = {
-    XKF_OWN: Variant("xkf-two-stage", PAPER | OWN),
-    NLO_XI: Variant("nlo"),
-    XKF_XI: Variant("xkf-two-stage"),
-    XKF_OWN_XI: Variant("xkf-two-stage", OWN),
-    EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}),
-    XKF_NO_COURSE: Variant("xkf-two-stage", PAPER | {"course": "none"}),
-    "NLO, printed course": Variant("nlo", PAPER | {"course": "printed"}),
-    "NLO, course frozen": Variant("nlo", PAPER | {"course": "frozen"}),
-    "NLO, no course": Variant("nlo", PAPER | {"course": "none"}),
-    "NLO, accelerometer bias held": Variant("nlo", PAPER | {"adaptation": 0.0}),
+    **{label: each for label, each in VARIANTS.items() if label not in FILTERS},
+    FULL_PRINTED: Variant("xkf", {"near": np.inf, "jacobian": "observer"}),
+    EKF_NO_COURSE: Variant("two-stage-ekf", VARIANTS[EKF].options | {"course": "none"}),
+    XKF_NO_COURSE: Variant(VARIANTS[XKF].filter, VARIANTS[XKF].options | {"course": "none"}),
+    "NLO, printed course": Variant("nlo", NORM | {"course": "printed"}),
+    "NLO, course frozen": Variant("nlo", NORM | {"course": "frozen"}),
+    "NLO, no course": Variant("nlo", NORM | {"course": "none"}),
+    "NLO, accelerometer bias held": Variant("nlo", NORM | {"adaptation": 0.0}),
+    **SIMULATED_ALONE,
 }
-"""The other readings; what the heading correction and the estimation of the accelerometer bias do:
-beside the same filter of FILTERS."""
+"""The other readings; what the heading correction, the estimation of the accelerometer bias and the
+gains do: beside the same filter of FILTERS."""
 AXES = ("north", "east", "down")
 Row: TypeAlias = dict[str, float | str]
 """{column: value} of a row of a table of AlamResults, or the part of it that one function finds."""
@@ -153,7 +156,7 @@ def run_all(
     variants: dict[str, Variant] | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
-    say: Say | None = None,
+    notify: Notify | None = None,
 ) -> AlamResults:
     """Results of `variants` (default: FILTERS and ABLATIONS) over `seeds`. progress: called with
     the fraction done; say: of slow compilation."""
@@ -162,8 +165,9 @@ def run_all(
     biases: list[Row] = []
     growth: dict[str, list[Array]] = {label: [] for label in variants}
     sample: dict[str, AlamRun] = {}
+    make_known()
     simulator()  # before the threads, which would each compute it
-    of_seed = lambda seed: _seed(seed, variants, seed == seeds[0], say)
+    of_seed = lambda seed: _seed(seed, variants, seed == seeds[0], notify)
     for found in on_threads(of_seed, seeds, threads, progress):
         scores += found[0]
         biases += found[1]
@@ -189,25 +193,16 @@ def recording(seed: int) -> Recording:
 
 
 def _seed(
-    seed: int, variants: dict[str, Variant], kept: bool, say: Say | None
+    seed: int, variants: dict[str, Variant], kept: bool, notify: Notify | None
 ) -> tuple[list[Row], list[Row], dict[str, list[Array]], dict[str, AlamRun]]:
     """(rows of scores, rows of biases, {label: curves}, {label: Run}) of one seed; the Runs
     where they are `kept`."""
     hidden = recording(seed)
-    start = align(hidden, grade(hidden.meta["grade"]))
+    start = align(hidden, imu_spec(hidden.meta["grade"]))
     scores, biases, growth, sample = [], [], {}, {}
     for label, variant in variants.items():
         try:
-            # the paper's filters know no scale and no misalignment, though the grade states them
-            solution = fuse(
-                hidden,
-                variant.filter,
-                start=start,
-                every=ROWS,
-                say=say,
-                estimate=[],
-                options=variant.options,
-            )
+            solution = _fly_variant(hidden, label, variant, start, notify)
         except DataError as error:
             outages = [{**MEASURES, "said": str(error)}] * len(windows())
             wandered = without_biases(str(error))
@@ -215,7 +210,7 @@ def _seed(
         else:
             e = errors(solution, hidden.reference)
             stopped = solution.meta.get("stopped", "")
-            outages = [scored(e, window, stopped) for window in windows()]
+            outages = [score_outage(e, window, stopped) for window in windows()]
             wandered = wander(solution, hidden)
             growth[label] = [curve(e, window) for window in windows()]
             if kept:
@@ -236,14 +231,37 @@ def _seed(
     return scores, biases, growth, sample
 
 
+def _fly_variant(
+    hidden: Recording, label: str, variant: Variant, start: InitialState, notify: Notify | None
+) -> Solution:
+    """Solution of a variant; one whose accelerometer bias is stabilised has it for a constant, so
+    that its estimate comes to rest.
+
+    The paper's filters know no scale and no misalignment, though the grade states them.
+    """
+    noise = None
+    if label.endswith(STABILISED):
+        noise = imu_spec(hidden.meta["grade"]).noise()._replace(accel_bias=0.0, accel_decay=0.0)
+    return fuse(
+        hidden,
+        variant.filter,
+        start=start,
+        noise=noise,
+        every=ROWS,
+        notify=notify,
+        estimate=[],
+        options=variant.options,
+    )
+
+
 def _sample(solution: Solution, e: Errors) -> AlamRun:
     own = solution.trajectory
-    v_b = own.rotation.inv().apply(own.v_n)
+    v_b = own.rotation.inv().apply(own.v_n.copy())
     columns = (own.t, own.rph, v_b, solution.b_a, solution.b_g)
     return AlamRun(*(column[e.rows] for column in columns), e.position, e.velocity)
 
 
-def scored(e: Errors, window: tuple[float, float], stopped: str) -> Row:
+def score_outage(e: Errors, window: tuple[float, float], stopped: str) -> Row:
     """{measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where the
     filter did not get through it, or further away.
 

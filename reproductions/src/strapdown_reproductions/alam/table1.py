@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from ..common.paired_ratios import by_case, ratio
-from .runs import AXES, EKF, MEASURES, NLO, XKF
+from .readings import EKF, NLO, XKF
+from .runs import AXES, MEASURES
 
 PUBLISHED = {
     ("north", EKF): (7.9, 7.5, 6.7, 31.5, 38.2),
@@ -30,7 +31,7 @@ def wide(scores: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return by_case(scores, "case", MEASURES, "filter") if len(scores) else {}
 
 
-def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFrame:
+def redraw_table1(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFrame:
     """DataFrame shaped as Table 1: a row per case, for each axis and filter the published RMSE
     and ours, its mean over runs and standard deviation."""
     return pd.DataFrame(
@@ -38,7 +39,7 @@ def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFram
             {
                 "outage": case.removeprefix("outage "),
                 **{
-                    f"{axis}, {name}, m": _redrawn(own, case, axis, name)
+                    f"{axis}, {name}, m": _redraw_cell(own, case, axis, name)
                     for axis in AXES
                     for name in names
                 },
@@ -48,7 +49,7 @@ def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFram
     )
 
 
-def _redrawn(own: pd.DataFrame, case: str, axis: str, name: str) -> str:
+def _redraw_cell(own: pd.DataFrame, case: str, axis: str, name: str) -> str:
     values = own.loc[own["filter"] == name, f"{axis}_rmse_m"]
     text = f"{values.mean():.3g} ± {values.std():.2g}" if len(values) else "–"
     if name not in THREE or not case.startswith("outage "):
@@ -77,7 +78,7 @@ def published_least(*axes: str) -> int:
     )
 
 
-def listed(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) -> str:
+def list_ratios(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) -> str:
     """Text: what over what, and the ratio of every case; empty without cases."""
     return f"{first} / {second}: " * bool(tables) + "; ".join(
         f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items()

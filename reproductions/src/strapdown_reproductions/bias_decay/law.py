@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 
-def displaced(time: float, length: float) -> float:
+def displacement(time: float, length: float) -> float:
     """g, s^2: position after `length` s by an acceleration that begins as 1 and decays with `time` (s,
     inf for one that lasts)."""
     x = length / time
@@ -27,12 +27,12 @@ def displaced(time: float, length: float) -> float:
 def held_is_better(true: float, assumed: float, length: float) -> bool:
     """True where held bias estimates predict the position better than decaying ones, with time
     constants `true` and `assumed`, s, after `length` s."""
-    right, held = displaced(true, length), displaced(np.inf, length)
-    return abs(right - held) < abs(right - displaced(assumed, length))
+    right, held = displacement(true, length), displacement(np.inf, length)
+    return abs(right - held) < abs(right - displacement(assumed, length))
 
 
 def boundary(length: float) -> float:
     """The true time constant from which on held estimates are better, over the assumed one, after an
     outage of `length` assumed time constants: 2 after short ones, 0.39 of the outage after long ones."""
-    middle = 0.5 * (displaced(np.inf, length) + displaced(1.0, length))
-    return float(brentq(lambda true: displaced(true, length) - middle, 1.0, 10.0 + length))
+    middle = 0.5 * (displacement(np.inf, length) + displacement(1.0, length))
+    return float(brentq(lambda true: displacement(true, length) - middle, 1.0, 10.0 + length))

@@ -21,9 +21,9 @@ from strapdown.sim.synthesis import draw_start, simulate
 from strapdown.typing import Array
 
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import StudyTables, Task, collected
+from ..common.runner import StudyTables, Task, collect_tables
 from ..common.study import ReproducedStudy, held_against
-from ..common.tables import Tables, grouped
+from ..common.tables import Tables, group_rows
 from ..common.targets import Target, in_docs
 from .law import boundary, held_is_better
 
@@ -83,7 +83,7 @@ def spec(time: float, size: float = 1.0) -> ImuSpec:
     return ImuSpec(f"biases of {time:g} s", triad(1e-5, GYRO), triad(1e-3, ACCEL))
 
 
-def recorded(cell: Cell, seed: int) -> Recording:
+def record_flight(cell: Cell, seed: int) -> Recording:
     """The flight of a cell, whose fixes end with the beginning of the outage."""
     time, size, length = cell
     made = simulate(
@@ -100,7 +100,6 @@ def recorded(cell: Cell, seed: int) -> Recording:
 def off(solution: Solution, recording: Recording) -> float:
     """Horizontal error at the end, m."""
     found = errors(solution, recording.reference)
-    assert found.position is not None
     return float(np.hypot(*found.position[-1, :2]))
 
 
@@ -108,10 +107,10 @@ def rows(cell: Cell, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
     """A row per seed of a cell; the start has the right standard deviations."""
     time, size, length = cell
     biases = [size * ACCEL] * 3 + [size * GYRO] * 3
-    sd = np.r_[[0.5] * 3, [0.05] * 3, np.radians([0.1, 0.1, 0.3]), biases]
+    std = np.r_[[0.5] * 3, [0.05] * 3, np.radians([0.1, 0.1, 0.3]), biases]
     for seed in seeds:
-        recording = recorded(cell, seed)
-        start = draw_start(recording.reference, sd, np.random.default_rng([seed, 5]))
+        recording = record_flight(cell, seed)
+        start = draw_start(recording.reference, std, np.random.default_rng([seed, 5]))
         run = partial(fuse, recording, FILTER, noise=spec(ASSUMED).noise(), start=start, every=50)
         yield {
             "true_s": time,
@@ -126,7 +125,7 @@ def rows(cell: Cell, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
 def table(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per cell: rms errors, their ratio with its 95 % interval over the seeds, what the closed
     form predicts."""
-    cells = grouped(runs, ["true_s", "size", "outage_s"], measures)
+    cells = group_rows(runs, ["true_s", "size", "outage_s"], measures)
     better = map(held_is_better, cells["true_s"], [ASSUMED] * len(cells), cells["outage_s"])
     return cells.assign(predicted=[HELD if held else DECAYING for held in better])
 
@@ -161,7 +160,7 @@ def readable(cells: pd.DataFrame) -> pd.DataFrame:
     """Ratios: a row per true time constant, over the assumed one, a column per length."""
     shown = cells.assign(
         **{
-            "true over assumed": [_called(*row) for row in zip(cells["true_s"], cells["size"])],
+            "true over assumed": [_cell_label(*row) for row in zip(cells["true_s"], cells["size"])],
             "outage": [f"outage of {length / ASSUMED:g}" for length in cells["outage_s"]],
         }
     )
@@ -171,7 +170,7 @@ def readable(cells: pd.DataFrame) -> pd.DataFrame:
     ].reset_index()
 
 
-def _called(time: float, size: float) -> str:
+def _cell_label(time: float, size: float) -> str:
     named = "constant" if np.isinf(time) else f"{time / ASSUMED:g}"
     return named if size == 1 else f"{named}, {size:g} deviations"
 
@@ -229,4 +228,4 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     of 40. Raises DataError."""
     seeds = asked.seeds(SEEDS, QUICK_SEEDS)
     tasks = [Task(RUNS, rows, ((*true, length), seeds)) for true in TRUE for length in LENGTHS]
-    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
+    return STUDY.write(out, collect_tables(tasks, asked.workers, asked.progress))

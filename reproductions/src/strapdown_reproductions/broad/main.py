@@ -23,7 +23,7 @@ from strapdown.engine.smoothing import smooth
 from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import body_to_ned, parse
-from strapdown.typing import Array, File, Mask, Say
+from strapdown.typing import Array, File, Mask, Notify
 
 from ..common import markdown
 from ..common.example_recordings import inside
@@ -31,7 +31,7 @@ from ..common.reproduction import Asked, reproduction
 from ..common.study import ReproducedStudy
 from ..common.targets import claim
 from . import figures as broad_figures
-from .peers import PEERS, Peer, installed
+from .peers import PEERS, Peer, installed_version
 from .trials import BroadTrial, TrialRun
 
 Result = TypeVar("Result")
@@ -75,7 +75,7 @@ def load(path: File) -> BroadTrial:
     """The Trial in an .npz file. Raises DataError."""
     recording = io.read(path)
     fs, arrays = parse(path)
-    scored = moving(recording)
+    scored = moving_samples(recording)
     if recording.reference is not None:
         scored &= np.isin(recording.imu.t, recording.reference.t)
     if recording.reference is None or not scored.any():
@@ -85,7 +85,7 @@ def load(path: File) -> BroadTrial:
     return BroadTrial(Path(path).stem, recording, arrays, fs, scored)
 
 
-def moving(recording: Recording) -> Mask:
+def moving_samples(recording: Recording) -> Mask:
     """(n,) bool: the IMU samples inside the stretches of meta["movement"]."""
     return inside(recording.imu.t, recording.meta["movement"])
 
@@ -98,8 +98,7 @@ def angles(trajectory: Trajectory, recording: Recording) -> Array:
     e = errors(trajectory, recording.reference)
     rows = np.searchsorted(t, e.t)
     measured = np.isin(e.t, recording.reference.t) & (t[np.minimum(rows, len(t) - 1)] == e.t)
-    if (made := attitude_angles(e)) is not None:
-        found[rows[measured]] = np.stack(made, axis=-1)[measured]
+    found[rows[measured]] = np.stack(attitude_angles(e), axis=-1)[measured]
     return found
 
 
@@ -118,7 +117,7 @@ def estimators() -> list[str]:
     ]
 
 
-def _timed(function: Callable[[], Result], repeats: int) -> tuple[Result, float]:
+def _time_calls(function: Callable[[], Result], repeats: int) -> tuple[Result, float]:
     """(result of the last call, median seconds of `repeats` calls)."""
     took = []
     for _ in range(repeats):
@@ -137,15 +136,17 @@ def _run(name: str, trial: BroadTrial, trajectory: Trajectory, seconds: float) -
     )
 
 
-def over_sd(trajectory: Trajectory, trial: BroadTrial) -> tuple[float, ...]:
+def over_std(trajectory: Trajectory, trial: BroadTrial) -> tuple[float, ...]:
     """(3,) rms of the attitude error (north, east, down) over the standard deviation that the
     Trajectory claims, over the scored samples; NaN without one."""
     e = errors(trajectory, trial.recording.reference)
     scored = np.isin(e.t, trial.recording.imu.t[trial.scored])
-    return tuple(np.sqrt(np.mean((e.attitude[scored] / e.sd[scored, 6:9]) ** 2, axis=0)))
+    return tuple(np.sqrt(np.mean((e.attitude[scored] / e.std[scored, 6:9]) ** 2, axis=0)))
 
 
-def own_runs(trial: BroadTrial, names: Sequence[str], say: Say | None = None) -> Iterator[TrialRun]:
+def own_runs(
+    trial: BroadTrial, names: Sequence[str], notify: Notify | None = None
+) -> Iterator[TrialRun]:
     """Runs of the filters `names` on a trial, and smoothed of those that can be.
 
     Timed is what `fuse` takes with alignment and all rows of its solution, compilation apart.
@@ -155,10 +156,10 @@ def own_runs(trial: BroadTrial, names: Sequence[str], say: Say | None = None) ->
             filters.find(name).smoother is not None
         )
         for title, function in kinds:
-            function(trial.recording, name, say=say)
-            solution, seconds = _timed(lambda: function(trial.recording, name), REPEATS)
+            function(trial.recording, name, notify=notify)
+            solution, seconds = _time_calls(lambda: function(trial.recording, name), REPEATS)
             run = _run(title, trial, solution.trajectory, seconds)._replace(
-                over=over_sd(solution.trajectory, trial)
+                over=over_std(solution.trajectory, trial)
             )
             if 8 not in filters.find(name).estimates:  # its heading runs free
                 run.angles[:, [0, 2]] = np.nan
@@ -170,8 +171,10 @@ def peer_runs(trial: BroadTrial, quick: bool) -> Iterator[TrialRun]:
     samples = [np.ascontiguousarray(trial.arrays[name]) for name in ("gyr", "acc", "mag")]
     t = np.arange(len(samples[0])) / trial.fs
     for peer in PEERS:
-        if installed(peer.package) and not (quick and peer.slow):
-            q, seconds = _timed(lambda: peer.run(*samples, trial.fs), 1 if peer.slow else REPEATS)
+        if installed_version(peer.package) and not (quick and peer.slow):
+            q, seconds = _time_calls(
+                lambda: peer.run(*samples, trial.fs), 1 if peer.slow else REPEATS
+            )
             yield _run(
                 peer.name,
                 trial,
@@ -188,7 +191,7 @@ class BroadComparison(NamedTuple):
     tables: dict[str, tuple[str, pd.DataFrame]]  # see `tables`
 
 
-@reproduction("quick", "recordings", "say", "progress")
+@reproduction("quick", "recordings", "notify", "progress")
 def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run all estimators on the trials in the folder `recordings` (the data folder's `broad` by
     default), write the page into `out`, return the claims; quick: without slow peers. One run
@@ -199,11 +202,11 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
         raise DataError(f"{recordings}: no BROAD trials (.npz) there; give their folder")
     trials, names, runs = [load(path) for path in paths], estimators(), []
     for i, trial in enumerate(trials):
-        if asked.say:
-            asked.say(f"{trial.name} ...")
+        if asked.notify:
+            asked.notify(f"{trial.name} ...")
         if asked.progress:
             asked.progress(i / len(trials))
-        runs += [*own_runs(trial, names, asked.say), *peer_runs(trial, asked.quick)]
+        runs += [*own_runs(trial, names, asked.notify), *peer_runs(trial, asked.quick)]
     found = BroadComparison(trials, runs, tables(trials, runs))
     figures = broad_figures.figures(trials, runs)
     return STUDY.write(out, found, figures=figures, notes=_notes(asked.quick, found.tables))
@@ -242,7 +245,7 @@ def tables(
     claimed = [name for name in names if np.isfinite(of[name, trials[0].name].over).any()]
     if claimed:
         over = lambda run: " ".join("–" if np.isnan(x) else f"{x:.2f}" for x in run.over)
-        made["over-sd"] = (
+        made["over-std"] = (
             "rms of the attitude error over its own standard deviation, about north, east and down, "
             "during movement",
             pd.DataFrame(
@@ -258,7 +261,7 @@ def column(trial: BroadTrial) -> str:
     return f"{trial.number}{'*' if trial.number in CHOSEN_ON else ''}, deg"
 
 
-def judged(table: pd.DataFrame, trials: Sequence[BroadTrial]) -> list[dict[str, Any]]:
+def judge_orientation(table: pd.DataFrame, trials: Sequence[BroadTrial]) -> list[dict[str, Any]]:
     """The claims that the trials and estimators at hand can decide, from the table of
     orientation errors."""
     of = table.set_index("estimator")
@@ -289,9 +292,9 @@ def _notes(
     ]
     numbers = lambda values, form: ", ".join(map(form.format, values))
     known = [
-        (peer.name, numbers(peer.known, "{:g}"), numbers(_measured(peer, table), "{:.3g}"))
+        (peer.name, numbers(peer.known, "{:g}"), numbers(_measure_peer(peer, table), "{:.3g}"))
         for peer in PEERS
-        if len(_measured(peer, table))
+        if len(_measure_peer(peer, table))
     ]
     columns = ["estimator", "package", "what it is, or how it is called"]
     checked = ["peer", "known, deg: per trial, or the mean", "measured here, deg"]
@@ -303,13 +306,13 @@ def _notes(
 
 def _state(peer: Peer, quick: bool) -> str:
     """Text: which release of a peer runs here."""
-    release = installed(peer.package)
+    release = installed_version(peer.package)
     if not release:
         return f"{peer.package}: not installed"
     return f"{peer.package} {release}" + ", left out by --quick" * (quick and peer.slow)
 
 
-def _measured(peer: Peer, table: pd.DataFrame) -> list[float]:
+def _measure_peer(peer: Peer, table: pd.DataFrame) -> list[float]:
     """Return the errors of a peer that correspond to its `known` figures, deg: on all five trials,
     or their mean; empty where one is missing."""
     five = (*CHOSEN_ON, *OTHERS)
@@ -323,7 +326,7 @@ def _measured(peer: Peer, table: pd.DataFrame) -> list[float]:
 STUDY = ReproducedStudy(
     "strapdown on the BROAD trials",
     INTRODUCTION,
-    lambda found: judged(found.tables["orientation"][1], found.trials),
+    lambda found: judge_orientation(found.tables["orientation"][1], found.trials),
     lambda found: found.tables,
     texts=lambda found, claims, tables: {"table.md": in_docs(tables)},
 )

@@ -1,7 +1,7 @@
 """Other packages on the samples of a BROAD trial, each as a small function: arrays in the sensor's
 axes -> its attitude in east, north, up.
 
-All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `installed` tells
+All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `installed_version` tells
 which are there.
 """
 
@@ -35,7 +35,7 @@ class Peer(NamedTuple):
     known: tuple[float, ...] = ()
 
 
-def installed(package: str) -> str | None:
+def installed_version(package: str) -> str | None:
     """Its version, or None where it is not installed."""
     try:
         return version(package)

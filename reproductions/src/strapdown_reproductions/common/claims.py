@@ -5,6 +5,8 @@ over which cells of the evidence, the tables of finished runs, which rule decide
 `over(flown(LONG, TACTICAL), position, CLOSED)`.
 """
 
+import re
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
@@ -54,6 +56,10 @@ class Claim(NamedTuple):
     identity: Callable[[Any], str] | None = None
 
 
+MAX_LINE = 300
+"""Characters in a line of a rule, or of what was measured, at most."""
+
+
 def over(
     cells: Callable[[Any], Any], rule: Callable[..., Found], *args: object, **options: object
 ) -> Callable[[Any], Found]:
@@ -67,12 +73,12 @@ def over(
 
 def judge(claim: Claim, evidence: object) -> dict[str, str]:
     """The Finding on one claim: reproduced where all its parts are, not reproduced where none
-    is, partly where one is."""
+    is, partly where one is. The rule of its kind stands with the kinds."""
     undecided = Finding(
         claim.text,
         claim.source,
         kind=claim.kind.name if claim.kind else "",
-        rule="; ".join(filter(None, (claim.rule, claim.kind.rule if claim.kind else ""))),
+        rule=in_lines(claim.rule),
         answer="",
         measured=claim.lacks(evidence) if claim.lacks else "",
         verdict=UNDECIDED,
@@ -85,10 +91,31 @@ def judge(claim: Claim, evidence: object) -> dict[str, str]:
     told = parts | {name: show(evidence) for name, show in claim.shown.items()}
     return undecided._replace(
         answer=claim.answer.format(**told),
-        measured=claim.measured.format(**told),
+        measured=in_lines(claim.measured.format(**told)),
         verdict=both(*(part.verdict for part in parts.values())),
         identity=claim.identity(evidence) if claim.identity else "",
     )._asdict()
+
+
+def in_lines(text: str) -> str:
+    """The text in lines of MAX_LINE characters at most, cut behind sentences and semicolons where
+    that is possible."""
+    lines: list[str] = []
+    for whole in text.splitlines():
+        lines.append("")
+        for part in re.split(r"(?<=[.;]) ", whole):
+            for piece in textwrap.wrap(part, MAX_LINE) or [""]:
+                if lines[-1] and len(lines[-1]) + 1 + len(piece) > MAX_LINE:
+                    lines.append("")
+                lines[-1] = f"{lines[-1]} {piece}".strip()
+    return "\n".join(lines)
+
+
+def verdict_of(claim: Claim, evidence: object) -> str:
+    """The verdict on one claim alone."""
+    if claim.lacks and claim.lacks(evidence):
+        return UNDECIDED
+    return both(*(part(evidence).verdict for part in claim.parts.values()))
 
 
 def findings(claims: Iterable[Claim], evidence: object) -> list[dict[str, str]]:

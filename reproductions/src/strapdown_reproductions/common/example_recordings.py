@@ -57,10 +57,12 @@ def in_motion(recording: Recording) -> Recording:
     )
     moved = replace(grade, gyro=noisy(grade.gyro, imu.dtheta), accel=noisy(grade.accel, imu.dv))
     rare = lambda a: (
-        replace(a, sd=a.sd / np.sqrt(np.median(np.diff(a.t)))) if a.kind == "magnetic-field" else a
+        replace(a, std=a.std / np.sqrt(np.median(np.diff(a.t))))
+        if a.kind == "magnetic-field"
+        else a
     )
     return replace(
         recording,
-        aidings=tuple(map(rare, recording.aidings)),
+        sources=tuple(map(rare, recording.sources)),
         meta=recording.meta | {"grade": moved},
     )

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 from strapdown.typing import Array, ArrayLike
 
 BESIDE = {"rows": 1, "shared_yaxes": True, "horizontal_spacing": 0.03}
-"""Of `make_subplots`: panels side by side over one axis."""
+"""Options of `make_subplots`: panels side by side over one axis."""
 
 
 def side_by_side(titles: Sequence[str]) -> go.Figure:

@@ -16,13 +16,13 @@ from strapdown.evaluation.consistency import proportion
 
 from .claims import ClaimKind, JudgedClaim
 from .pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from .verdicts import counted, decided
+from .verdicts import count_votes, decide
 
 CONFIDENCE = 0.95
 SELDOM = 0.05
 """Share of the trials above which something happens sometimes, and below which it does not."""
 Votes: TypeAlias = Callable[[float], Sequence[int]]
-"""Of the cells at a level of confidence: +1 supports, -1 contradicts, 0 is open."""
+"""Votes of the cells at a level of confidence: +1 supports, -1 contradicts, 0 is open."""
 
 
 ALWAYS = ClaimKind(
@@ -65,6 +65,8 @@ EXPLANATION = ClaimKind(
     "reproduced where the effect goes with what is to cause it, and without it does not come; not "
     "reproduced where it comes without; else not decidable",
 )
+KINDS = [each for each in list(globals().values()) if isinstance(each, ClaimKind)]
+"""All of them."""
 
 
 class Share(NamedTuple):
@@ -92,7 +94,7 @@ class Share(NamedTuple):
         )
 
 
-def clustered(seeds: Iterable[tuple[int, int]]) -> Share:
+def cluster_share(seeds: Iterable[tuple[int, int]]) -> Share:
     """Return the Share of [(successes of a seed, its trials)].
 
     Wilson's interval of as many independent trials as these are worth: their number divided by the
@@ -126,10 +128,10 @@ def of_all(*parts: Votes) -> Votes:
 
 def always(votes: Votes) -> JudgedClaim:
     """ALWAYS."""
-    count = counted(votes(CONFIDENCE))
-    certain = counted(votes(1 - (1 - CONFIDENCE) / max(count.total, 1)))
+    count = count_votes(votes(CONFIDENCE))
+    certain = count_votes(votes(1 - (1 - CONFIDENCE) / max(count.total, 1)))
     every = 0 < count.total == count.supports
-    return JudgedClaim(decided(every, certain.contradicts > 0), str(count))
+    return JudgedClaim(decide(every, certain.contradicts > 0), str(count))
 
 
 def never(happens: Votes) -> JudgedClaim:
@@ -139,19 +141,19 @@ def never(happens: Votes) -> JudgedClaim:
 
 def sometimes(share: Share) -> JudgedClaim:
     """SOMETIMES."""
-    return JudgedClaim(decided(share.low > SELDOM, share.high < SELDOM), str(share))
+    return JudgedClaim(decide(share.low > SELDOM, share.high < SELDOM), str(share))
 
 
 def one_or_the_other(share: Share) -> JudgedClaim:
     """ONE_OR_THE_OTHER: `share` is that of the one."""
     both = SELDOM < share.low and share.high < 1 - SELDOM
     one = share.high < SELDOM or share.low > 1 - SELDOM
-    return JudgedClaim(decided(both, one), str(share))
+    return JudgedClaim(decide(both, one), str(share))
 
 
 def mostly(votes: Votes) -> JudgedClaim:
     """MOSTLY and OVERALL, of cells."""
-    count = counted(votes(CONFIDENCE))
+    count = count_votes(votes(CONFIDENCE))
     verdict = UNDECIDED
     if 2 * count.supports > count.total:
         verdict = REPRODUCED
@@ -162,9 +164,9 @@ def mostly(votes: Votes) -> JudgedClaim:
 
 def mostly_of(share: Share) -> JudgedClaim:
     """MOSTLY, of single trials."""
-    return JudgedClaim(decided(share.low > 0.5, share.high < 0.5), str(share))
+    return JudgedClaim(decide(share.low > 0.5, share.high < 0.5), str(share))
 
 
 def more_than(low: float, high: float, bound: float, text: str) -> JudgedClaim:
     """MORE_THAN, of an interval; text: what was measured."""
-    return JudgedClaim(decided(low > bound, high < bound), text)
+    return JudgedClaim(decide(low > bound, high < bound), text)

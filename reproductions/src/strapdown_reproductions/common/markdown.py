@@ -12,7 +12,7 @@ import pandas as pd
 
 from strapdown.fileio.files import replacing
 
-from .pages import counts
+from .pages import counts, found_text
 
 END = "<!-- end -->"
 """The mark below an empty place."""
@@ -43,7 +43,7 @@ def insert(path: Path, text: str, mark: str) -> None:
         part.write_text(found, encoding="utf-8")
 
 
-def inserted(path: Path, mark: str) -> str:
+def read_marked(path: Path, mark: str) -> str:
     """The text between `mark` and its end in the Markdown file `path`."""
     page = path.read_text(encoding="utf-8")
     return page.partition(f"{mark}\n")[2].partition("<!-- end")[0]
@@ -64,7 +64,7 @@ def section(text: str, heading: str) -> str:
     return re.split(r"^#+ ", below, maxsplit=1, flags=re.MULTILINE)[0]
 
 
-def edited(page: str) -> list[str]:
+def edited_texts(page: str) -> list[str]:
     """Return the names of the marked texts of a page that differ from what their command wrote,
     such as "table.md of strapdown reproduce noise"."""
     found = re.finditer(rf"<!-- begin: (.+?) -->\n(.*?)({_END})", page, re.DOTALL)
@@ -120,23 +120,32 @@ def findings(
     """Text: sentences on the size of the study, the claims of the `work` with their verdicts, the
     lines `between`, and the tables [(heading, DataFrame of text)]."""
     rows = [
-        f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | "
-        f"{plain(c['answer'] or c['measured'])}{_by_algebra(c)} |"
+        f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(found_text(c))}{_by_algebra(c)} |"
         for i, c in enumerate(claims, 1)
     ]
     head = f"| | the {work} says | verdict | what was found |"
     parts = [size, "", f"{counts(claims)}.", "", head, "|---|---|---|---|", *rows]
     if folded := [
-        f"{i}. {plain(c['kind'] or 'No kind')}. {plain(c['measured'])}. Rule: {plain(c['rule'])}."
+        "\n".join(
+            [
+                f"{i}. {plain(c['kind'] or 'No kind')}.",
+                *map(_bullet, c["measured"].splitlines()),
+                *map(_bullet, f"Rule: {c['rule']}".splitlines()),
+            ]
+        )
         for i, c in enumerate(claims, 1)
         if c["answer"]
     ]:
-        said = "The numbers behind each verdict, and the rule that decides"
-        parts += ["", f"<details><summary>{said}</summary>", "", *folded, "", "</details>"]
+        summary = "The numbers behind each verdict, and the rule that decides"
+        parts += ["", f"<details><summary>{summary}</summary>", "", *folded, "", "</details>"]
     parts += between
     for heading, frame in tables:
         parts += ["", f"{heading}:", "", table(frame, lambda value: plain(str(value)))]
     return "\n".join(parts) + "\n"
+
+
+def _bullet(line: str) -> str:
+    return f"    - {line[:1].upper()}{plain(line[1:]).rstrip('.;')}."
 
 
 def _by_algebra(c: Mapping[str, str]) -> str:

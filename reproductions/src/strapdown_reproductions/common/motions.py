@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -19,7 +19,7 @@ ON_WING = RECEIVER._replace(interval=1.0, lever_arm=(0.4, 0.0, -1.1))
 ON_MAST = RECEIVER._replace(interval=1.0, lever_arm=(-5.0, 0.5, -12.0))
 ODOMETER = (Simulated("speed", 0.1, 10.0),)
 HEIGHT = (Simulated("altitude", 2.0, 1.0),)
-CONSTRAINTS, CONSTRAINT_SD, CONSTRAINT_RATE = (
+CONSTRAINTS, CONSTRAINT_STD, CONSTRAINT_RATE = (
     ("zero-lateral-velocity", "zero-vertical-velocity"),
     0.1,  # m/s
     10.0,  # Hz
@@ -47,10 +47,10 @@ def simulator(motion: StudyMotion) -> Simulator:
     return Simulator(scenario(motion.scenario).replace(duration=motion.stop, **given))
 
 
-def constraints(recording: Recording, rng: np.random.Generator | None = None) -> list[Aiding]:
+def constraints(recording: Recording, rng: np.random.Generator | None = None) -> list[Source]:
     """Zero lateral and vertical velocity of a car; with `rng` it slips and rocks by what it
     states."""
     t = np.arange(recording.span[0] + 1.0, recording.span[1], 1 / CONSTRAINT_RATE)
-    sd = np.full((len(t), 1), CONSTRAINT_SD)
-    slip = lambda: np.zeros_like(sd) if rng is None else sd * rng.standard_normal(sd.shape)
-    return [Aiding(kind, t, slip(), sd, (0.0, 0.0, 0.0)) for kind in CONSTRAINTS]
+    std = np.full((len(t), 1), CONSTRAINT_STD)
+    slip = lambda: np.zeros_like(std) if rng is None else std * rng.standard_normal(std.shape)
+    return [Source(kind, t, slip(), std, (0.0, 0.0, 0.0)) for kind in CONSTRAINTS]

@@ -63,6 +63,8 @@ class Finding(NamedTuple):
     verdict: str
     decided_by: str  # the figure or table that shows it
     identity: str  # by what algebra the verdict holds whatever is measured, "" where by none
+    # how the readings of what the paper leaves open vote, "" where there is one reading
+    votes: str = ""
 
 
 class ReproductionPage(NamedTuple):
@@ -70,7 +72,7 @@ class ReproductionPage(NamedTuple):
 
     title: str
     introduction: Sequence[str]
-    claims: Claims  # of targets.judged, or Findings
+    claims: Claims  # of targets.judge_targets, or Findings
     # {name: (caption, DataFrame)}; one whose caption is None has its CSV alone
     tables: Tables
     links: Sequence[tuple[str, str]] = ()  # (text, file beside the page)
@@ -93,9 +95,9 @@ def counts(claims: Claims) -> str:
 def write_page(out: File, page: ReproductionPage) -> None:
     """Write claims.json, one CSV per table, index.html and the further texts of a ReproductionPage into the
     folder `out`, all or none."""
-    said = "".join(f"<p>{_marked(text)}</p>" for text in page.introduction)
+    said = "".join(f"<p>{_mark_code(text)}</p>" for text in page.introduction)
     if page.banner:
-        said = f"<p class=banner role=note>{_marked(page.banner)}</p>{said}"
+        said = f"<p class=banner role=note>{_mark_code(page.banner)}</p>{said}"
     write_files(out, page, said, [(heading, text) for heading, text in _sections(page) if text])
 
 
@@ -116,7 +118,7 @@ def write_files(
         HtmlPage(shell(document)).save(out / "index.html")
 
 
-def _marked(text: str) -> str:
+def _mark_code(text: str) -> str:
     """Return the text as HTML, with the parts between backticks as code."""
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
@@ -191,12 +193,19 @@ def _answer(c: Mapping[str, Any]) -> str:
     """HTML: one sentence, and folded behind it the rule and what was measured."""
     identity = f"<br><span class=slim>By algebra: {escape(c['identity'])}</span>"
     kind = f"Kind of claim: {escape(c['kind'])}. " * bool(c["kind"])
+    votes = f"<br>{escape(c['votes'])}" * bool(c["votes"])
+    lines = lambda text: escape(text).replace("\n", "<br>")
     return (
-        f"{escape(c['answer'])}{identity * bool(c['identity'])}"
+        f"{escape(c['answer'])}{votes}{identity * bool(c['identity'])}"
         f"<details{' open' * (not c['answer'])}><summary>rule and numbers</summary>"
-        f"{escape(c['measured'])}<br><span class=slim>{kind}Rule: {escape(c['rule'])}</span>"
+        f"{lines(c['measured'])}<br><span class=slim>{kind}Rule: {lines(c['rule'])}</span>"
         "</details>"
     )
+
+
+def found_text(c: Mapping[str, Any]) -> str:
+    """Text: what was found on a claim, with the votes of its readings."""
+    return " ".join(filter(None, (c["answer"] or c["measured"], c["votes"])))
 
 
 def _rows(table: pd.DataFrame) -> str:

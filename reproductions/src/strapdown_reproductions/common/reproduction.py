@@ -1,4 +1,4 @@
-"""How a reproduction is run: what one can be asked for, and what `strapdown reproduce NAME` calls."""
+"""Options of a reproduction, and the call that `strapdown reproduce NAME` makes."""
 
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from strapdown.checks import check_number
-from strapdown.typing import File, Progress, Say
+from strapdown.typing import File, Notify, Progress
 
 from .signatures import keywords
 
-SEED = 11
-"""Of the studies of the papers: one that was used nowhere before their rules were written."""
+SEED = 12
+"""Seed of the studies of the papers: one that was used nowhere before their rules were written."""
 
 
 class Asked(NamedTuple):
-    """How a reproduction is to be run; each takes some of these as options."""
+    """Options of a run of a reproduction; each reproduction takes some of them."""
 
     quick: bool = False  # less of it, in about a minute
     runs: int | None = None  # of each cell; None: as many as the study has, quick or not
@@ -29,10 +29,10 @@ class Asked(NamedTuple):
     workers: int = 0  # processes; 0: the processors
     threads: int | None = None  # None: the processors
     scheduler: str | None = None  # address of a Dask scheduler
-    say: Say | None = None  # told what begins and what takes long
+    notify: Notify | None = None  # told what begins and what takes long
     progress: Progress | None = None  # called with the fraction done
 
-    def wanted(self, full: int, few: int) -> int:
+    def run_count(self, full: int, few: int) -> int:
         """Return the number of runs of each cell: `runs` where given, else `full`, or `few` for a
         quick run."""
         if self.runs is None:
@@ -41,7 +41,7 @@ class Asked(NamedTuple):
 
     def count(self, full: int, few: int, least: int = 1) -> int:
         """Return `wanted`. Raises DataError where it or the seed is out of range."""
-        count = self.wanted(full, few)
+        count = self.run_count(full, few)
         check_number(count, "runs", least=least, whole=True)
         check_number(self.seed, "seed", least=0, whole=True)
         return count

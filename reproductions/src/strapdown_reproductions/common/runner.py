@@ -51,16 +51,16 @@ def on_threads(
     """Yields what `work` makes of each task, in their order; threads: the processors by default;
     progress: called with the fraction done."""
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        yield from _told(pool.map(work, tasks), len(tasks), progress)
+        yield from _report_results(pool.map(work, tasks), len(tasks), progress)
 
 
-def collected(
+def collect_tables(
     tasks: Sequence[Task], workers: int = 0, progress: Progress | None = None
 ) -> StudyTables:
     """The tables that the tasks fill, rows in their order; workers: processes, 0 for the
     processors; progress: called with the fraction done."""
     parts: dict[str, list[pd.DataFrame]] = {}
-    for made in _told(_on_processes(tasks, workers), len(tasks), progress):
+    for made in _report_results(_on_processes(tasks, workers), len(tasks), progress):
         for name, rows in made.items():
             parts.setdefault(name, []).append(rows)
     return StudyTables({name: pd.concat(own, ignore_index=True) for name, own in parts.items()})
@@ -86,20 +86,22 @@ def campaigns(
 def _on_processes(tasks: Sequence[Task], workers: int) -> Iterator[Mapping[str, pd.DataFrame]]:
     workers = min(workers or os.cpu_count() or 1, len(tasks))
     if workers == 1:
-        yield from map(_made, tasks)
+        yield from map(_make_table, tasks)
         return
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        yield from pool.map(_made, tasks)
+        yield from pool.map(_make_table, tasks)
 
 
-def _made(task: Task) -> Mapping[str, pd.DataFrame]:
+def _make_table(task: Task) -> Mapping[str, pd.DataFrame]:
     made = task.make(*task.given)
     if isinstance(made, dict):
         return made
     return {task.table: made if isinstance(made, pd.DataFrame) else pd.DataFrame(list(made))}
 
 
-def _told(results: Iterator[Result], count: int, progress: Progress | None) -> Iterator[Result]:
+def _report_results(
+    results: Iterator[Result], count: int, progress: Progress | None
+) -> Iterator[Result]:
     """Yield the results, and report the fraction done before each."""
     for done, result in enumerate(results, 1):
         if progress:  # before it is handed out: nobody may come for another one

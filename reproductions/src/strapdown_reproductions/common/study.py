@@ -9,10 +9,12 @@ import pandas as pd
 from strapdown.typing import File
 
 from . import markdown
+from .kinds import KINDS
 from .pages import TOO_FEW, Claims, Figure, ReproductionPage, write_page
 from .runner import ENOUGH, StudyTables
 from .tables import Tables
-from .targets import Target, in_docs, judged
+from .targets import Target, in_docs, judge_targets
+from .verdicts import without_verdicts
 
 
 def in_one_file(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
@@ -27,7 +29,7 @@ def held_against(
 ) -> Callable[[StudyTables], list[dict[str, Any]]]:
     """Return a function of the StudyTables that judges `figures` {name of a target: figure} as
     claims, with `digits` digits; NaN decides nothing."""
-    return lambda found: judged(figures(found), targets, digits)
+    return lambda found: judge_targets(figures(found), targets, digits)
 
 
 class ReproducedStudy(NamedTuple):
@@ -94,29 +96,45 @@ class Outcome(NamedTuple):
     listed: Sequence[tuple[str, pd.DataFrame]] = ()
     between: Sequence[str] = ()
     runs: int = ENOUGH  # of each cell; with fewer than ENOUGH the page has no verdicts
+    # {name: text} of more files, of the claims as they stand on the page
+    texts: Callable[[Claims], Mapping[str, str]] = lambda claims: {}
+
+
+def _strip_verdict(claim: Mapping[str, Any]) -> dict[str, Any]:
+    """The Finding without its verdict and the words of any other."""
+    told = ("answer", "measured", "rule", "identity")
+    return {
+        **claim,
+        **{name: without_verdicts(claim[name]) for name in told},
+        "votes": "",
+        "verdict": TOO_FEW,
+    }
 
 
 def write_study(out: File, work: StudyWork, found: Outcome) -> list[dict[str, Any]]:
     """Write the page of the study of a StudyWork, and beside it findings.md for docs/, into the folder
     `out`; return the claims as they stand there."""
-    banner, claims = "", found.claims
+    banner, claims, introduction = "", found.claims, work.introduction
+    kinds = [(kind.name, kind.rule) for kind in KINDS if kind.name in {c["kind"] for c in claims}]
+    rules = [("The rule of each kind of claim", pd.DataFrame(kinds, columns=["kind", "rule"]))]
     if found.runs < ENOUGH:
         banner = (
             f"A quick run, {found.runs} of each: it shows that everything works and what the pages "
             f"look like. Verdicts take {ENOUGH} runs or more."
         )
-        claims = [{**claim, "verdict": TOO_FEW} for claim in claims]
+        claims = [_strip_verdict(claim) for claim in claims]
+        introduction, rules = list(filter(None, map(without_verdicts, introduction))), []
     headed = [(heading, table) for _, heading, table in found.shown]
     open_questions = f"What the {work.kind} leaves open, and what was chosen"
     text = markdown.findings(found.size, claims, [*headed, *found.listed], found.between, work.kind)
     page = ReproductionPage(
         work.title,
-        (*work.introduction, found.size),
+        (*introduction, found.size),
         claims,
         {name: (None, table) for name, _, table in found.shown} | dict(found.tables),
         figures=found.figures,
-        notes=[*headed, (open_questions, found.choices), *found.notes],
-        texts={"findings.md": text},
+        notes=[*rules, *headed, (open_questions, found.choices), *found.notes],
+        texts={"findings.md": text, **found.texts(claims)},
         banner=banner,
     )
     write_page(out, page)

@@ -10,7 +10,7 @@ Tables: TypeAlias = Mapping[str, tuple[str | None, pd.DataFrame]]
 """{name: (caption, DataFrame)}; a caption of None keeps a table off the page."""
 
 
-def grouped(
+def group_rows(
     rows: pd.DataFrame,
     keys: Sequence[str],
     measures: Callable[[pd.DataFrame], Mapping[str, Any]],

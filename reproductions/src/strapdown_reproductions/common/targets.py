@@ -18,7 +18,7 @@ class Target(NamedTuple):
     bound: float
     unit: str = ""
 
-    def judged(self, figure: float, digits: int = 3) -> dict[str, Any]:
+    def judge(self, figure: float, digits: int = 3) -> dict[str, Any]:
         """A claim: what was asked for, what was measured, whether it holds."""
         return {
             "claim": self.text,
@@ -34,22 +34,22 @@ class Target(NamedTuple):
 
 def claim(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
     """The claim that a figure is at most `bound`."""
-    return Target(text, "<=", float(bound), unit).judged(figure)
+    return Target(text, "<=", float(bound), unit).judge(figure)
 
 
-def judged(
+def judge_targets(
     figures: Mapping[str, float], targets: Mapping[str, Target], digits: int = 3
 ) -> list[dict[str, Any]]:
     """The claims that the figures {name of a target: figure} decide; NaN decides nothing."""
     return [
-        targets[name].judged(figure, digits)
+        targets[name].judge(figure, digits)
         for name, figure in figures.items()
         if np.isfinite(figure)
     ]
 
 
 def table(claims: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """A row per claim of `judged`, as text for docs/."""
+    """A row per claim of `judge_targets`, as text for docs/."""
     rows = [
         (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
         for c in claims

@@ -1,6 +1,7 @@
-"""How numbers with intervals become a verdict on a claim: a cell supports it, contradicts it, or
+"""Verdicts on claims from numbers with intervals: a cell supports a claim, contradicts it, or
 leaves it open, and the shares of cells decide."""
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -11,8 +12,6 @@ from .pages import DEPENDS, NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
 SIZE = 0.01
 """A difference of RMSE below this part is called none, however well many runs resolve it."""
-READINGS = ("", "_500")
-"""Columns by both abort rules, and by the 500 m rule alone."""
 OPEN, CLOSED, NONE, UNKNOWN = "open", "closed", "none", "unknown"
 """Which filter is better in a cell; NONE: the whole interval is below SIZE."""
 
@@ -31,7 +30,7 @@ class Count(NamedTuple):
 BETTER = f"better: the 95 % interval of the ratio of RMSEs over common runs lies beyond 1 by more than {SIZE:.0%}; no difference: all of it is within {SIZE:.0%}"
 
 
-def decided(yes: bool, no: bool) -> str:
+def decide(yes: bool, no: bool) -> str:
     """The verdict of a rule without shares: reproduced, not reproduced, or neither."""
     return REPRODUCED if yes else NOT_REPRODUCED if no else UNDECIDED
 
@@ -41,7 +40,7 @@ def vote(low: float, high: float, level: float) -> int:
     return int(low > level) - int(high < level)
 
 
-def counted(votes: Iterable[int]) -> Count:
+def count_votes(votes: Iterable[int]) -> Count:
     """Count of cells of which each votes for a claim (+1), against it (-1), or not (0)."""
     found = list(votes)
     return Count(found.count(1), found.count(-1), len(found))
@@ -57,7 +56,7 @@ def better(row: pd.Series, name: str) -> str:
     return NONE if low >= 1 / (1 + SIZE) and high <= 1 + SIZE else UNKNOWN
 
 
-def apart(first: pd.Series, second: pd.Series, name: str) -> int:
+def compare_intervals(first: pd.Series, second: pd.Series, name: str) -> int:
     """+1 where interval `name` of row `first` is above that of `second`, -1 where it is below, 0
     where they overlap."""
     return int(first[f"{name}_low"] > second[f"{name}_high"]) - int(
@@ -85,6 +84,27 @@ def over_readings(*verdicts: str) -> str:
     if DEPENDS in verdicts or {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
         return DEPENDS
     return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)
+
+
+def tally(verdicts: Iterable[str]) -> str:
+    """Text: how many there are of each verdict, the most favourable first."""
+    found = list(verdicts)
+    order = (REPRODUCED, PARTLY, DEPENDS, UNDECIDED, NOT_REPRODUCED)
+    return ", ".join(f"{found.count(each)} {each}" for each in order if each in found)
+
+
+def without_verdicts(text: str) -> str:
+    """The text without the sentences that have a verdict, for runs that are too few for any."""
+    words = "|".join((REPRODUCED, PARTLY, DEPENDS, UNDECIDED))
+    lines = [
+        " ".join(
+            each
+            for each in re.split(r"(?<=[.;:]) ", line)
+            if not re.search(rf"\b({words})\b", each, re.IGNORECASE)
+        )
+        for line in text.splitlines()
+    ]
+    return "\n".join(filter(None, lines))
 
 
 def ratios(rows: pd.DataFrame, name: str) -> str:

@@ -29,16 +29,19 @@ PAGES = {
     "papers": ("claims.md", "claims.md"),
     "recordings": ("table.md", "every-filter.md"),
     "vehicle-kit": ("table.md", "../../how-to/vehicle.md"),
+    "verdicts": ("table.md", "verdicts.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""
 MORE = {
+    "alam": ("concordance.md", "alam.md"),
     "consistency": ("each.md", "consistency-each.md"),
     "faults": ("each.md", "faults-each.md"),
+    "hager-bryne": ("concordance.md", "open-or-closed-loop.md"),
     "papers": ("seeds.md", "claims.md"),
 }
 """The same of a second file and page."""
-PICTURES = {"consistency": "consistency.svg"}
+PICTURES = {"consistency": "consistency.svg", "fossen": "fossen-flight.svg"}
 """{name: file of the results that stands in docs/ as it is}."""
 
 
@@ -60,7 +63,7 @@ def main(name: str, out: str) -> None:
         file, page = MORE[name]
         text = (Path(out) / file).read_text(encoding="utf-8")
         markdown.insert(DOCS / page, text, markdown.begin(file, name))
-    if name in PICTURES:
+    if name in PICTURES and (Path(out) / PICTURES[name]).exists():
         with replacing(DOCS / PICTURES[name]) as part:
             part.write_bytes((Path(out) / PICTURES[name]).read_bytes())
 

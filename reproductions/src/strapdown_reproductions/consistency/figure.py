@@ -24,7 +24,7 @@ LINE, LEGEND = 24, 106
 NUMBERS = "Numbers: % of the epochs in the band; where diverging, % of the runs that survive."
 
 
-def drawn(rows: pd.DataFrame) -> str:
+def draw_cells(rows: pd.DataFrame) -> str:
     """SVG of the cells: the sign of each verdict with the share of epochs in the band, of those
     that diverge the share of runs that survive, of refused ones nothing, all in %."""
     filters = list(dict.fromkeys(rows["filter"]))

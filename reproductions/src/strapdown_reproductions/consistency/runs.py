@@ -59,13 +59,13 @@ def row(campaign: Campaign, cell: WorldCell, place: int, right: Right) -> dict[s
         "inconsistent": int((reasons == INCONSISTENT).sum()),
         "anees": mean,
         "anees_error": error,
-        "anees_median": float(np.median(known(nees / STATES).mean(axis=1))),
-        "anees_right_sd": float(right.anees.std(ddof=1)) if len(right.anees) > 1 else np.nan,
+        "anees_median": float(np.median(infinite_where_nan(nees / STATES).mean(axis=1))),
+        "anees_right_std": float(right.anees.std(ddof=1)) if len(right.anees) > 1 else np.nan,
         "anees_alive": float(np.nanmean(numbers["nees"][0])) / STATES,
     }
 
 
-def known(nees: Array) -> Array:
+def infinite_where_nan(nees: Array) -> Array:
     """NEES with infinity where it is no number: a filter that stopped, or whose P is none."""
     return np.where(np.isfinite(nees), nees, np.inf)
 
@@ -73,7 +73,7 @@ def known(nees: Array) -> Array:
 def anees(nees: Array) -> tuple[float, float]:
     """Mean of NEES by degree of freedom (runs, epochs), and its standard error over the runs; all
     runs count to their end."""
-    means = known(nees).mean(axis=1)
+    means = infinite_where_nan(nees).mean(axis=1)
     if not np.isfinite(means).all() or len(means) < 2:
         return float(means.mean()), np.nan
     return float(means.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))

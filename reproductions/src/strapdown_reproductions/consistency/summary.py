@@ -42,7 +42,7 @@ TARGETS = {
 the same rule, and by the rule that allows for chance."""
 
 
-def counted(rows: pd.DataFrame) -> pd.DataFrame:
+def select_counted(rows: pd.DataFrame) -> pd.DataFrame:
     """The cells that are not refused."""
     return rows[rows["refused"] == ""]
 
@@ -50,7 +50,7 @@ def counted(rows: pd.DataFrame) -> pd.DataFrame:
 def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}."""
     rows = found[CELLS]
-    own = counted(rows)
+    own = select_counted(rows)
     refused = (rows["refused"] != "").groupby(rows["filter"]).sum()
     return {
         "inside": float(own["inside_%"].min()),
@@ -96,7 +96,7 @@ def large(value: float) -> str:
     return f"{value:.2f}" if value < 100 else f"{value:.0e}" if np.isfinite(value) else "∞"
 
 
-def refused(rows: pd.DataFrame) -> pd.DataFrame:
+def select_refused(rows: pd.DataFrame) -> pd.DataFrame:
     """The cells that are refused, with the reason."""
     own = rows[rows["refused"] != ""].rename(columns={"refused": "reason", "filter": "filters"})
     cells = own.groupby(["scenario", "grade", "reason"], sort=False)["filters"].agg(", ".join)
@@ -107,16 +107,16 @@ def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of those that have rows."""
     rows = found[CELLS]
     of = {
-        "holding": ("In which scenarios each filter may be believed", holding(rows)),
+        "holding": ("In which scenarios each filter may be believed", list_holding(rows)),
         "by-filter": ("Cells of each filter", by_filter(rows)),
-        "refused": ("Refused cells", refused(rows)),
+        "refused": ("Refused cells", select_refused(rows)),
         "each": ("Every cell", each(rows)),
     }
     return with_rows(of)
 
 
 def size(rows: pd.DataFrame) -> str:
-    """How large the table is."""
+    """The size of the table, in words."""
     filters, scenarios, grades = (rows[c].nunique() for c in ("filter", "scenario", "grade"))
     return (
         f"{rows['runs'].min()} runs a cell, of {len(rows)} cells: {filters} filters, {scenarios} "
@@ -124,20 +124,20 @@ def size(rows: pd.DataFrame) -> str:
     )
 
 
-def holding(rows: pd.DataFrame) -> pd.DataFrame:
+def list_holding(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per filter, a column per grade: in which scenarios what the filter says may be
     believed, which is where it is consistent or misses the target by chance."""
     holds = rows.assign(
         holds=rows["verdict"].isin((CONSISTENT, BY_CHANCE)) & (rows["refused"] == "")
     )
     said = {
-        name: {grade: _said(cells) for grade, cells in own.groupby("grade", sort=False)}
+        name: {grade: _name_scenarios(cells) for grade, cells in own.groupby("grade", sort=False)}
         for name, own in holds.groupby("filter", sort=False)
     }
     return pd.DataFrame(said).T.reset_index(names="filter")
 
 
-def _said(cells: pd.DataFrame) -> str:
+def _name_scenarios(cells: pd.DataFrame) -> str:
     """In which of the scenarios of these cells it holds, in few words."""
     yes, no = (cells.loc[cells["holds"] == which, "scenario"] for which in (True, False))
     if len(no) == 0:
@@ -151,9 +151,9 @@ def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of two files for docs/, targets and a table per filter in the second, and of the
     picture."""
     rows = found[CELLS]
-    headed = [(f"In which scenarios each filter may be believed. {size(rows)}", holding(rows))]
-    if len(refused(rows)):
-        headed.append(("Refused cells:", refused(rows)))
+    headed = [(f"In which scenarios each filter may be believed. {size(rows)}", list_holding(rows))]
+    if len(select_refused(rows)):
+        headed.append(("Refused cells:", select_refused(rows)))
     of_filters = [
         (f"## {name}", own.drop(columns="filter"))
         for name, own in each(rows).groupby("filter", sort=False)
@@ -162,7 +162,7 @@ def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     return {
         "table.md": markdown.tables(headed),
         "each.md": markdown.tables([*of_all, *of_filters]),
-        PICTURE: figure.drawn(rows),
+        PICTURE: figure.draw_cells(rows),
     }
 
 

@@ -19,10 +19,10 @@ import numpy as np
 
 from strapdown.core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.evaluation.consistency import band
 from strapdown.geometry.geodesy import radii
-from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.typing import Array, Ints
@@ -37,7 +37,7 @@ SETS = 400
 
 
 class Memory(NamedTuple):
-    """How the twin's error goes from one epoch to the next."""
+    """Transition and noise of the twin's error from one epoch to the next."""
 
     covariance: Array  # (epochs + 1, 15, 15), the first at the start
     transition: Array  # (epochs, 15, 15) A
@@ -52,26 +52,26 @@ class Right(NamedTuple):
 
 def right(scenario: str, grade_name: str, fed: bool, runs: int, sets: int = SETS) -> Right:
     """Sets of `runs` of the twin of a cell, at the epochs that the table counts."""
-    own, imu = world(scenario, fed), grade(grade_name)
+    own, imu = world(scenario, fed), imu_spec(grade_name)
     made = Simulator(own)
-    memory = remembered(
+    memory = make_memory(
         made.ideal_recording(),
         np.diag(own.start_deviations(imu) ** 2),
         imu.noise(),
         own.gnss.lever_arm,
-        counted(own),
+        epoch_samples(own),
     )
-    return drawn(whitened(memory), runs, sets, np.random.default_rng(1))
+    return draw_sets(whiten_memory(memory), runs, sets, np.random.default_rng(1))
 
 
-def counted(own: Scenario) -> Ints:
+def epoch_samples(own: Scenario) -> Ints:
     """The samples at whose end a study of this scenario keeps an epoch: the last, and back."""
     return np.arange(round(own.duration * own.rate) - 1, -1, -round(EPOCH * own.rate) * keep(own))[
         ::-1
     ]
 
 
-def whitened(memory: Memory) -> Array:
+def whiten_memory(memory: Memory) -> Array:
     """M of every epoch (epochs, 15, 15)."""
     P = memory.covariance
     scale = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
@@ -82,7 +82,7 @@ def whitened(memory: Memory) -> Array:
     return np.asarray(M)
 
 
-def drawn(M: Array, runs: int, sets: int, rng: np.random.Generator) -> Right:
+def draw_sets(M: Array, runs: int, sets: int, rng: np.random.Generator) -> Right:
     """Right of `sets` sets of `runs`, of M (epochs, s, s)."""
     epochs, s, _ = M.shape
     value, vector = np.linalg.eigh(np.eye(s) - M @ M.transpose(0, 2, 1))
@@ -98,7 +98,7 @@ def drawn(M: Array, runs: int, sets: int, rng: np.random.Generator) -> Right:
     return Right(inside / epochs, total / epochs / s)
 
 
-def remembered(
+def make_memory(
     ideal: Recording, P: Array, noise: Noise, lever_arm: tuple[float, ...], at: Ints
 ) -> Memory:
     """Memory of the twin along an ideal recording from the covariance P, at the end of the samples
@@ -106,7 +106,7 @@ def remembered(
     A, covariances, transitions = np.eye(STATES), [P], []
     fixes, epochs = _corrections(ideal, lever_arm), set(at.tolist())
     stops = sorted(epochs | set(fixes))
-    for stop, (Phi, Q) in zip(stops, _between(ideal, noise, stops)):
+    for stop, (Phi, Q) in zip(stops, _transitions_between(ideal, noise, stops)):
         P, A = Phi @ P @ Phi.T + Q, Phi @ A
         for H, R in fixes.get(stop, ()):
             K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
@@ -119,7 +119,9 @@ def remembered(
     return Memory(np.array(covariances), np.array(transitions))
 
 
-def _between(ideal: Recording, noise: Noise, stops: Sequence[int]) -> Iterator[tuple[Array, Array]]:
+def _transitions_between(
+    ideal: Recording, noise: Noise, stops: Sequence[int]
+) -> Iterator[tuple[Array, Array]]:
     """Transition and noise up to the end of each of the samples `stops` from that of the one
     before."""
     begin = 0
@@ -128,11 +130,11 @@ def _between(ideal: Recording, noise: Noise, stops: Sequence[int]) -> Iterator[t
         Phi, Q = _transitions(ideal, noise, np.arange(first, part[-1] + 1))
         for stop in part.tolist():
             rows = slice(begin - first, stop + 1 - first)
-            yield composed(Phi[rows], Q[rows])
+            yield compose_steps(Phi[rows], Q[rows])
             begin = stop + 1
 
 
-def composed(Phi: Array, Q: Array) -> tuple[Array, Array]:
+def compose_steps(Phi: Array, Q: Array) -> tuple[Array, Array]:
     """Transition and noise of steps (n, 15, 15) one after the other."""
     while len(Phi) > 1:
         odd = len(Phi) % 2
@@ -145,15 +147,15 @@ def composed(Phi: Array, Q: Array) -> tuple[Array, Array]:
     return Phi[0], Q[0]
 
 
-def _rows(ideal: Recording, aiding: Aiding) -> Ints:
+def _rows(ideal: Recording, source: Source) -> Ints:
     """The samples at whose end the fixes are."""
-    return np.clip(np.searchsorted(ideal.imu.t, aiding.t - 1e-6), 0, len(ideal.imu.t) - 1)
+    return np.clip(np.searchsorted(ideal.imu.t, source.t - 1e-6), 0, len(ideal.imu.t) - 1)
 
 
 def _transitions(ideal: Recording, noise: Noise, rows: Ints) -> tuple[Array, Array]:
     """Phi and Q of the samples `rows` (n, 15, 15), to the second order in their length."""
     assert ideal.reference is not None
-    truth, n, dt = ideal.reference.taking(rows + 1), len(rows), ideal.imu.dt[rows]
+    truth, n, dt = ideal.reference.take(rows + 1), len(rows), ideal.imu.dt[rows]
     assert truth.v_n is not None
     C = truth.rotation.as_matrix()
     f = np.einsum("nij,nj->ni", C, ideal.imu.dv[rows] / dt[:, None])
@@ -199,14 +201,14 @@ def _corrections(
     truth, imu = ideal.reference, ideal.imu
     assert truth is not None
     found: dict[int, list[tuple[Array, Array]]] = {}
-    for aiding in ideal.aidings:
-        rows = _rows(ideal, aiding)
+    for source in ideal.sources:
+        rows = _rows(ideal, source)
         C = truth.rotation[rows + 1].as_matrix()
-        H, R = np.zeros((len(rows), 3, STATES)), aiding.sd[:, None, :] ** 2 * np.eye(3)
+        H, R = np.zeros((len(rows), 3, STATES)), source.std[:, None, :] ** 2 * np.eye(3)
         arm = C @ np.array(lever_arm)
-        if aiding.kind == "position":
+        if source.kind == "position":
             H[:, :, POS], H[:, :, ATT] = np.eye(3), -skew(arm)
-        elif aiding.kind == "velocity":
+        elif source.kind == "velocity":
             rate = imu.dtheta[rows] / imu.dt[rows, None]
             swept = np.einsum("nij,nj->ni", C, np.cross(rate, lever_arm))
             H[:, :, VEL], H[:, :, ATT] = np.eye(3), -skew(swept)

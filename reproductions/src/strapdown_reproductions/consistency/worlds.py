@@ -15,6 +15,7 @@ FILTERS = (
     "ukf",
     "ekf",
     "xkf",
+    "nlo",
     "two-stage-ekf",
     "xkf-two-stage",
     "direct-ahrs",
@@ -45,7 +46,7 @@ def world(name: str, fed: bool) -> Scenario:
     The receiver of hand-held, which measures nothing there, is the default one here.
     """
     built_in = scenario(name)
-    gnss = Gnss() if built_in.gnss.position_sd is None else built_in.gnss
+    gnss = Gnss() if built_in.gnss.position_std is None else built_in.gnss
     return built_in.replace(
         gnss=gnss,
         magnetometer=None,

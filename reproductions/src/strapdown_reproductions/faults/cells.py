@@ -11,11 +11,11 @@ from strapdown.data.recording import Recording
 
 from .catalogue import FAULTS
 from .fault import NOMINAL, WORLD, Fault
-from .judging import JudgedRun, Nominal, judged, nominal, refused
-from .not_showable import hidden
+from .judging import JudgedRun, Nominal, judge_error, judge_run, nominal
+from .not_showable import why_hidden
 from .raw import Raw, raw
 from .runs import FaultSubject, family, kinds, kinds_with, run, start_of
-from .worlds import DATE, GENTLE, MOTIONS, WORLDS, FaultWorld, simulated
+from .worlds import DATE, GENTLE, MOTIONS, WORLDS, FaultWorld, simulate_world
 
 
 class CellTask(NamedTuple):
@@ -38,7 +38,7 @@ class _Right(NamedTuple):
 def right(task: CellTask, kinds: tuple[str, ...]) -> _Right:
     """The run without a fault, with these sources."""
     world = MOTIONS[task.motion]
-    recording = simulated(world, task.seed)
+    recording = simulate_world(world, task.seed)
     data = raw(recording, kinds, task.seed, NOMINAL)
     cleaned = data.recording(world.imu, date=DATE)
     start = start_of(task.subject, cleaned)
@@ -60,7 +60,7 @@ def cells(task: CellTask, names: tuple[str, ...] | None = None) -> list[dict[str
             continue
         if there not in known:
             known[there] = right(task, there)
-        rows.append(_row(task, fault.name, fault.of, _faulted(task, fault, there, known[there])))
+        rows.append(_row(task, fault.name, fault.of, _run_fault(task, fault, there, known[there])))
     if task.motion != GENTLE:
         return rows
     for world in WORLDS.values():
@@ -69,7 +69,7 @@ def cells(task: CellTask, names: tuple[str, ...] | None = None) -> list[dict[str
     return rows
 
 
-def _faulted(task: CellTask, fault: Fault, kinds: tuple[str, ...], right: _Right) -> JudgedRun:
+def _run_fault(task: CellTask, fault: Fault, kinds: tuple[str, ...], right: _Right) -> JudgedRun:
     data = raw(right.recording, kinds, task.seed, fault.name)
     with np.errstate(all="ignore"):
         fault.change(data)
@@ -79,13 +79,13 @@ def _faulted(task: CellTask, fault: Fault, kinds: tuple[str, ...], right: _Right
 def _elsewhere(
     task: CellTask, world: FaultWorld, kinds: tuple[str, ...], right: _Right
 ) -> JudgedRun:
-    recording = simulated(world, task.seed)
+    recording = simulate_world(world, task.seed)
     there = right._replace(recording=recording, nominal=right.nominal._replace(truth=None))
     data = raw(recording, kinds, task.seed, NOMINAL)
     try:
         start = start_of(task.subject, data.recording(world.imu, date=DATE))
     except DataError as error:
-        return refused(error)
+        return judge_error(error)
     return _run(task.subject, data, world, there, start)
 
 
@@ -95,14 +95,16 @@ def _run(
     reference = right.recording.reference
     assert reference is not None
     try:
-        return judged(run(subject, data, world, right.recording, start), reference, right.nominal)
+        return judge_run(
+            run(subject, data, world, right.recording, start), reference, right.nominal
+        )
     except Exception as error:  # what is no DataError is the finding
-        return refused(error)
+        return judge_error(error)
 
 
 def _row(task: CellTask, name: str, of: str, found: JudgedRun) -> dict[str, Any]:
     subject, filter = task.subject, filters.find(task.subject.filter)
-    why = hidden(name, family(filter), task.motion, kinds(filter))
+    why = why_hidden(name, family(filter), task.motion, kinds(filter))
     return {
         "fault": name,
         "of": of,

@@ -19,7 +19,7 @@ IMU, GNSS, START, MAGNETOMETER, AHRS, HEIGHT, WORLD, LIVE = (
     "world",
     "arrival",
 )
-"""What a fault is of."""
+"""Kinds of data that a fault changes."""
 KINDS: dict[str, tuple[str, ...]] = {
     GNSS: ("position", "velocity"),
     MAGNETOMETER: ("magnetic-field",),
@@ -35,7 +35,7 @@ Holder: TypeAlias = Raw | RawFixes
 Rows: TypeAlias = Callable[[Raw, Holder], Mask | slice]
 """Which rows of a holder are changed."""
 Values: TypeAlias = Callable[[Array], Array | float]
-"""What becomes of the values in these rows."""
+"""A change of the values in these rows."""
 
 
 class Fault(NamedTuple):
@@ -79,7 +79,7 @@ def throughout(raw: Raw, holder: Holder) -> slice:
     return slice(None)
 
 
-def begun(lasting: float = np.inf) -> Rows:
+def rows_of_fault(lasting: float = np.inf) -> Rows:
     """Those of the fault's `lasting` seconds."""
     return lambda raw, holder: holder.from_fault(lasting)
 
@@ -116,7 +116,7 @@ def on(columns: FaultColumns, values: Values, rows: Rows = throughout) -> Change
     return change
 
 
-def drifting(columns: FaultColumns, size: float, seconds: float = 1.0) -> Change:
+def add_drift(columns: FaultColumns, size: float, seconds: float = 1.0) -> Change:
     """Return a change that adds a drift from the beginning of the fault on, `size` in `seconds`."""
 
     def change(raw: Raw) -> None:
@@ -140,7 +140,7 @@ def without(of: Callable[[Raw], Sequence[Holder]], rows: Rows) -> Change:
     return change
 
 
-def reading(value: float) -> Values:
+def set_to(value: float) -> Values:
     """One value in all rows."""
     return lambda values: value
 
@@ -160,19 +160,19 @@ def plus(size: float | Sequence[float]) -> Values:
     return lambda values: values + np.asarray(size)
 
 
-def rounded(step: float) -> Values:
+def round_to_step(step: float) -> Values:
     """Values in whole steps."""
     return lambda values: np.round(values / step) * step
 
 
-def held(values: Array) -> Array:
+def hold_first(values: Array) -> Array:
     """The first of the values in all rows, as of what is stuck."""
     return values[:1]
 
 
-def swapped(values: Array) -> Array:
+def swap_axes(values: Array) -> Array:
     """x and y in each other's place."""
     return values[:, [1, 0, 2]]
 
 
-MISSING, ZERO, NEGATED = reading(np.nan), reading(0.0), times(-1.0)
+MISSING, ZERO, NEGATED = set_to(np.nan), set_to(0.0), times(-1.0)

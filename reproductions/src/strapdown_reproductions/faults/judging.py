@@ -25,7 +25,7 @@ from strapdown.typing import Array, Ints
 
 OK, REFUSED, SAID, SILENT, CRASH = "ok", "refused", "said", "silent", "crash"
 ORDER = (OK, REFUSED, SAID, SILENT, CRASH)
-"""What can become of a run, the better before the worse."""
+"""Outcomes of a run, the better before the worse."""
 SETTLED, SIGMAS, LASTING = 60.0, 5.0, 1.0
 TIMES_NOMINAL = 2.0
 COMPONENTS = 9
@@ -86,7 +86,7 @@ def news(says: Iterable[str], known: frozenset[str]) -> tuple[str, ...]:
 
 class _Errors(NamedTuple):
     size: Array  # (n, 9) without sign, m, m/s, rad
-    sd: Array  # (n, 9)
+    std: Array  # (n, 9)
     status: Ints
     step: float  # s
 
@@ -94,14 +94,11 @@ class _Errors(NamedTuple):
 def _errors(outcome: FaultOutcome, reference: Trajectory) -> _Errors:
     """Errors from SETTLED on; what is not known is NaN."""
     e = errors(outcome.trajectory, reference)
-    unknown = np.full((len(e.t), 3), np.nan)
-    size = np.abs(
-        np.hstack([unknown if x is None else x for x in (e.position, e.velocity, e.attitude)])
-    )
-    sd = np.full(size.shape, np.nan) if e.sd is None else e.sd[:, :COMPONENTS]
+    size = np.abs(np.hstack([e.position, e.velocity, e.attitude]))
+    std = np.full(size.shape, np.nan) if e.std is None else e.std[:, :COMPONENTS]
     late = e.t > SETTLED
     step = float(np.median(np.diff(e.t))) if len(e.t) > 1 else 0.0
-    return _Errors(size[late], sd[late], outcome.status[e.rows][late], step)
+    return _Errors(size[late], std[late], outcome.status[e.rows][late], step)
 
 
 def nominal(outcome: FaultOutcome, reference: Trajectory) -> tuple[Nominal, JudgedRun]:
@@ -110,20 +107,20 @@ def nominal(outcome: FaultOutcome, reference: Trajectory) -> tuple[Nominal, Judg
     known = np.isfinite(e.size).any(axis=0)
     largest = np.where(known, np.nanmax(e.size, axis=0, initial=0.0), np.nan)
     notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.texts))
-    own = judged(outcome, reference, Nominal(largest, notes))
+    own = judge_run(outcome, reference, Nominal(largest, notes))
     truth = interpolate_reference(reference, outcome.trajectory.t)
     says = notes | events if own.verdict == OK else notes
     return Nominal(largest, says, truth, outcome.ask), own
 
 
-def refused(error: Exception) -> JudgedRun:
+def judge_error(error: Exception) -> JudgedRun:
     """Return the JudgedRun of a run that ended in a DataError (refused) or another error."""
     verdict = REFUSED if isinstance(error, DataError) else CRASH
     text = str(error) if verdict == REFUSED else f"{type(error).__name__}: {error}"
     return JudgedRun(verdict, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, text)
 
 
-def judged(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> JudgedRun:
+def judge_run(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> JudgedRun:
     """Judge a run against the run without a fault."""
     new = news((*outcome.notes, *outcome.texts), right.says)
     text = " | ".join(new)
@@ -134,9 +131,9 @@ def judged(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> Judg
     except DataError:  # no time in common with the truth: nothing of it is right
         return JudgedRun(SAID if new else SILENT, np.inf, np.inf, 0.0, np.inf, np.inf, np.inf, text)
     known = np.isfinite(right.largest)
-    one_sd = np.where(np.isfinite(e.sd), e.sd, right.largest * TIMES_NOMINAL / SIGMAS)
+    one_std = np.where(np.isfinite(e.std), e.std, right.largest * TIMES_NOMINAL / SIGMAS)
     with np.errstate(all="ignore"):
-        ratios = e.size / one_sd
+        ratios = e.size / one_std
     # a number that is missing where there is one without the fault is as wrong as can be
     ratios = np.where(np.isfinite(ratios), ratios, np.inf)[:, known]
     ratio = ratios.max(axis=1, initial=0.0)

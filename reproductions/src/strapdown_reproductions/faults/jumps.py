@@ -16,7 +16,7 @@ from strapdown.geometry.geodesy import displace_lla
 
 from .judging import news, plain
 from .runs import OPTIONS, kinds
-from .worlds import GENTLE, HARD, IN_HAND, MOTIONS, simulated
+from .worlds import GENTLE, HARD, IN_HAND, MOTIONS, simulate_world
 
 SIZES, LASTING = (50.0, 20.0, 10.0), 5.0
 """m of jumps whose first fix must be refused, and of one that must be said."""
@@ -33,7 +33,7 @@ NOMINALS = (
 )
 """(filter, motion) of the runs without a fault."""
 NO_ALARMS = ("accelerometer bias not excited",)
-"""How events begin that say what a right recording lacks."""
+"""Beginnings of events that are no alarms: a recording without a fault gives them too."""
 COLUMNS = (
     "what",
     "size",
@@ -51,7 +51,7 @@ def trial(seed: int) -> list[dict[str, Any]]:
     """Rows of one seed: all jumps of the closed loop, and every run without a fault."""
     recording = _recording("closed-loop", GENTLE, seed)
     right = fuse(recording, "closed-loop", every=MOTIONS[GENTLE].every)
-    rows = [_jumped(seed, recording, right, size, what) for size, what in _jumps()]
+    rows = [_run_jump(seed, recording, right, size, what) for size, what in _jumps()]
     return rows + [_nominal(seed, name, motion) for name, motion in NOMINALS]
 
 
@@ -64,18 +64,18 @@ def _jumps() -> Iterator[tuple[float, str]]:
 
 def _recording(name: str, motion: str, seed: int) -> Recording:
     """Return the simulated recording without faults, with the sources that the filter uses."""
-    whole = simulated(MOTIONS[motion], seed)
+    whole = simulate_world(MOTIONS[motion], seed)
     own = kinds(filters.find(name))
-    return replace(whole, aidings=tuple(a for a in whole.aidings if a.kind in own))
+    return replace(whole, sources=tuple(a for a in whole.sources if a.kind in own))
 
 
-def _jumped(
+def _run_jump(
     seed: int, recording: Recording, right: Solution, size: float, what: str
 ) -> dict[str, Any]:
     """The row of a jump to some side at some time."""
     rng = np.random.default_rng([seed, round(size)])
     where, side = rng.uniform(EARLIEST, LATEST), rng.uniform(0, 2 * np.pi)
-    position, *others = recording.aidings
+    position, *others = recording.sources
     wrong = np.flatnonzero(position.t >= where)
     first = float(position.t[wrong[0]])
     wrong = wrong[:1] if what == ONE else wrong
@@ -83,7 +83,7 @@ def _jumped(
     y[wrong] = displace_lla(
         y[wrong], np.tile([size * np.cos(side), size * np.sin(side), 0.0], (len(wrong), 1))
     )
-    faulted = replace(recording, aidings=(replace(position, y=y), *others))
+    faulted = replace(recording, sources=(replace(position, y=y), *others))
     solution = fuse(faulted, "closed-loop", every=MOTIONS[GENTLE].every)
     fixes = solution.innovations
     at = (np.abs(fixes.t - first) < 1e-6) & (fixes.source == 0)

@@ -21,7 +21,7 @@ from .worlds import GENTLE, MOTIONS
 
 SEEDS, QUICK_SEEDS = 5, 1
 QUICK = ("closed-loop", "closed-loop live", "closed-loop smoothed")
-"""What runs in the reduced form, in the gentle motion alone."""
+"""Subjects of the reduced form, in the gentle motion alone."""
 FLIGHTS, QUICK_FLIGHTS = 200, 4
 """Flights of `jumps` for each seed of the table."""
 
@@ -34,7 +34,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     ("closed-loop", "closed-loop live", ...). Raises DataError.
     """
     seeds, quick = asked.seeds_from(SEEDS, QUICK_SEEDS), asked.quick
-    matrix = tasks(chosen(asked.filter or (QUICK if quick else ())), seeds, quick)
+    matrix = tasks(choose_subjects(asked.filter or (QUICK if quick else ())), seeds, quick)
     if not matrix:
         raise DataError(
             f"{', '.join(asked.filter)}: runs in no motion of the reduced form; leave out --quick"
@@ -43,10 +43,10 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     flights = range(seeds.start, seeds.start + len(seeds) * of_seed)
     wanted = [runner.Task(CELLS, cells, (task,)) for task in matrix]
     wanted += [runner.Task(TRIALS, jumps.trial, (flight,)) for flight in flights]
-    return STUDY.write(out, runner.collected(wanted, asked.workers, asked.progress))
+    return STUDY.write(out, runner.collect_tables(wanted, asked.workers, asked.progress))
 
 
-def chosen(names: Sequence[str]) -> list[FaultSubject]:
+def choose_subjects(names: Sequence[str]) -> list[FaultSubject]:
     """The subjects of these names, without any all. Raises DataError."""
     known = {one.name: one for one in subjects()}
     for name in names:

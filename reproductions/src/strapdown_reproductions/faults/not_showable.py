@@ -70,10 +70,10 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         "nothing but the IMU knows where the body's axes point",
     ),
 )
-"""What the data cannot show."""
+"""Faults that the data cannot show."""
 
 
-def hidden(fault: str, family: str, motion: str, kinds: tuple[str, ...]) -> HiddenFault | None:
+def why_hidden(fault: str, family: str, motion: str, kinds: tuple[str, ...]) -> HiddenFault | None:
     """Why a fault cannot be shown to a filter of that family with these sources; None where it
     can."""
     for each in NOT_SHOWABLE:

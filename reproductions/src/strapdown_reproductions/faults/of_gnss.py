@@ -15,17 +15,17 @@ from .fault import (
     Fault,
     FaultColumns,
     Rows,
-    begun,
     every,
-    held,
+    hold_first,
     on,
     over,
     plus,
-    reading,
-    rounded,
+    round_to_step,
+    rows_of_fault,
+    set_to,
     some,
     sources,
-    swapped,
+    swap_axes,
     times,
     without,
 )
@@ -37,13 +37,13 @@ UNDULATION = 47.0
 WEEK = 604800
 OF_POSITION, OF_VELOCITY = sources("position"), sources("velocity")
 OF_BOTH = sources(*KINDS[GNSS])
-FIXES, STAMPS, SD = (FaultColumns(OF_BOTH, (name,)) for name in ("y", "t", "sd"))
-POSITION, POSITION_SD = (FaultColumns(OF_POSITION, (name,)) for name in ("y", "sd"))
+FIXES, STAMPS, STD = (FaultColumns(OF_BOTH, (name,)) for name in ("y", "t", "std"))
+POSITION, POSITION_STD = (FaultColumns(OF_POSITION, (name,)) for name in ("y", "std"))
 VELOCITY, VELOCITY_STAMPS = (FaultColumns(OF_VELOCITY, (name,)) for name in ("y", "t"))
 NORTH, EAST, VERTICAL = range(3)
 
 
-def moved(metres: float, rows: Rows) -> Change:
+def move_north(metres: float, rows: Rows) -> Change:
     """Positions that are off to the north."""
 
     def change(raw: Raw) -> None:
@@ -68,7 +68,7 @@ def drift(speed: float, consistent: bool) -> Change:
     return change
 
 
-def stamped(seconds: float) -> str:
+def stamp_fault_name(seconds: float) -> str:
     """The name of the fault whose stamps are off by so much."""
     return f"fixes late by {seconds:g} s" if seconds > 0 else f"fixes early by {-seconds:g} s"
 
@@ -107,8 +107,8 @@ def ten_times(raw: Raw) -> None:
 def come_and_go(raw: Raw) -> None:
     """Noisy positions stated as good ones; seven tenths of all fixes missing."""
     position = raw.sources["position"]
-    position.move(2 * position.sd * raw.rng.standard_normal(position.y.shape))
-    position.sd *= 0.1
+    position.move(2 * position.std * raw.rng.standard_normal(position.y.shape))
+    position.std *= 0.1
     for source in raw.gnss:
         source.take((source.t < BEGINS) | (raw.rng.random(len(source.t)) < 0.3))
 
@@ -133,10 +133,10 @@ def noisy(raw: Raw) -> None:
     """10 times the noise for 60 s."""
     position = raw.sources["position"]
     rows = position.from_fault(60)
-    position.move(10 * position.sd[rows] * raw.rng.standard_normal((rows.sum(), 3)), rows)
+    position.move(10 * position.std[rows] * raw.rng.standard_normal((rows.sum(), 3)), rows)
 
 
-def wandering(raw: Raw) -> None:
+def add_wander(raw: Raw) -> None:
     """5 m, correlated over 60 s."""
     position = raw.sources["position"]
     steps = np.exp(-np.diff(position.t) / 60)
@@ -164,68 +164,71 @@ def begins_off(
 
 OF_RECEIVER: tuple[tuple[str, Change], ...] = (
     ("20 % of the fixes NaN", on(FIXES, MISSING, some(0.2))),
-    ("some longitudes inf", on(POSITION.at(EAST), reading(np.inf), every(13))),
+    ("some longitudes inf", on(POSITION.at(EAST), set_to(np.inf), every(13))),
     ("10 % of the positions 0, 0, 0", on(POSITION, ZERO, every(10, 5))),
-    ("all positions 0, 0, 0 from 90 s", on(POSITION, ZERO, begun())),
+    ("all positions 0, 0, 0 from 90 s", on(POSITION, ZERO, rows_of_fault())),
     # jumps, drifts, what is stuck
-    *((f"one position {metres:g} m off", moved(metres, begun(1))) for metres in (10, 50)),
     *(
-        (f"position jumps by {metres:g} m for good", moved(metres, begun()))
+        (f"one position {metres:g} m off", move_north(metres, rows_of_fault(1)))
+        for metres in (10, 50)
+    ),
+    *(
+        (f"position jumps by {metres:g} m for good", move_north(metres, rows_of_fault()))
         for metres in (5, 10, 20, 50, 1000)
     ),
-    ("height jumps by 50 m for good", on(POSITION.at(VERTICAL), plus(50), begun())),
+    ("height jumps by 50 m for good", on(POSITION.at(VERTICAL), plus(50), rows_of_fault())),
     *((f"position drifts by {speed:g} m/s", drift(speed, False)) for speed in (0.1, 1.0)),
     *(
         (f"position and velocity drift by {speed:g} m/s", drift(speed, True))
         for speed in (0.1, 2.0)
     ),
-    ("position and velocity stuck", on(FIXES, held, begun())),
-    ("position stuck, velocity right", on(POSITION, held, begun())),
-    ("velocity stuck, position right", on(VELOCITY, held, begun())),
-    ("velocity north stuck", on(VELOCITY.at(NORTH), held, begun())),
-    ("velocity is 0 from 90 s", on(VELOCITY, ZERO, begun())),
-    ("velocity 1 m/s off in north from 90 s", on(VELOCITY.at(NORTH), plus(1), begun())),
-    ("fixes alternate between antennas 1 m apart", moved(1, every(2))),
-    ("position rounded to 1e-4 deg", on(POSITION.at(slice(2)), rounded(np.radians(1e-4)))),
+    ("position and velocity stuck", on(FIXES, hold_first, rows_of_fault())),
+    ("position stuck, velocity right", on(POSITION, hold_first, rows_of_fault())),
+    ("velocity stuck, position right", on(VELOCITY, hold_first, rows_of_fault())),
+    ("velocity north stuck", on(VELOCITY.at(NORTH), hold_first, rows_of_fault())),
+    ("velocity is 0 from 90 s", on(VELOCITY, ZERO, rows_of_fault())),
+    ("velocity 1 m/s off in north from 90 s", on(VELOCITY.at(NORTH), plus(1), rows_of_fault())),
+    ("fixes alternate between antennas 1 m apart", move_north(1, every(2))),
+    ("position rounded to 1e-4 deg", on(POSITION.at(slice(2)), round_to_step(np.radians(1e-4)))),
     # units, signs, frames
     ("longitude sign wrong", on(POSITION.at(EAST), NEGATED)),
-    ("latitude and longitude swapped", on(POSITION, swapped)),
+    ("latitude and longitude swapped", on(POSITION, swap_axes)),
     ("latitude and longitude in deg", on(POSITION.at(slice(2)), np.degrees)),
     ("velocity up taken for down", on(VELOCITY.at(VERTICAL), NEGATED)),
-    ("velocity north and east swapped", on(VELOCITY, swapped)),
+    ("velocity north and east swapped", on(VELOCITY, swap_axes)),
     ("velocity in km/h", on(VELOCITY, times(3.6))),
     ("velocity in knots", on(VELOCITY, over(KNOT))),
     ("height in feet", on(POSITION.at(VERTICAL), over(FOOT))),
     ("height is a depth", on(POSITION.at(VERTICAL), NEGATED)),
     ("height above the geoid", on(POSITION.at(VERTICAL), plus(-UNDULATION))),
     # time stamps
-    *((stamped(s), on(STAMPS, plus(s))) for s in (0.1, 0.5, 2, -18, WEEK)),
+    *((stamp_fault_name(s), on(STAMPS, plus(s))) for s in (0.1, 0.5, 2, -18, WEEK)),
     ("velocity late by 0.5 s, position not", on(VELOCITY_STAMPS, plus(0.5))),
-    ("fixes a week later from 90 s", on(STAMPS, plus(WEEK), begun())),
+    ("fixes a week later from 90 s", on(STAMPS, plus(WEEK), rows_of_fault())),
     ("fix stamps stand still from 90 s", on(STAMPS, lambda t: np.minimum(t, BEGINS))),
     ("four fixes in the wrong order", four_swapped),
     ("each fix twice", twice),
     ("each fix ten times, with new stamps", ten_times),
     # stated standard deviations
     *(
-        (f"sd stated {factor:g} times as large", on(SD, times(factor)))
+        (f"std stated {factor:g} times as large", on(STD, times(factor)))
         for factor in (0.1, 0.3, 10.0)
     ),
-    ("sd 1e-9", on(SD, reading(1e-9))),
-    ("sd 0 in one row", on(POSITION_SD, ZERO, lambda raw, holder: slice(50, 51))),
-    ("sd NaN in a third", on(POSITION_SD, MISSING, every(3))),
-    ("sd inf in a third", on(POSITION_SD, reading(np.inf), every(3))),
-    ("sd negative", on(POSITION_SD, NEGATED)),
-    ("fixes come and go, with a tenth of their sd and twice their noise", come_and_go),
+    ("std 1e-9", on(STD, set_to(1e-9))),
+    ("std 0 in one row", on(POSITION_STD, ZERO, lambda raw, holder: slice(50, 51))),
+    ("std NaN in a third", on(POSITION_STD, MISSING, every(3))),
+    ("std inf in a third", on(POSITION_STD, set_to(np.inf), every(3))),
+    ("std negative", on(POSITION_STD, NEGATED)),
+    ("fixes come and go, with a tenth of their std and twice their noise", come_and_go),
     # what is not there, or not there where it is said to be
-    ("no GNSS for 60 s", without(OF_BOTH, begun(60))),
+    ("no GNSS for 60 s", without(OF_BOTH, rows_of_fault(60))),
     ("no GNSS from 60 s on", without(OF_BOTH, lambda raw, holder: holder.t >= 60)),
-    ("no velocity from 90 s on", without(OF_VELOCITY, begun())),
+    ("no velocity from 90 s on", without(OF_VELOCITY, rows_of_fault())),
     ("no GNSS at all", not_there(*KINDS[GNSS])),
     ("no velocity at all", not_there("velocity")),
     ("antenna arm 2 m off", longer_arm),
     ("multipath: 10 times the noise for 60 s", noisy),
-    ("multipath: 5 m, correlated over 60 s", wandering),
+    ("multipath: 5 m, correlated over 60 s", add_wander),
 )
 STARTS: tuple[tuple[str, Change], ...] = (
     ("start 180 deg off in heading", begins_off(rph=(0.0, 0.0, np.pi))),

@@ -15,18 +15,18 @@ from .fault import (
     FaultColumns,
     Rows,
     Values,
-    begun,
-    drifting,
+    add_drift,
     every,
     first,
-    held,
+    hold_first,
     on,
     over,
     plus,
-    reading,
+    rows_of_fault,
     samples,
+    set_to,
     some,
-    swapped,
+    swap_axes,
     times,
     without,
 )
@@ -48,7 +48,7 @@ def spikes(raw: Raw) -> None:
     raw.accel[rows, Y] += raw.rng.choice([-100, 100], rows.sum())
 
 
-def clipped(values: Array) -> Array:
+def clip_values(values: Array) -> Array:
     """Values that end at 60 % of the largest of their axis."""
     most = 0.6 * np.abs(values).max(axis=0)
     return np.clip(values, -most, most)
@@ -67,7 +67,7 @@ def noisier(columns: FaultColumns, factor: float) -> Change:
     return change
 
 
-def quantised(raw: Raw) -> None:
+def quantise(raw: Raw) -> None:
     """Counted in steps of 0.1 m/s^2 and 0.1 deg/s."""
     raw.accel = np.round(raw.accel / 0.1) * 0.1
     raw.gyro = np.round(raw.gyro / (0.1 * DEG)) * 0.1 * DEG
@@ -78,7 +78,7 @@ def vibration(raw: Raw) -> None:
     raw.accel += 20 * np.sin(2 * np.pi * 15.3 * raw.t)[:, None]
 
 
-def aliased(raw: Raw) -> None:
+def add_aliasing(raw: Raw) -> None:
     """Vibration at nearly the rate of the samples."""
     rate = 1 / np.median(np.diff(raw.t))
     wave = np.sin(2 * np.pi * (rate - 0.1) * raw.t)
@@ -86,14 +86,14 @@ def aliased(raw: Raw) -> None:
     raw.gyro[:, X] += 0.5 * wave
 
 
-def yawed(degrees: float) -> Values:
+def yaw_axes(degrees: float) -> Values:
     """Axes turned about the vertical."""
     c, s = np.cos(degrees * DEG), np.sin(degrees * DEG)
     C = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     return lambda values: values @ C
 
 
-def repeated(rows: Rows) -> Change:
+def repeat_samples(rows: Rows) -> Change:
     """Gives these samples twice."""
 
     def change(raw: Raw) -> None:
@@ -125,13 +125,13 @@ def reversed_in(raw: Raw, size: int) -> Array:
     return rows
 
 
-def shuffled(raw: Raw) -> None:
+def shuffle_values(raw: Raw) -> None:
     """100 values in the wrong order under right stamps."""
     rows = reversed_in(raw, 5)
     raw.gyro, raw.accel = raw.gyro[rows], raw.accel[rows]
 
 
-def jittered(raw: Raw) -> None:
+def jitter_stamps(raw: Raw) -> None:
     """Stamps off by up to 30 % of the interval."""
     step = np.median(np.diff(raw.t))
     raw.t = raw.t + raw.rng.uniform(-0.3 * step, 0.3 * step, len(raw.t))
@@ -139,49 +139,49 @@ def jittered(raw: Raw) -> None:
 
 OF_VALUES: tuple[tuple[str, Change], ...] = (
     ("gyro NaN in 1 % of the samples", on(GYRO.at(Y), MISSING, some(0.01))),
-    ("accelerometer NaN for 3 s", on(ACCEL, MISSING, begun(3))),
-    ("accelerometer inf now and then", on(ACCEL.at(Z), reading(np.inf), every(997))),
+    ("accelerometer NaN for 3 s", on(ACCEL, MISSING, rows_of_fault(3))),
+    ("accelerometer inf now and then", on(ACCEL.at(Z), set_to(np.inf), every(997))),
     # what is stuck
-    ("gyro stuck for 5 s", on(GYRO, held, begun(5))),
-    ("gyro z stuck for good", on(GYRO.at(Z), held, begun())),
-    ("gyro x reads 0 for good", on(GYRO.at(X), ZERO, begun())),
-    ("accelerometer stuck for 5 s", on(ACCEL, held, begun(5))),
-    ("accelerometer x stuck for good", on(ACCEL.at(X), held, begun())),
-    ("accelerometer reads 0 for 5 s", on(ACCEL, ZERO, begun(5))),
-    *((f"IMU frozen for {s:g} s", on(BOTH, held, begun(s))) for s in (1, 10)),
+    ("gyro stuck for 5 s", on(GYRO, hold_first, rows_of_fault(5))),
+    ("gyro z stuck for good", on(GYRO.at(Z), hold_first, rows_of_fault())),
+    ("gyro x reads 0 for good", on(GYRO.at(X), ZERO, rows_of_fault())),
+    ("accelerometer stuck for 5 s", on(ACCEL, hold_first, rows_of_fault(5))),
+    ("accelerometer x stuck for good", on(ACCEL.at(X), hold_first, rows_of_fault())),
+    ("accelerometer reads 0 for 5 s", on(ACCEL, ZERO, rows_of_fault(5))),
+    *((f"IMU frozen for {s:g} s", on(BOTH, hold_first, rows_of_fault(s))) for s in (1, 10)),
     # what no such motion has
     *(
-        (f"accelerometer: one sample of {size:.0e} m/s^2", on(ACCEL.at(X), reading(size), first))
+        (f"accelerometer: one sample of {size:.0e} m/s^2", on(ACCEL.at(X), set_to(size), first))
         for size in (1e3, 1e6)
     ),
-    ("gyro: one sample of 50 rad/s", on(GYRO.at(Z), reading(50), first)),
+    ("gyro: one sample of 50 rad/s", on(GYRO.at(Z), set_to(50), first)),
     ("accelerometer spikes of 100 m/s^2 in 1 %", spikes),
-    ("gyro clips at 60 % of its largest rates", on(GYRO, clipped)),
+    ("gyro clips at 60 % of its largest rates", on(GYRO, clip_values)),
     ("accelerometer clips at 1 g", on(ACCEL, lambda f: np.clip(f, -G, G))),
     # bias, scale, noise
-    ("gyro y bias steps by 0.5 deg/s", on(GYRO.at(Y), plus(0.5 * DEG), begun())),
-    ("gyro z bias steps by 2 deg/s", on(GYRO.at(Z), plus(2 * DEG), begun())),
-    ("gyro x bias runs away by 1 deg/s in 120 s", drifting(GYRO.at(X), DEG, 120)),
-    ("accelerometer x bias steps by 0.5 m/s^2", on(ACCEL.at(X), plus(0.5), begun())),
-    ("accelerometer x bias runs away by 0.5 m/s^2 in 120 s", drifting(ACCEL.at(X), 0.5, 120)),
+    ("gyro y bias steps by 0.5 deg/s", on(GYRO.at(Y), plus(0.5 * DEG), rows_of_fault())),
+    ("gyro z bias steps by 2 deg/s", on(GYRO.at(Z), plus(2 * DEG), rows_of_fault())),
+    ("gyro x bias runs away by 1 deg/s in 120 s", add_drift(GYRO.at(X), DEG, 120)),
+    ("accelerometer x bias steps by 0.5 m/s^2", on(ACCEL.at(X), plus(0.5), rows_of_fault())),
+    ("accelerometer x bias runs away by 0.5 m/s^2 in 120 s", add_drift(ACCEL.at(X), 0.5, 120)),
     ("gyro scale +5 %", on(GYRO, times(1.05))),
     ("accelerometer scale +2 %", on(ACCEL, times(1.02))),
     ("gyro dead band of 0.5 deg/s", on(GYRO, lambda w: np.where(np.abs(w) < 0.5 * DEG, 0, w))),
     ("gyro x 20 times as noisy from 90 s", noisier(GYRO.at(X), 20)),
     ("accelerometer z 20 times as noisy from 90 s", noisier(ACCEL.at(Z), 20)),
-    ("quantised to 0.1 m/s^2 and 0.1 deg/s", quantised),
+    ("quantised to 0.1 m/s^2 and 0.1 deg/s", quantise),
     ("vibration of 20 m/s^2 at 15.3 Hz", vibration),
-    ("vibration aliased to 0.1 Hz", aliased),
+    ("vibration aliased to 0.1 Hz", add_aliasing),
     # how it sits and what it counts in
-    ("mounted 5 deg off in heading", on(BOTH, yawed(5))),
-    ("box slips by 10 deg in heading at 90 s", on(BOTH, yawed(10), begun())),
+    ("mounted 5 deg off in heading", on(BOTH, yaw_axes(5))),
+    ("box slips by 10 deg in heading at 90 s", on(BOTH, yaw_axes(10), rows_of_fault())),
     ("gyro sign wrong", on(GYRO, NEGATED)),
     ("gyro z sign wrong", on(GYRO.at(Z), NEGATED)),
-    ("gyro z sign flips at 90 s", on(GYRO.at(Z), NEGATED, begun())),
+    ("gyro z sign flips at 90 s", on(GYRO.at(Z), NEGATED, rows_of_fault())),
     ("accelerometer sign wrong", on(ACCEL, NEGATED)),
     ("accelerometer x sign wrong", on(ACCEL.at(X), NEGATED)),
-    ("x and y swapped", on(BOTH, swapped)),
-    ("x and y of the gyro swapped", on(GYRO, swapped)),
+    ("x and y swapped", on(BOTH, swap_axes)),
+    ("x and y of the gyro swapped", on(GYRO, swap_axes)),
     ("forward, left, up taken for forward, right, down", on(BOTH, lambda v: v * [1, -1, -1])),
     ("gyro in deg/s", on(GYRO, over(DEG))),
     ("gyro multiplied by pi/180 twice", on(GYRO, times(DEG))),
@@ -191,29 +191,29 @@ OF_VALUES: tuple[tuple[str, Change], ...] = (
 OF_TIME: tuple[tuple[str, Change], ...] = (
     ("time of the IMU NaN now and then", on(TIME, MISSING, every(997))),
     *(
-        (f"clock of the IMU jumps by {s:+g} s", on(TIME, plus(s), begun()))
+        (f"clock of the IMU jumps by {s:+g} s", on(TIME, plus(s), rows_of_fault()))
         for s in (5, -5, -0.05, 86401)
     ),
-    ("clock of the IMU stands still for 1 s", on(TIME, reading(BEGINS), begun(1))),
-    ("5 % of the IMU rows twice", repeated(some(0.05))),
+    ("clock of the IMU stands still for 1 s", on(TIME, set_to(BEGINS), rows_of_fault(1))),
+    ("5 % of the IMU rows twice", repeat_samples(some(0.05))),
     ("IMU stamps twice, with other values", repeated_with_other_values),
     *((f"IMU stamps rounded up to {s:g} s", on(TIME, rounded_up(s))) for s in (0.04, 0.1)),
     ("100 IMU rows swapped in pairs", lambda raw: raw.take(reversed_in(raw, 2))),
-    ("100 IMU values shuffled in fives", shuffled),
-    *((f"IMU missing for {s:g} s", without(samples, begun(s))) for s in (0.5, 5, 60)),
+    ("100 IMU values shuffled in fives", shuffle_values),
+    *((f"IMU missing for {s:g} s", without(samples, rows_of_fault(s))) for s in (0.5, 5, 60)),
     ("10 % of the IMU rows missing", without(samples, some(0.1))),
-    ("IMU stamps jitter by 30 %", jittered),
+    ("IMU stamps jitter by 30 %", jitter_stamps),
     ("clock of the IMU 1000 ppm fast", on(TIME, times(1.001))),
     *((f"IMU late by {s:g} s", on(TIME, plus(s))) for s in (0.1, 1)),
     ("time in ms", on(TIME, times(1e3))),
 )
 OF_ARRIVAL: tuple[tuple[str, Change], ...] = (
-    ("IMU samples arrive twice", repeated(begun())),
-    ("IMU samples arrive 1 s late for 20 s", on(ARRIVAL, plus(1), begun(20))),
-    ("fixes arrive 2 s late", on(OF_FIXES, plus(2), begun())),
-    ("fixes never arrive again", on(OF_FIXES, reading(np.inf), begun())),
+    ("IMU samples arrive twice", repeat_samples(rows_of_fault())),
+    ("IMU samples arrive 1 s late for 20 s", on(ARRIVAL, plus(1), rows_of_fault(20))),
+    ("fixes arrive 2 s late", on(OF_FIXES, plus(2), rows_of_fault())),
+    ("fixes never arrive again", on(OF_FIXES, set_to(np.inf), rows_of_fault())),
 )
-"""What only a stream meets: right stamps, wrong arrival."""
+"""Faults that only a stream meets: correct stamps, wrong arrival."""
 FAULTS = (
     *(Fault(name, IMU, change) for name, change in (*OF_VALUES, *OF_TIME)),
     *(Fault(name, LIVE, change) for name, change in OF_ARRIVAL),

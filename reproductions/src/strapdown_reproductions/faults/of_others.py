@@ -12,15 +12,15 @@ from .fault import (
     Change,
     Fault,
     FaultColumns,
-    begun,
-    drifting,
+    add_drift,
     every,
-    held,
+    hold_first,
     on,
     over,
     plus,
+    rows_of_fault,
     sources,
-    swapped,
+    swap_axes,
     times,
     without,
 )
@@ -30,15 +30,15 @@ DEG = np.pi / 180
 OF_FIELD, OF_ATTITUDE, OF_HEIGHT = (
     sources(*KINDS[sensor]) for sensor in (MAGNETOMETER, AHRS, HEIGHT)
 )
-FIELD, FIELD_STAMPS, FIELD_SD = (FaultColumns(OF_FIELD, (name,)) for name in ("y", "t", "sd"))
-ATTITUDE, ATTITUDE_STAMPS, ATTITUDE_SD = (
-    FaultColumns(OF_ATTITUDE, (name,)) for name in ("y", "t", "sd")
+FIELD, FIELD_STAMPS, FIELD_STD = (FaultColumns(OF_FIELD, (name,)) for name in ("y", "t", "std"))
+ATTITUDE, ATTITUDE_STAMPS, ATTITUDE_STD = (
+    FaultColumns(OF_ATTITUDE, (name,)) for name in ("y", "t", "std")
 )
 ALTITUDE = FaultColumns(OF_HEIGHT, ("y",))
 ROLL, PITCH, HEADING = range(3)
 
 
-def declined(raw: Raw) -> None:
+def turn_reference_field(raw: Raw) -> None:
     """A reference field that is turned by 10 deg."""
     for source in OF_FIELD(raw):
         north, east, down = source.parameters
@@ -54,39 +54,42 @@ def spikes(raw: Raw) -> None:
 
 
 OF_MAGNETOMETER: tuple[tuple[str, Change], ...] = (
-    ("magnet of 50 uT beside it for 30 s", on(FIELD, plus((0, 50e-6, 0)), begun(30))),
-    ("hard iron of 10 uT from 90 s", on(FIELD, plus((0, 10e-6, 0)), begun())),
+    ("magnet of 50 uT beside it for 30 s", on(FIELD, plus((0, 50e-6, 0)), rows_of_fault(30))),
+    ("hard iron of 10 uT from 90 s", on(FIELD, plus((0, 10e-6, 0)), rows_of_fault())),
     ("hard iron of 22 uT throughout", on(FIELD, plus((0, 20e-6, 10e-6)))),
-    ("magnetometer stuck", on(FIELD, held, begun())),
+    ("magnetometer stuck", on(FIELD, hold_first, rows_of_fault())),
     ("magnetometer sign wrong", on(FIELD, NEGATED)),
     ("magnetometer z sign wrong", on(FIELD.at(2), NEGATED)),
-    ("magnetometer x and y swapped", on(FIELD, swapped)),
+    ("magnetometer x and y swapped", on(FIELD, swap_axes)),
     ("magnetic field in gauss", on(FIELD, times(1e4))),
     ("magnetic field in uT", on(FIELD, times(1e6))),
     ("magnetometer scale 1.5", on(FIELD, times(1.5))),
-    ("magnetometer lost at 90 s", without(OF_FIELD, begun())),
-    ("declination 10 deg off", declined),
+    ("magnetometer lost at 90 s", without(OF_FIELD, rows_of_fault())),
+    ("declination 10 deg off", turn_reference_field),
     ("a fifth of the magnetometer NaN", on(FIELD, MISSING, every(5))),
-    ("magnetometer sd stated a tenth", on(FIELD_SD, over(10))),
+    ("magnetometer std stated a tenth", on(FIELD_STD, over(10))),
     ("magnetometer late by 0.5 s", on(FIELD_STAMPS, plus(0.5))),
     ("magnetometer spikes of 100 uT in 5 %", spikes),
 )
 OF_AHRS: tuple[tuple[str, Change], ...] = (
     ("AHRS heading 10 deg off", on(ATTITUDE.at(HEADING), plus(10 * DEG))),
-    ("AHRS heading 10 deg off from 90 s", on(ATTITUDE.at(HEADING), plus(10 * DEG), begun())),
-    ("AHRS roll 5 deg off from 90 s", on(ATTITUDE.at(ROLL), plus(5 * DEG), begun())),
-    ("AHRS stuck", on(ATTITUDE, held, begun())),
-    ("AHRS heading stuck", on(ATTITUDE.at(HEADING), held, begun())),
-    ("AHRS lost at 90 s", without(OF_ATTITUDE, begun())),
+    (
+        "AHRS heading 10 deg off from 90 s",
+        on(ATTITUDE.at(HEADING), plus(10 * DEG), rows_of_fault()),
+    ),
+    ("AHRS roll 5 deg off from 90 s", on(ATTITUDE.at(ROLL), plus(5 * DEG), rows_of_fault())),
+    ("AHRS stuck", on(ATTITUDE, hold_first, rows_of_fault())),
+    ("AHRS heading stuck", on(ATTITUDE.at(HEADING), hold_first, rows_of_fault())),
+    ("AHRS lost at 90 s", without(OF_ATTITUDE, rows_of_fault())),
     ("AHRS in deg", on(ATTITUDE, over(DEG))),
     ("AHRS pitch sign wrong", on(ATTITUDE.at(PITCH), NEGATED)),
     ("AHRS late by 0.5 s", on(ATTITUDE_STAMPS, plus(0.5))),
-    ("AHRS sd stated a tenth", on(ATTITUDE_SD, over(10))),
+    ("AHRS std stated a tenth", on(ATTITUDE_STD, over(10))),
 )
 OF_SECOND_HEIGHT: tuple[tuple[str, Change], ...] = (
-    ("second height drifts by 0.2 m/s", drifting(ALTITUDE.at(0), 0.2)),
-    ("second height steps by 20 m", on(ALTITUDE, plus(20), begun())),
-    ("second height stuck", on(ALTITUDE, held, begun())),
+    ("second height drifts by 0.2 m/s", add_drift(ALTITUDE.at(0), 0.2)),
+    ("second height steps by 20 m", on(ALTITUDE, plus(20), rows_of_fault())),
+    ("second height stuck", on(ALTITUDE, hold_first, rows_of_fault())),
     ("second height in feet", on(ALTITUDE, over(0.3048))),
     ("second height above the geoid", on(ALTITUDE, plus(-47))),
 )

@@ -11,7 +11,7 @@ import numpy as np
 
 from strapdown.core.loop.contract import InitialState
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.typing import Array, Ints, Mask
 
@@ -26,7 +26,7 @@ class RawFixes:
     kind: str
     t: Array  # (m,) s
     y: Array  # (m, components)
-    sd: Array
+    std: Array
     parameters: tuple[float, ...]
     name: str
     arrival: Array  # (m,) s: when each came, whatever its stamp says
@@ -37,17 +37,17 @@ class RawFixes:
 
     def take(self, rows: Mask | Ints) -> None:
         """Keep these rows, in this order."""
-        self.t, self.y, self.sd, self.arrival = (
-            column[rows] for column in (self.t, self.y, self.sd, self.arrival)
+        self.t, self.y, self.std, self.arrival = (
+            column[rows] for column in (self.t, self.y, self.std, self.arrival)
         )
 
     def move(self, ned: Array | tuple[float, ...], rows: Mask | slice = slice(None)) -> None:
         """Displace these rows of a position by `ned` (3,) or (n, 3), m."""
         self.y[rows] = displace_lla(self.y[rows], np.asarray(ned, float) + 0 * self.y[rows])
 
-    def aiding(self) -> Aiding:
+    def source(self) -> Source:
         """As what a Recording holds."""
-        return Aiding(self.kind, self.t, self.y, self.sd, self.parameters, name=self.name)
+        return Source(self.kind, self.t, self.y, self.std, self.parameters, name=self.name)
 
 
 @dataclass
@@ -89,7 +89,7 @@ class Raw:
             self.t,
             self.gyro,
             self.accel,
-            [source.aiding() for source in self.sources.values()],
+            [source.source() for source in self.sources.values()],
             self.reference,
             grade=grade,
             **meta,
@@ -105,12 +105,12 @@ def raw(recording: Recording, kinds: tuple[str, ...], seed: int, name: str) -> R
             a.kind,
             a.t.copy(),
             a.y.copy(),
-            np.broadcast_to(a.sd, a.y.shape).copy(),
+            np.broadcast_to(a.std, a.y.shape).copy(),
             a.parameters,
             a.name or a.kind,
             a.t.copy(),
         )
-        for a in recording.aidings
+        for a in recording.sources
         if a.kind in kinds
     }
     return Raw(

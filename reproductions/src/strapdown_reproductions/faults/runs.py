@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from strapdown import filters
 from strapdown.core.loop.contract import STATES, Filter, InitialState
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Solution, Trajectory
+from strapdown.data.solution import Solution, Source, Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.smoothing import smooth
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Measurement, Sample, Stream
 from strapdown.typing import Array, Ints
 
 from .fault import AHRS, GNSS, HEIGHT, KINDS, LIVE, MAGNETOMETER, START, Fault
@@ -119,7 +119,7 @@ def start_of(subject: FaultSubject, right: Recording) -> InitialState:
     return InitialState(**solution.meta["start"])
 
 
-Arrival: TypeAlias = tuple[float, Sample | Fix]
+Arrival: TypeAlias = tuple[float, Sample | Measurement]
 """When an event comes, and the event."""
 
 
@@ -129,11 +129,11 @@ def _live(
     """A stream that gets each event when it arrives, with the stamp that it bears."""
     assert start is not None
     filter = filters.find(name)
-    aidings = [_sized(a, raw) for a in right.aidings if a.kind in raw.sources]
-    stream = Stream(name, start=start, imu=world.imu, aidings=aidings, lag=LAG)
+    sources = [_describe_source(a, raw) for a in right.sources if a.kind in raw.sources]
+    stream = Stream(name, start=start, imu=world.imu, sources=sources, lag=LAG)
     rows: list[Array] = []
     status: list[int] = []
-    places = {a.kind: i for i, a in enumerate(aidings)}
+    places = {a.kind: i for i, a in enumerate(sources)}
     fixes = (_fixes(source, places[source.kind]) for source in raw.sources.values())
     samples, last = 0, -np.inf
     for _, event in merge(*fixes, _samples(raw), key=itemgetter(0)):
@@ -141,8 +141,8 @@ def _live(
         samples += isinstance(event, Sample)
         if samples % world.every == 0 and stream.t > last:
             last = stream.t
-            sd = np.sqrt(np.maximum(np.diag(belief.P)[:STATES], 0.0))
-            rows.append(np.concatenate([[last], belief.lla, belief.v, belief.C.ravel(), sd]))
+            std = np.sqrt(np.maximum(np.diag(belief.P)[:STATES], 0.0))
+            rows.append(np.concatenate([[last], belief.lla, belief.v_n, belief.C_nb.ravel(), std]))
             status.append(stream.status)
     stream.finish()
     events = tuple(stream.events)
@@ -156,9 +156,9 @@ def _live(
     )
 
 
-def _sized(a: Aiding, raw: Raw) -> Aiding:
+def _describe_source(a: Source, raw: Raw) -> Source:
     """The description of a source, with the parameters that the fault gives it."""
-    return Aiding(a.kind, a.t, a.y, a.sd, raw.sources[a.kind].parameters, name=a.name)
+    return Source(a.kind, a.t, a.y, a.std, raw.sources[a.kind].parameters, name=a.name)
 
 
 def _samples(raw: Raw) -> Iterator[Arrival]:
@@ -175,8 +175,8 @@ def _samples(raw: Raw) -> Iterator[Arrival]:
 
 def _fixes(source: RawFixes, place: int) -> Iterator[Arrival]:
     for i in _order(source.arrival).tolist():
-        fix = Fix(
-            float(source.t[i]), place, tuple(source.y[i].tolist()), tuple(source.sd[i].tolist())
+        fix = Measurement(
+            float(source.t[i]), place, tuple(source.y[i].tolist()), tuple(source.std[i].tolist())
         )
         yield float(source.arrival[i]), fix
 
@@ -188,11 +188,11 @@ def _order(arrival: Array) -> Ints:
 
 
 def _trajectory(rows: Array, filter: Filter) -> Trajectory:
-    """Return the Trajectory of rows t, lla, v, C, sd; what the filter does not estimate or claim is
+    """Return the Trajectory of rows t, lla, v, C, std; what the filter does not estimate or claim is
     NaN, as in a Solution."""
     for first, column in ((0, 1), (3, 4)):
         rows[:, [column + i for i in range(3) if first + i not in filter.estimates]] = np.nan
-    sd = rows[:, 16:]
-    sd[:, [i for i in range(STATES) if i not in filter.states]] = np.nan
+    std = rows[:, 16:]
+    std[:, [i for i in range(STATES) if i not in filter.states]] = np.nan
     q = Rotation.from_matrix(rows[:, 7:16].reshape(-1, 3, 3)).as_quat()[:, [3, 0, 1, 2]]
-    return Trajectory(rows[:, 0], rows[:, 1:4], rows[:, 4:7], q, sd)
+    return Trajectory(rows[:, 0], rows[:, 1:4], rows[:, 4:7], q, std)

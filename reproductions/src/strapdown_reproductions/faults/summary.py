@@ -106,7 +106,7 @@ def alarm(trials: pd.DataFrame) -> pd.Series:
     return (trials["doubtful_s"] > 0) | (trials["says"].fillna("") != "")
 
 
-def named(rows: pd.DataFrame) -> pd.DataFrame:
+def name_subjects(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with what ran in one column: "closed-loop live"."""
     way = rows["way"].where(rows["way"] != BATCH, "")
     return rows.assign(runs=(rows["filter"] + " " + way).str.strip())
@@ -123,7 +123,7 @@ def worst(verdicts: pd.Series) -> str:
 
 def matrix(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per fault, a column per filter and way: the worst that came of it."""
-    own = named(rows)
+    own = name_subjects(rows)
     table = own.pivot_table(
         index=["fault"], columns="runs", values="verdict", aggfunc=worst, sort=False
     )
@@ -141,14 +141,16 @@ def by_fault(rows: pd.DataFrame) -> pd.DataFrame:
 def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per filter, way and motion: how many runs with a fault that can be shown came to
     what."""
-    return outcomes(named(showable(rows)), ["runs", "motion"], "verdict", ORDER).reset_index()
+    return outcomes(
+        name_subjects(showable(rows)), ["runs", "motion"], "verdict", ORDER
+    ).reset_index()
 
 
 def silences(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per fault and motion that some filter is silent about: which, and how wrong."""
-    own = named(silent(rows))
+    own = name_subjects(silent(rows))
     if own.empty:
-        return pd.DataFrame(columns=["fault", "motion", "runs", "seconds", "error / sd"])
+        return pd.DataFrame(columns=["fault", "motion", "runs", "seconds", "error / std"])
     return (
         own.groupby(["fault", "motion"], sort=False)
         .agg(
@@ -156,12 +158,12 @@ def silences(rows: pd.DataFrame) -> pd.DataFrame:
             seconds=("believed_s", "median"),
             largest=("largest", "median"),
         )
-        .rename(columns={"largest": "error / sd"})
+        .rename(columns={"largest": "error / std"})
         .reset_index()
     )
 
 
-def doubted(trials: pd.DataFrame) -> pd.DataFrame:
+def count_doubted(trials: pd.DataFrame) -> pd.DataFrame:
     """A row per filter and motion without a fault: flights, doubted ones, and what was said."""
     right = trials[trials["what"] == NONE]
     groups = right.assign(alarm=alarm(right)).groupby(["filter", "motion"], sort=False)
@@ -171,7 +173,7 @@ def doubted(trials: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()
 
 
-def jumped(trials: pd.DataFrame) -> pd.DataFrame:
+def count_jumps(trials: pd.DataFrame) -> pd.DataFrame:
     """A row per kind of jump: how many had their first fix refused, how many were said in time."""
     own = trials[trials["what"] != NONE]
     groups = own.assign(soon=own["said_after"] <= SOON).groupby(["what", "size"], sort=False)
@@ -187,8 +189,8 @@ def tables(found: StudyTables) -> Tables:
         "silent": ("Silently wrong, though the data can show it", silences(rows)),
         "by-filter": ("What became of the runs whose fault the data can show", by_filter(rows)),
         "by-fault": ("What became of each fault", by_fault(rows)),
-        "jumps": ("Jumps of the position, closed loop", jumped(trials)),
-        "without-fault": ("Flights without a fault", doubted(trials)),
+        "jumps": ("Jumps of the position, closed loop", count_jumps(trials)),
+        "without-fault": ("Flights without a fault", count_doubted(trials)),
         "matrix": ("Every fault and filter: the worst of all motions and seeds", matrix(rows)),
         "not-showable": ("What the data cannot show, and why", not_showable()),
     }

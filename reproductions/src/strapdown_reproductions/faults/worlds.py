@@ -107,7 +107,7 @@ MOTIONS = {
         ),
     )
 }
-"""What every fault happens in."""
+"""The worlds in which every fault happens."""
 CENTIMETRES = Gnss(0.2, (0.02, 0.02, 0.03), (0.02, 0.02, 0.03))
 FLYING = (NAVIGATION, ATTITUDE)
 WORLDS = {
@@ -131,7 +131,7 @@ WORLDS = {
 
 
 @lru_cache(maxsize=20)
-def simulated(world: FaultWorld, seed: int) -> Recording:
+def simulate_world(world: FaultWorld, seed: int) -> Recording:
     """The right recording of a world, with every source that a filter may ask for."""
     return simulate(
         world.motion(),

@@ -36,8 +36,8 @@ from strapdown.sim.synthesis import draw_start
 from strapdown.typing import Array
 
 from . import signals
-from .euler_filters import EULER_FILTERS, MAX_COLUMN
 from .force_observer import FORCE_OBSERVER
+from .printed_filters import GRAVITY_SIZE, MAX_COLUMN, PRINTED_FILTERS
 
 PUBLISHED_STEP = 1e-3
 """s: of the published scripts."""
@@ -57,8 +57,8 @@ of the biases at the start."""
 RMS = {"position_m": 0, "velocity_m_s": 3, "attitude_rad": 6, "accel_m_s2": 9, "gyro_rad_s": 12}
 """Names of rms errors, and the first of the three states that each is of."""
 LAST = 100.0
-"""s at the end of a run over which its errors are averaged."""
-START_SD = (
+"""s at the end of a run over which its errors are averaged; growth is against those as long before."""
+START_STD = (
     1.0,
     1.0,
     1.0,
@@ -104,21 +104,21 @@ AHRS = Weights((1.0, 1.0, 10.0, 0.01), (1000.0, 500.0), {"position": 1.0, "attit
 OBSERVER_GAINS = {"k1": 1.0, "k2": 1.0, "ki": 0.1}
 """1/s, of the attitude observers: poles at 0.11 and 0.89 1/s, so that the published gyro biases are found
 in half a minute."""
-TRUE_SD = {
-    "position": signals.POSITION_SD,
-    "velocity": signals.VELOCITY_SD,
-    "magnetic-field": signals.DIRECTION_SD,
-    "heading": signals.COMPASS_SD,
-    "attitude": signals.AHRS_SD,
-    "gravity": 1.0 / 9.82,
+TRUE_STD = {
+    "position": signals.POSITION_STD,
+    "velocity": signals.VELOCITY_STD,
+    "magnetic-field": signals.DIRECTION_STD,
+    "heading": signals.COMPASS_STD,
+    "attitude": signals.AHRS_STD,
+    "gravity": 1.0 / GRAVITY_SIZE,
 }
 """Standard deviations of what is simulated; that of gravity stands for the body's acceleration,
 1 m/s^2. Of field and gravity, over their size."""
-SIZE = {"magnetic-field": float(np.linalg.norm(signals.FIELD)), "gravity": 9.82}
-"""T and m/s^2: from the unit vector to what the aidings measure."""
+SIZE = {"magnetic-field": float(np.linalg.norm(signals.FIELD)), "gravity": GRAVITY_SIZE}
+"""T and m/s^2: from the unit vector to what the sources measure."""
 
 
-OWN = EULER_FILTERS | {FORCE_OBSERVER.name: FORCE_OBSERVER}
+OWN = PRINTED_FILTERS | {FORCE_OBSERVER.name: FORCE_OBSERVER}
 """The chapter's filters that are no part of the library."""
 
 
@@ -126,8 +126,8 @@ AS_PUBLISHED = {"attitude_error": "neglected"}
 """Filters with an AHRS: ins_ahrs takes each record for exact in the velocity; its R weighs the
 angles alone."""
 CONSIDERED = ", attitude error considered"
-"""What a case is called beside the published one, whose filter considers what errors of the records
-do to the velocity: only with the true noises, for R of the chapter is a weight of 1 rad^2 and not
+"""End of the label of a case beside the published one, whose filter considers what errors of the
+records do to the velocity: only with the true noises, for R of the chapter is a weight of 1 rad^2 and not
 the variance of an AHRS."""
 
 
@@ -144,6 +144,8 @@ class FilterCase(NamedTuple):
     rate: float = 100.0  # IMU samples per second
     tunings: tuple[str, ...] = TUNINGS
     options: Mapping[str, str | float] = {}  # of the filter
+    # of the fixes only those that come with a position are used, as in the code of the chapter's edition
+    together: bool = False
 
     @property
     def value(self) -> Filter:
@@ -184,6 +186,20 @@ CASES = (
         tunings=(CHAPTER,),
     ),
     FilterCase(
+        "mekf as printed, position + gravity + field",
+        "mekf-printed",
+        ("position", "gravity", "magnetic-field"),
+        MEKF,
+        together=True,
+    ),
+    FilterCase(
+        "mekf as printed, position + gravity + compass",
+        "mekf-printed",
+        ("position", "gravity", "heading"),
+        MEKF,
+        together=True,
+    ),
+    FilterCase(
         "direct-euler, position + compass",
         "direct-euler",
         ("position", "heading"),
@@ -200,6 +216,12 @@ CASES = (
         tunings=DECIDING,
     ),
     FilterCase(
+        "euler-indirect as printed, position + gravity + compass",
+        "euler-indirect",
+        ("position", "gravity", "heading"),
+        EULER,
+    ),
+    FilterCase(
         "euler-indirect as printed, position + compass",
         "euler-indirect",
         ("position", "heading"),
@@ -212,6 +234,15 @@ CASES = (
         EULER,
         options={"errors": "corrected"},
     ),
+    FilterCase(
+        "ahrs-direct as printed",
+        "ahrs-direct",
+        ("position", "attitude"),
+        AHRS,
+        white=TUNINGS,
+        tunings=DECIDING,
+    ),
+    FilterCase("ahrs-indirect as printed", "ahrs-indirect", ("position", "attitude"), AHRS),
     FilterCase(
         "direct-ahrs",
         "direct-ahrs",
@@ -288,35 +319,38 @@ def noise(case: FilterCase, tuning: str, excitation: str) -> Noise:
         times = case.weights.times
     else:
         accel = gyro = signals.SAMPLE_NOISE * case.rate**-0.5
-        accel_bias, gyro_bias = (sd * np.sqrt(2 / signals.BIAS_TIME) for sd in signals.BIAS_SD)
+        accel_bias, gyro_bias = (std * np.sqrt(2 / signals.BIAS_TIME) for std in signals.BIAS_STD)
         times = (signals.BIAS_TIME if excitation == "signal 2" else np.inf,) * 2
     accel_decay, gyro_decay = (0.0, 0.0) if tuning in case.white else (1 / time for time in times)
     return Noise(gyro, accel, gyro_bias, accel_bias, gyro_decay, accel_decay)
 
 
 def deviation(case: FilterCase, tuning: str, kind: str) -> float:
-    """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises
+    """Standard deviation that a fix of `kind` is given, in the unit of its source. Raises
     DataError where no weight is known."""
     if tuning in THE_CHAPTERS and kind not in case.weights.R:
         raise DataError(f"{case.name}: no weight of {kind!r} is published")
-    unit = np.sqrt(case.weights.R[kind]) if tuning in THE_CHAPTERS else TRUE_SD[kind]
+    unit = np.sqrt(case.weights.R[kind]) if tuning in THE_CHAPTERS else TRUE_STD[kind]
     return float(unit * SIZE.get(kind, 1.0))
 
 
-def sensed(recording: Recording, case: FilterCase, tuning: str) -> Recording:
+def select_sources(recording: Recording, case: FilterCase, tuning: str) -> Recording:
     """The recording with the sources of a case alone, which state the deviations of a tuning."""
-    chosen = [a for a in recording.aidings if a.kind in case.kinds]
+    chosen = [a for a in recording.sources if a.kind in case.kinds]
+    if case.together:
+        fixed = next(a.t for a in chosen if a.kind == "position")
+        chosen = [a._where(np.isin(np.round(a.t, 6), np.round(fixed, 6))) for a in chosen]
     return replace(
         recording,
-        aidings=tuple(
-            replace(a, sd=np.full(a.sd.shape, deviation(case, tuning, a.kind))) for a in chosen
+        sources=tuple(
+            replace(a, std=np.full(a.std.shape, deviation(case, tuning, a.kind))) for a in chosen
         ),
     )
 
 
 def start(recording: Recording, tuning: str, seed: int) -> InitialState:
     """Where a run begins: as the published scripts do, at the truth with deviations of 1 of
-    everything, or at an error drawn from START_SD. Biases 0."""
+    everything, or at an error drawn from START_STD. Biases 0."""
     truth = recording.reference
     if tuning in THE_CHAPTERS:
         place, speed, angles = (
@@ -326,8 +360,8 @@ def start(recording: Recording, tuning: str, seed: int) -> InitialState:
             0.0, place, speed, angles, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15, "the truth"
         )
     unbiased, rng = (np.zeros(3), np.zeros(3)), np.random.default_rng([seed, 77])
-    return draw_start(truth, np.r_[START_SD[:9], np.zeros(6)], rng, biases=unbiased)._replace(
-        sd=START_SD
+    return draw_start(truth, np.r_[START_STD[:9], np.zeros(6)], rng, biases=unbiased)._replace(
+        std=START_STD
     )
 
 
@@ -337,10 +371,10 @@ class CaseRun(NamedTuple):
 
     t: Array  # (n,) s
     error: Array  # (n, 15)
-    sd: Array  # (n, 15)
+    std: Array  # (n, 15)
     bias: Array  # (n, 6) true biases
     stopped: str  # why it ended early, or ""
-    angle_sd: float  # rad: the largest deviation of an Euler angle; NaN without such states
+    angle_std: float  # rad: the largest deviation of an Euler angle; NaN without such states
     ins: Array  # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
 
     def size(self, states: slice) -> Array:
@@ -351,7 +385,7 @@ class CaseRun(NamedTuple):
 def run(recording: Recording, case: FilterCase, tuning: str, excitation: str, seed: int) -> CaseRun:
     """Run of a case on a Recording of fossen_signals; a filter that breaks down ends it early."""
     used, every, truth = (
-        sensed(recording, case, tuning),
+        select_sources(recording, case, tuning),
         round(case.rate / ROWS),
         recording.reference,
     )
@@ -383,18 +417,15 @@ def run(recording: Recording, case: FilterCase, tuning: str, excitation: str, se
     )
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     bias = np.c_[recording.meta["b_a"][rows], recording.meta["b_g"][rows]]
-    unknown = np.full((len(e.t), 3), np.nan)
-    position = unknown if e.position is None else e.position
-    velocity = unknown if e.velocity is None else e.velocity
-    error = np.c_[position, velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
+    error = np.c_[e.position, e.velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
     beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in OPEN_LOOP.columns]
-    ins = np.linalg.norm(position + np.stack(beside, axis=1), axis=1)
+    ins = np.linalg.norm(e.position + np.stack(beside, axis=1), axis=1)
     angles = solution.columns.get(MAX_COLUMN, np.full(1, np.nan))
     largest = float(angles[-1])
     return CaseRun(
         solution.t,
         error,
-        solution.trajectory.sd,
+        solution.trajectory.std,
         bias,
         solution.meta.get("stopped", ""),
         largest,
@@ -402,7 +433,7 @@ def run(recording: Recording, case: FilterCase, tuning: str, excitation: str, se
     )
 
 
-def settled(t: Array, size: Array, below: float) -> float:
+def settling_time(t: Array, size: Array, below: float) -> float:
     """s: since when `size` (n,) stays below a bound to the end; inf where it does not, NaN where
     it is nowhere known."""
     if not len(size) or not size[-1] < below:
@@ -411,28 +442,37 @@ def settled(t: Array, size: Array, below: float) -> float:
     return float(t[above[-1] + 1]) if len(above) else 0.0
 
 
+def _rms(size: Array) -> float:
+    """Root of the mean square of sizes; NaN where there is none."""
+    return float(np.sqrt(np.mean(size**2))) if len(size) else np.nan
+
+
 def numbers(run: CaseRun, duration: float) -> dict[str, float | bool]:
     """{name: number} of a run: times of convergence, rms errors over the last LAST s, shares of the
     biases' deviations that are left.
 
-    accel_first_s is when the error of the accelerometer biases first was below its bound, whether
+    growth and ins_growth are those of the position error of the estimate and of the raw INS: rms over
+    the last LAST s by that over the LAST s before. accel_first_s is when the error of the accelerometer biases first was below its bound, whether
     it stayed there or not.
     """
     ended = bool(run.stopped) or not len(run.t) or run.t[-1] < duration - 1.0
-    late = run.t >= duration - LAST
-    rms = lambda states: np.nan if ended else float(np.sqrt(np.mean(run.size(states)[late] ** 2)))
+    late, before = run.t >= duration - LAST, abs(run.t - (duration - 1.5 * LAST)) < 0.5 * LAST
+    rms = lambda states: np.nan if ended else _rms(run.size(states)[late])
+    grown = lambda size: np.nan if ended else _rms(size[late]) / _rms(size[before])
     below = np.flatnonzero(run.size(BA) < ACCEL_BELOW)
     left = {
-        f"{name}_left_{axis}": np.nan if ended else float(run.sd[-1, state] / run.sd[0, state])
+        f"{name}_left_{axis}": np.nan if ended else float(run.std[-1, state] / run.std[0, state])
         for name, states in (("accel", BA), ("gyro", BG))
         for axis, state in zip("xyz", range(15)[states])
     }
     return {
         "stopped": ended,
-        "accel_s": np.inf if ended else settled(run.t, run.size(BA), ACCEL_BELOW),
-        "gyro_s": np.inf if ended else settled(run.t, run.size(BG), GYRO_BELOW),
-        "angle_sd_rad": run.angle_sd,
+        "accel_s": np.inf if ended else settling_time(run.t, run.size(BA), ACCEL_BELOW),
+        "gyro_s": np.inf if ended else settling_time(run.t, run.size(BG), GYRO_BELOW),
+        "angle_std_rad": run.angle_std,
         "ins_m": np.nan if ended else float(run.ins[-1]),
+        "growth": grown(run.size(slice(0, 3))),
+        "ins_growth": grown(run.ins),
         "accel_first_s": float(run.t[below[0]]) if len(below) else np.inf,
         **{name: rms(slice(i, i + 3)) for name, i in RMS.items()},
         **left,

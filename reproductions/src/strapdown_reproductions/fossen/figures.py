@@ -27,8 +27,10 @@ from ..common.figures import names_down, quantile_lines, side_by_side, ticks
 from . import intro as fossen_intro, signals
 from .cases import ACCEL_BELOW, CHAPTER, FADING, GYRO_BELOW, RIGHT, CaseRun
 from .claims import MEKF
+from .flight_picture import NAMES
 from .intro import FORMS, Kept
 from .runs import FossenResults
+from .statements import flight_rms
 
 NED, BODY, ANGLES = (
     ("north", "east", "down"),
@@ -49,13 +51,16 @@ SENSORS = (
 )
 """What, unit, bound, from SI to the unit, and range of time axes, s."""
 STYLES = tuple(zip(FORMS, COLOURS, ("solid", "solid", "dash")))
-"""Of the filters of the introductory example."""
+"""Line styles of the filters of the introductory example."""
 NEVER = 600.0
 """s at which runs stand that have not converged."""
 
 
-def all_figures(results: FossenResults, intro: Kept) -> list[tuple[str, go.Figure, str]]:
-    """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study."""
+def all_figures(
+    results: FossenResults, intro: Kept, flown: pd.DataFrame
+) -> list[tuple[str, go.Figure, str]]:
+    """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study, flown:
+    the table of statements.flight."""
     lettered = tuple(zip("ab", signals.SIGNALS))
     samples = {
         name: {tuning: results.samples.get((SHOWN, name, tuning)) for tuning in LABELS}
@@ -113,6 +118,7 @@ def all_figures(results: FossenResults, intro: Kept) -> list[tuple[str, go.Figur
             for letter, case in zip("ab", (MEKF[1], MEKF[4]))
         ),
         *introduction(intro),
+        *([flight(flown)] if len(flown) else []),
     ]
 
 
@@ -160,10 +166,10 @@ def states(run: CaseRun) -> go.Figure:
     ]
     drawn, outside = panels(labels, height=95), []
     for i in range(9):
-        error, sd = run.error[:, i] * scale[i], 3 * run.sd[:, i] * scale[i]
-        band(drawn, run.t, np.zeros(len(run.t)), sd, row=i + 1)
+        error, std = run.error[:, i] * scale[i], 3 * run.std[:, i] * scale[i]
+        band(drawn, run.t, np.zeros(len(run.t)), std, row=i + 1)
         line(drawn, run.t, error, "true − estimate", COLOURS[0], row=i + 1)
-        limit, largest = frame(run.t, error, sd)
+        limit, largest = frame(run.t, error, std)
         drawn.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
         if largest > 1.1 * limit:
             outside.append(
@@ -421,3 +427,26 @@ def _dead_reckoning(kept: Kept) -> go.Figure:
 def _time(drawn: go.Figure, rows: int, t: Array) -> go.Figure:
     drawn.update_xaxes(title_text="time [s]", row=rows, col=1)
     return drawn.update_xaxes(range=[0.0, float(t[-1])])
+
+
+def flight(flown: pd.DataFrame) -> tuple[str, go.Figure, str]:
+    """The tilt error of the attitude observer over a recorded flight, by reference vector."""
+    drawn, rms = panels(["tilt error<br>[deg]"], height=320), flight_rms(flown)
+    for (name, text), colour in zip(NAMES.items(), COLOURS):
+        said = f"reference by {text}, rms {rms[name]:.2g} deg"
+        line(
+            drawn,
+            flown["second"].to_numpy(float),
+            flown[f"{name}_deg"].to_numpy(),
+            said,
+            colour,
+            row=1,
+        )
+    drawn.update_xaxes(title_text="time [s]")
+    return (
+        "Figure 9: the attitude observer on a recorded flight",
+        drawn,
+        "thor75, a small fixed-wing aircraft, against the attitude computed on board; default gains, the "
+        "same magnetometer. The specific force is compared with gravity alone, or with GNSS velocity "
+        "differences less gravity.",
+    )

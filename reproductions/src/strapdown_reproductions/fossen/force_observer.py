@@ -28,7 +28,7 @@ from strapdown.core.loop.contract import (
     Noise,
     Observe,
     Slots,
-    Source,
+    SourceLike,
     SourceRow,
     kernel,
 )
@@ -77,13 +77,13 @@ def start(
 
 
 def configure(
-    options: dict[str, Any], aidings: Sequence[Source]
+    options: dict[str, Any], sources: Sequence[SourceLike]
 ) -> tuple[dict[str, Any], list[str]]:
     """Refuses an antenna away from the IMU: its velocity is not the IMU's."""
-    for aiding in aidings:
-        if aiding.kind == "velocity" and any(aiding.parameters[:3]):
+    for source in sources:
+        if source.kind == "velocity" and any(source.parameters[:3]):
             raise ValueError(
-                f"{aiding.name or aiding.kind} has a lever arm; give the velocity of the IMU's place"
+                f"{source.name or source.kind} has a lever arm; give the velocity of the IMU's place"
             )
     return options, []
 
@@ -93,9 +93,9 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros, and gather the specific force in n."""
     if dt <= 0:
         return
-    workspace, C, bg = belief.workspace, belief.C, belief.bg
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
+    workspace, C, b_g = belief.workspace, belief.C_nb, belief.b_g
+    r0, r1, r2 = u[0] - b_g[0] * dt, u[1] - b_g[1] * dt, u[2] - b_g[2] * dt
+    a0, a1, a2 = u[3] - belief.b_a[0] * dt, u[4] - belief.b_a[1] * dt, u[5] - belief.b_a[2] * dt
     rotate_right(C, 0.5 * r0, 0.5 * r1, 0.5 * r2)
     s0, s1, s2 = rotate_vector(C, a0, a1, a2)
     rotate_right(C, 0.5 * r0, 0.5 * r1, 0.5 * r2)
@@ -109,17 +109,17 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     workspace[SINCE] += dt
     keep = decay(of_estimates(noise).gyro_decay * dt)
     for i in range(3):
-        bg[i] *= keep
-        belief.omega[i], belief.f[i] = u[i] / dt - bg[i], u[3 + i] / dt - belief.ba[i]
+        b_g[i] *= keep
+        belief.omega[i], belief.f[i] = u[i] / dt - b_g[i], u[3 + i] / dt - belief.b_a[i]
     orthonormalise(C)
 
 
 @helper
 def _pull(belief: FilterState, x: float, y: float, z: float, gain: float) -> None:
     """Correct attitude and gyro bias by a cross product (x, y, z) in n."""
-    C, learnt = belief.C, belief.workspace[KI] * gain
+    C, learnt = belief.C_nb, belief.workspace[KI] * gain
     for i in range(3):
-        belief.bg[i] -= learnt * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
+        belief.b_g[i] -= learnt * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
     rotate_left(gain * x, gain * y, gain * z, C)
 
 
@@ -147,7 +147,7 @@ def _by_velocity(belief: FilterState, y: Array) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -155,7 +155,7 @@ def correct(
     innovation: Array,
 ) -> float:
     """Pull the attitude to the direction that a fix tells; it does not gate."""
-    workspace, C = belief.workspace, belief.C
+    workspace, C = belief.workspace, belief.C_nb
     for i in range(innovation.size):
         innovation[i] = math.nan
     if kind == Kind.VELOCITY:

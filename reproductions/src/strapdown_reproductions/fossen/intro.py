@@ -30,7 +30,7 @@ STATES = (
 SCALE = np.array([1.0, 1.0, np.degrees(1), 1.0, np.degrees(1)])
 """From SI to the units of STATES."""
 H = np.array([[1.0, 0, 0, 0, 0], [0, 0, 1, 0, 0]])
-"""What is measured: position and angle."""
+"""Measurement matrix: position and angle are measured."""
 FORMS = ("feedforward", "feedback", "direct")
 BIASES = ("constant", "decaying")
 BEGIN = (0.3, 0.05)
@@ -49,14 +49,14 @@ class IntroModel(NamedTuple):
     rate_bias: float = 3e-5
     accel_time: float = 300.0
     rate_time: float = 300.0
-    position_sd: float = 0.05  # m
-    angle_sd: float = 0.01  # rad
-    start_sd: tuple[float, float, float, float, float] = (1.0, 0.3, 0.1, 0.3, 0.1)
+    position_std: float = 0.05  # m
+    angle_std: float = 0.01  # rad
+    start_std: tuple[float, float, float, float, float] = (1.0, 0.3, 0.1, 0.3, 0.1)
 
     @property
     def R(self) -> Array:
         """(2, 2) covariance of a measurement of position and angle."""
-        return np.diag([self.position_sd, self.angle_sd]) ** 2
+        return np.diag([self.position_std, self.angle_std]) ** 2
 
     def without_decay(self) -> "IntroModel":
         """The same with biases that are driven by white noise alone, as the chapter's direct
@@ -100,7 +100,7 @@ class IntroEstimate(NamedTuple):
     """A filter's estimates of a record, rows as those of `IntroRecord.true`."""
 
     x: Array  # (n + 1, runs, 5) states
-    sd: Array  # (n + 1, 5) standard deviations that it states
+    std: Array  # (n + 1, 5) standard deviations that it states
     ins: Array  # (n + 1, runs, 3) position, velocity and angle of the INS behind it
 
 
@@ -118,7 +118,7 @@ def dynamics(model: IntroModel) -> tuple[Array, Array]:
     return F, G
 
 
-def discretised(model: IntroModel, dt: float) -> tuple[Array, Array]:
+def discretise(model: IntroModel, dt: float) -> tuple[Array, Array]:
     """(Phi (5, 5), Q (5, 5)) over dt s, by Van Loan's matrix exponential."""
     F, G = dynamics(model)
     W = np.diag([model.accel, model.rate, model.accel_bias, model.rate_bias]) ** 2
@@ -129,8 +129,8 @@ def discretised(model: IntroModel, dt: float) -> tuple[Array, Array]:
 
 
 def observable(measured: ArrayLike, model: IntroModel = MODEL) -> int:
-    """How many of the five states the rows `measured` (k, 5) tell: the rank of the observability
-    matrix."""
+    """Number of the five states that the rows `measured` (k, 5) determine: the rank of the
+    observability matrix."""
     F, rows = dynamics(model)[0], [np.atleast_2d(measured)]
     for _ in range(4):
         rows.append(rows[-1] @ F)
@@ -174,9 +174,9 @@ def simulate(
         + bias[1:]
         + np.array([model.accel, model.rate]) / np.sqrt(dt) * rng.standard_normal((n, runs, 2))
     )
-    measured = true[1:] @ H.T + np.array([model.position_sd, model.angle_sd]) * rng.standard_normal(
-        (n, runs, 2)
-    )
+    measured = true[1:] @ H.T + np.array(
+        [model.position_std, model.angle_std]
+    ) * rng.standard_normal((n, runs, 2))
     return IntroRecord(t, dt, imu, true, measured, fixes.at(t[1:], rate))
 
 
@@ -216,46 +216,46 @@ def estimate(
 
 
 def _indirect(record: IntroRecord, model: IntroModel, feedback: bool) -> IntroEstimate:
-    Phi, Q = discretised(model, record.dt)
+    Phi, Q = discretise(model, record.dt)
     runs = record.imu.shape[1]
     ins, bias, dx, P = (
         record.true[0, :, :3],
         np.zeros((runs, 2)),
         np.zeros((runs, 5)),
-        np.diag(model.start_sd) ** 2,
+        np.diag(model.start_std) ** 2,
     )
     rows = [(np.c_[ins, bias], np.diag(P), ins)]
     for u, fix, fixed in zip(record.imu, record.fixes, record.fixed):
         ins = strapdown(ins, u - bias, record.dt)
         dx, P = dx @ Phi.T, Phi @ P @ Phi.T + Q
         if fixed:
-            dx, P = corrected(dx, P, fix - ins @ H[:, :3].T, model.R)
+            dx, P = correct(dx, P, fix - ins @ H[:, :3].T, model.R)
             if feedback:
                 ins, bias, dx = ins + dx[:, :3], bias + dx[:, 3:], np.zeros((runs, 5))
         rows.append((np.c_[ins, bias] + dx, np.diag(P), ins))
-    return _stacked(rows)
+    return _stack_rows(rows)
 
 
 def _direct(record: IntroRecord, model: IntroModel) -> IntroEstimate:
-    Phi, Q = discretised(model, record.dt)
+    Phi, Q = discretise(model, record.dt)
     runs = record.imu.shape[1]
-    x, P = np.c_[record.true[0, :, :3], np.zeros((runs, 2))], np.diag(model.start_sd) ** 2
+    x, P = np.c_[record.true[0, :, :3], np.zeros((runs, 2))], np.diag(model.start_std) ** 2
     rows = [(x, np.diag(P), x[:, :3])]
     for u, fix, fixed in zip(record.imu, record.fixes, record.fixed):
         x, P = x @ Phi.T, Phi @ P @ Phi.T + Q
         x[:, :3] += strapdown(np.zeros((runs, 3)), u, record.dt)
         if fixed:
-            x, P = corrected(x, P, fix, model.R)
+            x, P = correct(x, P, fix, model.R)
         rows.append((x, np.diag(P), x[:, :3]))
-    return _stacked(rows)
+    return _stack_rows(rows)
 
 
-def _stacked(rows: Sequence[tuple[Array, Array, Array]]) -> IntroEstimate:
+def _stack_rows(rows: Sequence[tuple[Array, Array, Array]]) -> IntroEstimate:
     x, variance, ins = (np.array(column) for column in zip(*rows))
     return IntroEstimate(x, np.sqrt(variance), ins)
 
 
-def corrected(x: Array, P: Array, y: Array, R: Array) -> tuple[Array, Array]:
+def correct(x: Array, P: Array, y: Array, R: Array) -> tuple[Array, Array]:
     """States (runs, 5) and covariance after measurements y (runs, 2) of position and angle, or
     of their errors; Joseph's form."""
     gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
@@ -269,7 +269,8 @@ def study(runs: int, seed: int = SEED) -> tuple[pd.DataFrame, Kept]:
 
     position_m and ins_m: errors of estimate and INS, at the end of the record or of the OUTAGE;
     bias_before, bias_after: error of the accelerometer bias at the beginning and at the end of the
-    OUTAGE, m/s^2.
+    OUTAGE, m/s^2; bias_left: its estimate at the end by that at the beginning, and bias_model what the
+    time constant leaves of it.
     """
     rows, kept = [], {}
     for i, biases in enumerate(BIASES):
@@ -282,6 +283,7 @@ def study(runs: int, seed: int = SEED) -> tuple[pd.DataFrame, Kept]:
             )
             before, after = (int(np.argmin(np.abs(record.t - at))) for at in OUTAGE)
             after, end = after - 1, after - 1 if outage else len(record.t) - 1
+            faded = np.exp(-(record.t[after] - record.t[before - 1]) / MODEL.accel_time)
             for form in FORMS:
                 made = estimate(record, form)
                 error, ins = (
@@ -298,6 +300,8 @@ def study(runs: int, seed: int = SEED) -> tuple[pd.DataFrame, Kept]:
                         "ins_m": ins[k],
                         "bias_before": error[before - 1, k, 3],
                         "bias_after": error[after, k, 3],
+                        "bias_left": made.x[after, k, 3] / made.x[before - 1, k, 3],
+                        "bias_model": faded,
                     }
                     for k in range(runs)
                 ]

@@ -13,15 +13,25 @@ from typing import Any
 import pandas as pd
 
 from strapdown import __version__
+from strapdown.fileio.files import replacing
 from strapdown.typing import File
 
+from ..common.concordance import concordance
 from ..common.markdown import number
 from ..common.reproduction import Asked, reproduction
 from ..common.study import Outcome, StudyWork, choices_table, write_study
-from . import claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
+from . import (
+    claims as fossen_claims,
+    intro as fossen_intro,
+    readings as fossen_readings,
+    runs as fossen_runs,
+    statements,
+)
 from .cases import CASES, FAST, LAST, FilterCase
 from .choices import CHOICES
+from .concordance import entries
 from .figures import all_figures
+from .flight_picture import PICTURE, draw_flight
 from .runs import KEYS, FossenResults
 
 SEEDS, QUICK_SEEDS = 50, 5
@@ -44,7 +54,9 @@ WORK = StudyWork(
         "filter with its sensors, an excitation and a tuning; it supports a claim where more than half of "
         "its runs do, and contradicts it where fewer do (95 % intervals of Wilson's score). Of a claim "
         "with parts that must all hold: reproduced where all are, not reproduced where none is, partly "
-        "where one is. The rules were written beside trials of seeds that are not in the study; none was "
+        "where one is. What the chapter or its code leaves open, or prints in two ways, is read in every "
+        "way: where one reading supports a claim and another contradicts it, the claim depends on the "
+        "reading. The rules were written beside trials of seeds that are not in the study; none was "
         "changed for its verdict.",
     ),
     kind="chapter",
@@ -82,10 +94,10 @@ DROPOUT_LISTED = {
 def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
     claims; quick: 5 seeds in place of 50, without the cases FAST. Raises DataError."""
-    return made(out, asked, CASES + (() if asked.quick else FAST))
+    return make_outputs(out, asked, CASES + (() if asked.quick else FAST))
 
 
-def made(
+def make_outputs(
     out: File, asked: Asked, studied: Sequence[FilterCase], duration: float = fossen_runs.DURATION
 ) -> list[dict[str, Any]]:
     """As `reproduce`, with the Cases `studied`, each of `duration`, s."""
@@ -98,9 +110,9 @@ def write(out: File, results: FossenResults, count: int, seed: int) -> list[dict
     """Write the page of finished Results into the folder `out`; return the claims."""
     intro, kept = fossen_intro.study(count, seed)
     cells = fossen_runs.table(results.runs)
-    claims = fossen_claims.claims(
-        fossen_claims.FossenEvidence(results.runs, results.dropouts, intro)
-    )
+    beside = statements.all_tables(range(1000 * seed, 1000 * seed + count))
+    evidence = fossen_claims.FossenEvidence(results.runs, results.dropouts, intro, beside)
+    claims, readings = fossen_claims.claims(evidence), fossen_claims.by_reading(evidence)
     size = (
         f"This page: {count} seeds of each case, {len(results.runs) + len(results.dropouts)} runs "
         f"of {results.t[-1]:.0f} s at 100 Hz and more, "
@@ -110,12 +122,18 @@ def write(out: File, results: FossenResults, count: int, seed: int) -> list[dict
         size,
         claims,
         choices_table(CHOICES, "in the chapter and its code"),
-        _tables(results, cells, intro),
-        all_figures(results, kept),
-        listed=listed(cells, results.dropouts),
+        _tables(results, cells, intro) | _beside(beside, readings),
+        all_figures(results, kept, beside[statements.FLIGHT]),
+        notes=[("Readings, and one word for each", fossen_readings.points_table())],
+        listed=[*listed_readings(readings), *list_tables(cells, results.dropouts)],
+        between=["", "Concordance of the chapter:", "", concordance(entries(claims))],
         runs=count,
     )
-    return write_study(out, WORK, outcome)
+    written = write_study(out, WORK, outcome)
+    if len(beside[statements.FLIGHT]):
+        with replacing(Path(out) / PICTURE) as part:
+            part.write_text(draw_flight(beside[statements.FLIGHT]), encoding="utf-8")
+    return written
 
 
 def _tables(
@@ -153,12 +171,38 @@ def _tables(
     return found
 
 
+def _beside(
+    beside: statements.Tables, readings: pd.DataFrame
+) -> dict[str, tuple[str | None, pd.DataFrame]]:
+    """The readings of the claims, and the statements that no case study decides."""
+    shown = {
+        statements.STATIC: "The static attitude by an ideal accelerometer",
+        statements.COST: "Time for a sample of MEKF and attitude observer, in pairs of runs",
+    }
+    said = {
+        "readings": (
+            "The claims in every reading; the word is that of the point furthest from the letter",
+            readings,
+        )
+    }
+    return said | {name: (shown.get(name), table) for name, table in beside.items()}
+
+
+def listed_readings(readings: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """[(heading, DataFrame of text)] for findings.md: what is read how, and each claim in every
+    reading."""
+    return [
+        ("Readings of what is left open, and one word for each", fossen_readings.points_table()),
+        ("The claims in every reading", readings),
+    ]
+
+
 def medians(rows: pd.DataFrame, keys: Sequence[str], columns: Collection[str]) -> pd.DataFrame:
     """A row for each value of `keys`: medians of the `columns`."""
     return rows.groupby(list(keys), sort=False)[list(columns)].median().reset_index()
 
 
-def listed(cells: pd.DataFrame, dropouts: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def list_tables(cells: pd.DataFrame, dropouts: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """[(heading, DataFrame of text)] for findings.md: a table per excitation, and the dropouts."""
     shown = fossen_runs.readable(cells)
     numbers = ["position, m", "velocity, m/s", "attitude, deg"]

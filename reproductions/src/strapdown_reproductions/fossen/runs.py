@@ -27,7 +27,9 @@ DROPOUT = (180.0, 300.0)
 """s without any fix, to the end, in the runs of dead reckoning."""
 DROPPED = (
     "mekf, position + field",
+    "mekf as printed, position + gravity + field",
     "direct-ahrs, white-driven biases",
+    "ahrs-indirect as printed",
     "indirect-ahrs-closed",
     "indirect-ahrs-open",
 )
@@ -35,13 +37,14 @@ CURVE = 5
 """Every so many rows of a run are kept for the curves: 2 Hz."""
 STEEP = (
     "mekf, position + compass",
+    "mekf as printed, position + gravity + compass",
     "direct-euler, position + compass",
     *(case.name for case in cases.CASES if case.filter.startswith("euler-")),
 )
 """Cases that also run through the vertical."""
 
 
-MEDIANS = (*cases.RMS, "ins_m")
+MEDIANS = (*cases.RMS, "ins_m", "growth", "ins_growth")
 """Columns of a run, besides the times, of which a cell has the median."""
 
 
@@ -123,7 +126,7 @@ def _seed(
                     cases.run(known[key], case, tuning, excitation, seed),
                 )
             )
-            if case.name in DROPPED and excitation in signals.SIGNALS and duration >= DROPOUT[1]:
+            if case.name in DROPPED and excitation in signals.MOVED and duration >= DROPOUT[1]:
                 dropped.append(_dropout(known[key], case, tuning, excitation, seed))
     return found, dropped
 

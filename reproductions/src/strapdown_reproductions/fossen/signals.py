@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.sensor_models.ahrs import Ahrs, AhrsPlan
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan
@@ -31,7 +31,7 @@ from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, normal_gravity, ra
 from strapdown.typing import Array, ArrayLike
 
 Axes: TypeAlias = Sequence[Sequence[tuple[float, float, float]]]
-"""Of each axis the sines: amplitude, rad/s, phase in rad."""
+"""Sines of each axis: amplitude, rad/s, phase in rad."""
 TRONDHEIM = (float(np.radians(63.4305)), float(np.radians(10.3951)), 0.0)
 """Where all signals begin: rad, rad, m."""
 FIELD = (13559e-9, 921e-9, 50209e-9)
@@ -41,13 +41,13 @@ ACCEL_BIAS, GYRO_BIAS = (0.1, 0.3, -0.1), (0.05, 0.1, -0.05)
 """m/s^2 and rad/s at the beginning."""
 BIAS_TIME = 300.0
 """s: of the slowly varying biases, which decay from the values above."""
-BIAS_SD = (20e-6 * 9.81, float(np.radians(8 / 3600)))
+BIAS_STD = (20e-6 * 9.81, float(np.radians(8 / 3600)))
 """m/s^2 and rad/s: their stationary standard deviations."""
 SAMPLE_NOISE = 0.005
-"""Of each sample of force (m/s^2) and rate (rad/s)."""
-POSITION_SD, VELOCITY_SD = 0.05, 0.01  # m, m/s
-DIRECTION_SD, COMPASS_SD, AHRS_SD = 0.005, 0.005, 0.005
-"""Of the unit vector of the field, and rad: chosen, for the published generator has 0.005 nT,
+"""Standard deviation of each sample of force (m/s^2) and rate (rad/s)."""
+POSITION_STD, VELOCITY_STD = 0.05, 0.01  # m, m/s
+DIRECTION_STD, COMPASS_STD, AHRS_STD = 0.005, 0.005, 0.005
+"""Standard deviations of the field's unit vector, and in rad: chosen, for the published generator has 0.005 nT,
 and an exact compass and AHRS."""
 POSITION_INTERVAL, FIELD_RATE, AHRS_RATE = 0.2, 100.0, 10.0  # s, Hz, Hz
 SPEED = 5.0
@@ -72,9 +72,12 @@ SIGNALS = {
         ),
     ),
 }
-EXCITATIONS = (*SIGNALS, "at rest", "steady", "turning", "steep")
-"""The two signals; level and still; level and straight at SPEED; level in one place, its heading
-swinging; pitching through the vertical."""
+CONSTANT = "signal 2, constant biases"
+MOVED = (*SIGNALS, CONSTANT)
+"""The two signals, the second one with varying biases and with constant ones."""
+EXCITATIONS = (*SIGNALS, "at rest", "steady", "turning", "steep", CONSTANT)
+"""MOVED; level and still; level and straight at SPEED; level in one place, its heading swinging;
+pitching through the vertical."""
 SWINGS = {"turning": (0.0, 0.0, 40.0), "steep": (10.0, 95.0, 20.0)}
 """deg: amplitudes of roll, pitch and heading, with periods of 37, 80 and 60 s."""
 
@@ -110,9 +113,11 @@ def _sines(axes: Axes, t: ArrayLike) -> Array:
 def ideal(name: str, rate_hz: float, duration: float) -> Ideal:
     """The Ideal of one of EXCITATIONS over `duration` s with `rate_hz` samples a second. Raises
     DataError for another name."""
+    if name == CONSTANT:
+        return ideal("signal 2", rate_hz, duration)
     t = np.arange(round(duration * rate_hz) + 1) / rate_hz
     if name in SIGNALS:
-        return integrated(name, t)
+        return integrate_signal(name, t)
     if name not in EXCITATIONS:
         raise DataError(f"no excitation {name!r}; there is: {', '.join(EXCITATIONS)}")
     speed = SPEED if name == "steady" else 0.0
@@ -129,7 +134,7 @@ def ideal(name: str, rate_hz: float, duration: float) -> Ideal:
     return Ideal(*records(motion, t))
 
 
-def integrated(name: str, t: Array) -> Ideal:
+def integrate_signal(name: str, t: Array) -> Ideal:
     """The Ideal of a signal at times t (n + 1,) from 0, by a Runge-Kutta solution (order 8) of the
     strapdown equations to 1e-12.
 
@@ -182,7 +187,7 @@ def _slope(name: str, t: float, y: Array) -> Array:
     force = acceleration(name, t) - C.T @ g
     moved = C @ force + g - np.cross(earth + frame, y[3:6])
     place = north / (meridian + alt), east / ((normal + alt) * np.cos(lat)), -down
-    return np.r_[place, moved, 0.5 * _turning(rate(name, t) - C.T @ frame) @ y[6:10], force]
+    return np.r_[place, moved, 0.5 * _rate_matrix(rate(name, t) - C.T @ frame) @ y[6:10], force]
 
 
 def _matrix(q: Array) -> Array:
@@ -197,7 +202,7 @@ def _matrix(q: Array) -> Array:
     )
 
 
-def _turning(w: Array) -> Array:
+def _rate_matrix(w: Array) -> Array:
     """The matrix W of dq/dt = W q / 2 for a rate w in body axes."""
     x, y, z = w
     return np.array([[0, -x, -y, -z], [x, 0, z, -y], [y, -z, 0, x], [z, y, -x, 0]])
@@ -215,7 +220,7 @@ def sensor(rate_hz: float) -> ImuSpec:
     )
 
 
-def described(rate_hz: float, walking: bool) -> ImuSpec:
+def describe_imu(rate_hz: float, walking: bool) -> ImuSpec:
     """The ImuSpec that tells filters what the samples hold: noise, and biases of the published
     size, constant or decaying with BIAS_TIME."""
     size = lambda values: float(np.sqrt(np.mean(np.square(values))))
@@ -245,7 +250,7 @@ def biases(walking: bool, count: int, dt: float, stream: RandomStream) -> tuple[
     steps = (
         np.sqrt(1 - keep * keep)
         * stream.standard_normal((2, count + 1, 3))
-        * np.array(BIAS_SD)[:, None, None]
+        * np.array(BIAS_STD)[:, None, None]
     )
     steps[:, 0] = begun
     return tuple(lfilter([1.0], [1.0, -keep], part, axis=0)[1:] for part in steps)
@@ -267,7 +272,7 @@ def recording(
     and rates share no draw by accident of order. meta holds the true biases "b_a" and "b_g".
     """
     truth, imu = ideal(name, float(rate_hz), float(duration))
-    of = RandomStream.of([seed, EXCITATIONS.index(name)]).named
+    of = RandomStream.of([seed, EXCITATIONS.index(name)]).child
     noisy, _, _ = sensor(rate_hz).corrupt(imu, of("imu"))
     walks = name == "signal 2" if walking is None else walking
     b_a, b_g = biases(walks, len(imu.t), 1 / rate_hz, of("biases"))
@@ -281,11 +286,11 @@ def recording(
         field.fixes(of("field")),
         _compass(truth, of("compass")),
         ahrs.fixes(of("ahrs")),
-        _gravity(position.aiding.t),
+        _gravity(position.source.t),
     )
     meta = {
         "name": f"{name}, seed {seed}",
-        "grade": described(rate_hz, walks),
+        "grade": describe_imu(rate_hz, walks),
         "notes": [],
         "b_a": b_a,
         "b_g": b_g,
@@ -294,32 +299,37 @@ def recording(
     return Recording(noisy, fixes, truth, meta)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=20)
 def plans(
     name: str, rate_hz: float, duration: float, interval: float
 ) -> tuple[PositionPlan, VelocityPlan, MagnetometerPlan, AhrsPlan]:
     """Return the measurement plans that all seeds share: noise-free position, velocity, field and
     AHRS, to which each plan adds noise."""
     truth, strength = ideal(name, rate_hz, duration).truth, float(np.linalg.norm(FIELD))
-    receiver = Gnss(interval, (POSITION_SD,) * 3, (VELOCITY_SD,) * 3).plan(truth, np.inf)
-    field = Magnetometer(min(FIELD_RATE, rate_hz), DIRECTION_SD * strength, field=FIELD).plan(
+    receiver = Gnss(interval, (POSITION_STD,) * 3, (VELOCITY_STD,) * 3).plan(truth, np.inf)
+    field = Magnetometer(min(FIELD_RATE, rate_hz), DIRECTION_STD * strength, field=FIELD).plan(
         truth, gate=np.inf
     )
-    return receiver.position, receiver.velocity, field, Ahrs(AHRS_RATE, AHRS_SD).plan(truth, np.inf)
-
-
-def _compass(truth: Trajectory, stream: RandomStream) -> Aiding:
-    t = fix_times(truth, 1 / FIELD_RATE)
-    rows = np.searchsorted(truth.t, t)
-    y = truth.rph[rows, 2] + COMPASS_SD * stream.standard_normal(len(t))
-    return Aiding(
-        "heading", t, y[:, None], np.full((len(t), 1), COMPASS_SD), gate=np.inf, name="compass"
+    return (
+        receiver.position,
+        receiver.velocity,
+        field,
+        Ahrs(AHRS_RATE, AHRS_STD).plan(truth, np.inf),
     )
 
 
-def _gravity(t: Array) -> Aiding:
+def _compass(truth: Trajectory, stream: RandomStream) -> Source:
+    t = fix_times(truth, 1 / FIELD_RATE)
+    rows = np.searchsorted(truth.t, t)
+    y = truth.rph[rows, 2] + COMPASS_STD * stream.standard_normal(len(t))
+    return Source(
+        "heading", t, y[:, None], np.full((len(t), 1), COMPASS_STD), gate=np.inf, name="compass"
+    )
+
+
+def _gravity(t: Array) -> Source:
     """The constraint that the body does not accelerate, which it does by 0.1 to 0.2 m/s^2 for
     tens of seconds."""
-    return Aiding(
+    return Source(
         "gravity", t, np.zeros((len(t), 3)), np.ones((len(t), 3)), gate=np.inf, name="gravity"
     )

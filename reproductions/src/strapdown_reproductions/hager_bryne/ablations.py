@@ -1,24 +1,22 @@
 """Effect of changing one thing of the study: biases' place, printed equations, gravity, resets, the
-update of the open loop, the reading of Table III.
+update of the open loop.
 
 Each variant runs on the same draws as what it is compared with. Tactical grade.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
-from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sim.scenario import Scenario, scenario
 
 from ..common.verdicts import NONE, UNKNOWN, better, interval
 from . import printed_updates
-from .cells import Part, compared, numbers_of, rows_of, stacked
+from .cells import Part, compare_filters, numbers_of, rows_of, stack_parts
 
 OPEN, CLOSED = "open-loop:kinematics=geodetic", "closed-loop-error-bias"
 """The two filters of the paper: its error state is in latitude, longitude and height."""
@@ -80,8 +78,6 @@ PAIRS = {
 CAPTIONS = {name: text for name, (text, _) in PAIRS.items()} | {
     "gravity": "Gravity that depends on latitude alone, in truth, INS and error model, against "
     "gravity that falls with height.",
-    "density": "Sigma of Table III read as density q of the driving noise (stationary sd sigma "
-    "sqrt(tau/2), the start's accelerometer sd likewise), against sigma as stationary sd.",
     "wide": "Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the "
     "open loop against the closed loop; compare with the rows of tactical grade in the table of "
     "flights with offset.",
@@ -97,27 +93,10 @@ COMPARISONS = (
         ("gravity", ("gravity", variant(loop, error_model="latitude-gravity")), ("filters", loop))
         for loop in (OPEN, CLOSED)
     ),
-    *(("density", ("density", loop), ("filters", loop)) for loop in (OPEN, CLOSED)),
     ("wide", ("wide", OPEN), ("wide", CLOSED)),
 )
 """(table, (campaign, filter), (campaign, filter) that it is compared with)."""
-COLUMNS = {"position_500": "position RMSE", "heading": "heading RMSE"}
-
-
-def density_reading(name: str | ImuSpec = "paper1-tactical") -> ImuSpec:
-    """The ImuSpec of a grade with sigma of Table III read as the density of the driving noise:
-    stationary sd = sigma sqrt(tau / 2)."""
-    spec = grade(name)
-    wider = lambda triad: replace(
-        triad, gauss_markov=triad.gauss_markov * float(np.sqrt(triad.time_constant / 2))
-    )
-    return replace(
-        spec,
-        name=f"{spec.name}-density",
-        gyro=wider(spec.gyro),
-        accel=wider(spec.accel),
-        source=f"{spec.source} Here sigma is read as density.",
-    )
+COLUMNS = {"position_500": "position RMSE", "heading_500": "heading RMSE"}
 
 
 def studies(
@@ -135,13 +114,11 @@ def studies(
             label for _, pairs in PAIRS.values() for pair in pairs for label in (*pair[::-1],)
         )
     )
-    own = lambda s: s.replace(start_sd=(*s.start_sd[:9], *[None] * 6))
     wide = lambda s: s.replace(
         name=f"{s.name}-offset",
         accel_offset=offset,
-        start_sd=(*s.start_sd[:9], *map(abs, offset), *s.start_sd[12:]),
+        start_std=(*s.start_std[:9], *map(abs, offset), *s.start_std[12:]),
     )
-    density = density_reading(imu)
     return {
         "filters": Study(
             tuple(known), tuple(dict.fromkeys((OPEN, CLOSED, *labels))), (imu,), runs, seed
@@ -153,16 +130,15 @@ def studies(
             runs,
             seed,
         ),
-        "density": Study(tuple(own(s) for s in known), (OPEN, CLOSED), (density,), runs, seed),
         "wide": Study(tuple(map(wide, known)), (OPEN, CLOSED), (imu,), runs, seed),
     }
 
 
 def tables(
     campaigns: dict[str, Campaign],
-) -> tuple[dict[str, tuple[str, pd.DataFrame]], pd.DataFrame]:
-    """({name: (caption with its sentence, DataFrame)}, resets DataFrame for the claims) of the
-    campaigns of `studies`."""
+) -> tuple[dict[str, tuple[str, pd.DataFrame]], pd.DataFrame, pd.DataFrame]:
+    """({name: (caption with its sentence, DataFrame)}, rows of the resets and of the bias in the INS
+    for the claims) of the campaigns of `studies`."""
     found: dict[str, list[dict[str, float | str]]] = {name: [] for name in CAPTIONS}
     for number in range(len(campaigns["filters"].cells)):
         parts = {
@@ -176,13 +152,13 @@ def tables(
             found[name].append(_row(described, label, second[1], parts[first], parts[second]))
     frames = {name: pd.DataFrame(rows) for name, rows in found.items()}
     resets = frames["resets"][frames["resets"]["variant"].str.startswith("periodic-reset")]
-    resets = resets.assign(
-        interval_s=[float(label.rpartition("=")[2]) for label in resets["variant"]]
-    )
-    return {
+    intervals = [float(label.rpartition("=")[2]) for label in resets["variant"]]
+    names = {f"position_both{end}": f"position{end}" for end in ("", "_low", "_high")}
+    shown = {
         f"ablation-{name}": (f"{CAPTIONS[name]} {sentence(frame)}", readable(frame))
         for name, frame in frames.items()
-    }, resets
+    }
+    return shown, resets.assign(interval_s=intervals).rename(columns=names), frames["bias"]
 
 
 def _parts(campaign: Campaign, number: int) -> dict[str, Part]:
@@ -198,7 +174,7 @@ def _row(
 ) -> dict[str, float | str]:
     """Return the row that compares a variant with another filter on the runs of a cell, whose
     scenario is described."""
-    c = compared(*stacked(first, second))
+    c = compare_filters(*stack_parts(first, second))
     keys = ("survived", "censored_500_m", "anees", "anees_low", "anees_high")
     return {
         "flight": described["name"].removeprefix("paper1-"),
@@ -210,7 +186,7 @@ def _row(
         **{f"other_{key}": c[f"closed_{key}"] for key in keys},
         **{
             f"{name}{end}": c[f"{name}{end}"]
-            for name in ("position", "position_500", "heading")
+            for name in ("position_both", "position_500", "heading_500")
             for end in ("", "_low", "_high")
         },
     }

@@ -3,11 +3,13 @@ Bryne are decided with.
 
 Everything is compared on the same runs. A ratio is RMSE of the first filter by RMSE of the second,
 the geometric mean over runs, with 95 % ends. The paper gives a run up at 500 m or when the filter
-is "highly inconsistent", which it does not define; what depends on our definition is computed with
-both rules and with the 500 m rule alone (names that end in _500): the filters go on after an abort,
-only the score stops.
+is "highly inconsistent", which it does not define. The filters go on after an abort, only the score
+stops, so that the same flights are scored in three ways (the end of a name): _500, by the 500 m rule
+alone; _both, by both rules, each epoch after an abort counted as 500 m; _until, by both rules, each
+filter until it is interrupted.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -31,8 +33,10 @@ from strapdown.typing import Array, Mask
 ONSET = 10.0
 """m: a run diverges once its position error exceeds ten times the noise of a fix, whatever its
 NEES."""
-EARLY = 300.0
-"""s: "a few minutes"."""
+MINUTES = (180, 300, 600)
+"""s: readings of "a few minutes"."""
+FIX_STD = 1.0
+"""m, of a fix on each axis."""
 RESOLVED = 0.01
 """m/s^2: the accelerometer bias counts as resolved while the error of its three axes together
 stays below; the start's 0.1 deg of roll and pitch look like 0.017 m/s^2 on each horizontal axis,
@@ -46,8 +50,13 @@ VECTORS = {
     "accel_bias": BA,
     "gyro_bias": BG,
 }
-"""Compared after SETTLED_AFTER and while both filters are within LIMIT; tilt: north and east of the
-attitude's rotation vector (roll and pitch together)."""
+"""Compared after SETTLED_AFTER and while both filters are within LIMIT, or each until it is
+interrupted; tilt: north and east of the attitude's rotation vector (roll and pitch together)."""
+COMPARED = ("position", "steps", *VECTORS)
+"""Quantities that compare two filters; steps: of the position error from one stored epoch to the
+next, which is what noise leaves of it."""
+STRAIGHT = ("07", "10")
+"""Flights without manoeuvres, whose errors are told by time too."""
 FIRST, SECOND = "open", "closed"
 SAME_TIME = 1e-6
 Stored: TypeAlias = NDArray[np.float32]
@@ -57,16 +66,17 @@ Numbers: TypeAlias = dict[str, Array]
 
 
 class CellRows(NamedTuple):
-    """Stored rows of the runs of a cell: error, sd (filter, run, epoch, 15), nees, distance
+    """Stored rows of the runs of a cell: error, std (filter, run, epoch, 15), nees, distance
     and within (filter, run, epoch), t (epoch,) s."""
 
     t: Array
     error: Stored  # m, m/s, rad, m/s^2 and rad/s, in the order of the error states
-    sd: Stored  # the same
+    std: Stored  # the same
     nees: Stored
     bias: Stored  # (run, epoch, 6) true biases, m/s^2 and rad/s
     distance: Array  # (filter, run, epoch) m, inf where the filter has no estimate
     within: Mask  # not beyond LIMIT yet
+    until: Mask  # not interrupted yet by either rule
 
 
 Part: TypeAlias = tuple[Numbers, CellRows, int]
@@ -82,10 +92,10 @@ def numbers_of(campaign: Campaign, cell: str) -> tuple[Numbers, Mask]:
 
 def rows_of(campaign: Campaign, cell: str, numbers: Numbers, ran: Mask) -> CellRows:
     """Rows of the same runs; some MB, for one cell at a time."""
-    parts = campaign.read(cell, ("t", "error", "sd", "nees_rows", "bias"))
-    error, sd, nees, bias = (
+    parts = campaign.read(cell, ("t", "error", "std", "nees_rows", "bias"))
+    error, std, nees, bias = (
         np.concatenate([part[name] for part in parts], axis=axis).compress(ran, axis=axis)
-        for name, axis in (("error", 1), ("sd", 1), ("nees_rows", 1), ("bias", 0))
+        for name, axis in (("error", 1), ("std", 1), ("nees_rows", 1), ("bias", 0))
     )
     t = parts[0]["t"]
     with np.errstate(over="ignore"):
@@ -94,7 +104,7 @@ def rows_of(campaign: Campaign, cell: str, numbers: Numbers, ran: Mask) -> CellR
     ended = t > numbers["lasted"][..., None] + SAME_TIME
     lost = (numbers["reason"] == POSITION_LOST)[..., None] & ended
     within = ~np.logical_or.accumulate((distance > LIMIT) | lost, axis=-1)
-    return CellRows(t, error, sd, nees, bias, distance, within)
+    return CellRows(t, error, std, nees, bias, distance, within, ~ended)
 
 
 def flight_of(name: str) -> str:
@@ -102,25 +112,35 @@ def flight_of(name: str) -> str:
     return name.removeprefix("paper1-").removesuffix("-offset").removesuffix("-initial")
 
 
+def grade_of(name: str) -> str:
+    """Grade of an IMU, whatever it is read as."""
+    return name.removeprefix("paper1-").removesuffix("-zero").removesuffix("-density")
+
+
 def tables(campaign: Campaign) -> list[pd.DataFrame]:
     """For each filter of the campaign but the first a pandas DataFrame with a row per cell:
-    `compared` of the first and this one, as open and closed loop, with flight, grade, minutes."""
+    `compare_filters` of the first and this one, as open and closed loop, with flight, grade, minutes and
+    scenario."""
     found: list[list[dict[str, float | str]]] = [[] for _ in campaign.manifest["filters"][1:]]
+    ends = sorted({cell["scenario"]["duration_s"] for cell in campaign.manifest["cells"]})
     for cell in campaign.manifest["cells"]:
         numbers, ran = numbers_of(campaign, cell["name"])
         rows = rows_of(campaign, cell["name"], numbers, ran)
         about = {
+            "scenario": cell["scenario"]["name"],
             "flight": flight_of(cell["scenario"]["name"]),
-            "grade": cell["imu"]["name"].removeprefix("paper1-"),
+            "grade": grade_of(cell["imu"]["name"]),
             "minutes": cell["scenario"]["duration_s"] / 60,
             "runs": numbers["reason"].shape[1],
         }
         for place, own in enumerate(found, 1):
-            own.append(about | compared(numbers, rows, 0, place))
+            own.append(about | compare_filters(numbers, rows, 0, place))
+            if about["flight"] in STRAIGHT:
+                own[-1] |= by_time(rows, ends)
     return [pd.DataFrame(own) for own in found]
 
 
-def stacked(*parts: Part) -> tuple[Numbers, CellRows]:
+def stack_parts(*parts: Part) -> tuple[Numbers, CellRows]:
     """(numbers, Rows) of filters from different campaigns with the same runs: parts are
     (numbers, Rows, place)."""
     numbers = {
@@ -128,24 +148,18 @@ def stacked(*parts: Part) -> tuple[Numbers, CellRows]:
     }
     by_filter = {
         name: np.stack([getattr(rows, name)[place] for _, rows, place in parts])
-        for name in ("error", "sd", "nees", "distance", "within")
+        for name in ("error", "std", "nees", "distance", "within", "until")
     }
     return numbers, parts[0][1]._replace(**by_filter)
 
 
-def compared(numbers: Numbers, rows: CellRows, first: int = 0, second: int = 1) -> dict[str, float]:
+def compare_filters(
+    numbers: Numbers, rows: CellRows, first: int = 0, second: int = 1
+) -> dict[str, float]:
     """A dict of what two filters of a cell did, at those places in the campaign: ratios of the
     two, and figures of each (open_, closed_)."""
     pair = [first, second]
-    both = rows.within[first] & rows.within[second] & (rows.t >= SETTLED_AFTER)
-    squares = {
-        "position": numbers["censored"][pair],
-        "position_500": censored(rows)[pair],
-        **{
-            name: mean_squares(rows.error[pair][..., states], both)
-            for name, states in VECTORS.items()
-        },
-    }
+    squares = _mean_squares(numbers, rows, pair)
     found: dict[str, float] = {}
     for name, own in squares.items():
         found |= ratio(name, *np.log(own))
@@ -153,9 +167,43 @@ def compared(numbers: Numbers, rows: CellRows, first: int = 0, second: int = 1) 
         own = {key: values[place] for key, values in numbers.items()}
         found |= {f"{name}_{key}": value for key, value in _figures(own, rows, place).items()}
         for angle in ("tilt", "heading"):
-            rms = rmse(squares[angle][side]).value
-            found[f"{name}_{angle}_500_deg"] = float(np.degrees(rms))
+            for scored in ("500", "until"):
+                rms = rmse(squares[f"{angle}_{scored}"][side]).value
+                found[f"{name}_{angle}_{scored}_deg"] = float(np.degrees(rms))
     return found
+
+
+def _mean_squares(numbers: Numbers, rows: CellRows, pair: list[int]) -> dict[str, Array]:
+    """{name of a ratio: (2, run) mean squares of two filters}."""
+    both = rows.within[pair].all(axis=0) & (rows.t >= SETTLED_AFTER)
+    error, until = rows.error[pair], rows.until[pair]
+    found = {
+        "position_both": numbers["censored"][pair],
+        "position_500": censored_mean_square(rows)[pair],
+    }
+    found["position_until"] = mean_squares(error[..., POS], until)
+    parts = {name: error[..., states] for name, states in VECTORS.items()}
+    with np.errstate(invalid="ignore"):  # of a filter that has no estimate any more
+        parts["steps"] = np.diff(error[..., POS], axis=-2, prepend=np.nan)
+    for name, part in parts.items():
+        later = np.isfinite(part).all(axis=-1) if name == "steps" else True
+        found[f"{name}_500"] = mean_squares(part, both & later)
+        found[f"{name}_until"] = mean_squares(part, until & later)
+    return found
+
+
+def by_time(rows: CellRows, ends: Sequence[float]) -> dict[str, float]:
+    """{name: value, with the ends of its interval}: RMSE of the first filter as in `censored_mean_square` over
+    the first `ends` s, as long as its flight is."""
+    most = np.where(rows.within[0], np.minimum(rows.distance[0], LIMIT), LIMIT) ** 2
+    return {
+        f"{FIRST}_by_{end:.0f}_s{bound}": float(value)
+        for end in ends
+        if end <= rows.t[-1] + SAME_TIME
+        for bound, value in zip(
+            ("", "_low", "_high"), rmse(most[:, rows.t <= end + SAME_TIME].mean(axis=-1))
+        )
+    }
 
 
 def ratio(name: str, a: Array, b: Array) -> dict[str, float]:
@@ -172,13 +220,14 @@ def ratio(name: str, a: Array, b: Array) -> dict[str, float]:
 
 def mean_squares(error: Stored, mask: Mask) -> Array:
     """(filter, run) mean squared length of `error` (filter, run, epoch, axis) over the epochs of
-    `mask` (run, epoch); NaN where there is none."""
-    squares = np.where(mask, np.square(error, dtype=float).sum(axis=-1), 0.0).sum(axis=-1)
+    `mask` (filter, run, epoch) or (run, epoch); NaN where there is none."""
+    with np.errstate(over="ignore"):
+        squares = np.where(mask, np.square(error, dtype=float).sum(axis=-1), 0.0).sum(axis=-1)
     count = mask.sum(axis=-1)
     return squares / np.where(count, count, np.nan)
 
 
-def censored(rows: CellRows) -> Array:
+def censored_mean_square(rows: CellRows) -> Array:
     """(filter, run) m^2: mean squared distance with the 500 m rule alone; every stored epoch
     from there on counts as 500 m."""
     return np.where(rows.within, np.minimum(rows.distance, LIMIT) ** 2, LIMIT**2).mean(axis=-1)
@@ -189,6 +238,7 @@ def _figures(own: Numbers, rows: CellRows, place: int) -> dict[str, float]:
     (name_low, name_high) where it has one."""
     within, left, squares = rows.within[place], np.isfinite(own["left_model"]), own["mean_square"]
     survived, onset = own["reason"] == SURVIVED, onsets(rows, place)
+    given_up = np.where(survived, np.inf, own["lasted"])
     bias = np.sqrt(np.square(rows.error[place][..., BA], dtype=float).sum(axis=-1))
     # how runs ended, also where a raw INS that left its model counts as lost; when they diverged
     shares = {
@@ -196,19 +246,24 @@ def _figures(own: Numbers, rows: CellRows, place: int) -> dict[str, float]:
         "survived_in_model": survived & ~left,
         "survived_500": within[:, -1],
         "survived_500_in_model": within[:, -1] & ~left,
-        "early": onset < EARLY,
         "diverged": onset < np.inf,
+        "grew": grew(rows.distance[place]),
+        "contained": is_contained(rows, place),
+        **{f"onset_{limit}": onset < limit for limit in MINUTES},
+        **{f"given_up_{limit}": given_up < limit for limit in MINUTES},
     }
     mean_squared = {
         "rmse_m": squares[survived, 0],
         "censored_m": own["censored"],
-        "censored_500_m": censored(rows)[place],
+        "censored_500_m": censored_mean_square(rows)[place],
         "end_accel_bias_m_s2": np.where(within[:, -1], bias[:, -1], np.nan) ** 2,
     }
     typical = {
         "anees": own["nees"] / STATES,
+        "anees_500": nees_within(rows, place) / STATES,
         "onset_s": np.clip(onset, 1.0, float(rows.t[-1])),
-        "resolved_s": resolved(bias, rows.t),
+        "given_up_s": np.clip(given_up, 1.0, float(rows.t[-1])),
+        "resolved_s": resolution_time(bias, rows.t),
     }
     intervals = {
         **{name: proportion(int(each.sum()), len(each)) for name, each in shares.items()},
@@ -242,7 +297,34 @@ def onsets(rows: CellRows, place: int) -> Array:
     return np.where(beyond.any(axis=-1), rows.t[beyond.argmax(axis=-1)], np.inf)
 
 
-def resolved(bias: Array, t: Array) -> Array:
+def grew(distance: Array) -> Mask:
+    """(run,) true where the mean squared distance (run, epoch) is larger in the last quarter than
+    in the one before; chance alone makes it so in half of the runs."""
+    end, quarter = distance.shape[1], distance.shape[1] // 4
+    with np.errstate(over="ignore"):
+        squares = np.square(distance)
+    before = squares[:, end - 2 * quarter : end - quarter].mean(axis=-1)
+    last = squares[:, end - quarter :].mean(axis=-1)
+    return (last > before) | np.isinf(last)
+
+
+def is_contained(rows: CellRows, place: int) -> Mask:
+    """(run,) true where the position's stated standard deviation, all axes together, never exceeds
+    that of a fix after SETTLED_AFTER."""
+    std = np.sqrt(np.square(rows.std[place][..., POS], dtype=float).sum(axis=-1))
+    late = rows.t >= SETTLED_AFTER
+    return (std[:, late] <= np.sqrt(3) * FIX_STD).all(axis=-1)
+
+
+def nees_within(rows: CellRows, place: int) -> Array:
+    """(run,) mean NEES of the stored epochs within LIMIT; NaN where there is none."""
+    known = rows.within[place] & np.isfinite(rows.nees[place])
+    total = np.where(known, rows.nees[place].astype(float), 0.0).sum(axis=-1)
+    count = known.sum(axis=-1)
+    return total / np.where(count, count, np.nan)
+
+
+def resolution_time(bias: Array, t: Array) -> Array:
     """(run,) s: from when on the bias error (run, epoch) m/s^2 stays below RESOLVED; the last
     time where it never does."""
     above = ~(bias <= RESOLVED)

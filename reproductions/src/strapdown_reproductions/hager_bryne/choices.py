@@ -37,8 +37,8 @@ CHOICES = (
     (
         "σ and ρ of Table III",
         "σ in the unit of the bias, used as entry of Q_c; ρ in s",
-        "σ stationary standard deviation, ρ time constant; σ as density of the driving noise in the "
-        "ablation",
+        "σ stationary standard deviation, ρ time constant; σ as density of the driving noise, which "
+        "Q_c = diag(σ²) says, a reading",
     ),
     ("unit of ARW", "rad/s^(3/2)", "rad/√s"),
     ("VRW of navigation grade, 1e-12", "a placeholder", "kept; the filter is told the same value"),
@@ -50,8 +50,8 @@ CHOICES = (
     (
         "the update, equation (15)",
         "without the predicted error",
-        "with it; without it, as printed, a reading of the closed loop on all flights, and of the "
-        "open loop, which then forgets the drift of its INS at each fix, in the ablation",
+        "with it; without it, as printed, a reading of the closed loop, and of the open loop, which "
+        "then forgets the drift of its INS at each fix, in the ablation: it cannot be meant there",
     ),
     ("covariance update, equation (16)", "(I − WH)P", "Joseph's form"),
     (
@@ -64,7 +64,8 @@ CHOICES = (
         "closed loop and biases",
         '"(19) evaluating to zero", yet the biases stay in the error state',
         "Φ b is composed into the state at each step (closed-loop-error-bias); a prediction of zero, "
-        "which lets no bias into the INS, is a reading on all flights; bias in the INS in the ablation",
+        "which lets no bias into the INS, on all flights with the chosen readings, where it hardly "
+        "differs from (15) as printed; bias in the INS in the ablation",
     ),
     ("time of R_nb in equation (7)", "not stated", "the middle of the step"),
     (
@@ -78,7 +79,8 @@ CHOICES = (
         "1 m, 0.1 m/s, 0.1 deg roll and pitch, 0.2 deg heading, 0.1 m/s² accelerometer bias for all "
         "grades; gyro bias as the grade's σ; errors "
         "of position, velocity and attitude drawn from it, true biases from the grade, estimated as "
-        "0; at navigation grade also a tenth of the attitude error and none of it, each a reading; "
+        "0. Readings: the grade's own std of the accelerometer bias; true biases of zero, as figure 2 "
+        "has them; at navigation grade a tenth of the attitude error, and none of it. "
         "0.5 m/s² for the offset in the ablation",
     ),
     (
@@ -100,7 +102,8 @@ CHOICES = (
     (
         "RMSE of aborted runs",
         "not stated",
-        "survival, RMSE of survivors, and RMSE of all runs censored at 500 m",
+        "all runs by the 500 m rule alone, each epoch from there on 500 m; readings: the same by both "
+        "rules, and by both rules until each is interrupted; survival and RMSE of survivors beside",
     ),
     (
         "a raw INS far from the Earth",
@@ -112,9 +115,8 @@ CHOICES = (
     (
         "what the offset is",
         '"a constant initial acceleration bias offset"',
-        "run twice: constant during the flight, which the filter's model of a decaying "
-        "bias contradicts; and initial value of the bias process, decaying with it. Opposite "
-        "verdicts mean: depends on the reading",
+        "two readings: constant during the flight, which the filter's model of a decaying "
+        "bias contradicts; and initial value of the bias process, decaying with it",
     ),
     ("flights with offset", "08-11 left out", "01-07"),
     ("gating of fixes", "not mentioned", "none"),

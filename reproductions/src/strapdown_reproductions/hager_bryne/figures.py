@@ -30,15 +30,15 @@ from strapdown.sim.scenario import Scenario
 from strapdown.typing import Array
 
 from ..common.figures import Marks
-from .cells import LIMIT, ONSET, CellRows, Numbers, flight_of, numbers_of, rows_of
-from .rules import UPDATES
+from .cells import LIMIT, ONSET, STRAIGHT, CellRows, Numbers, flight_of, numbers_of, rows_of
+from .drift import Drift
+from .rules import CellTables
 
 BLUE, ORANGE = COLOURS[:2]
 LOOPS = (("open", "open loop", BLUE), ("closed", "closed loop", ORANGE))
 GRADES = ("consumer", "tactical", "navigation")
-STRAIGHT = ("07", "10")
 RUN = 0
-"""Of figures of one run: the first, whatever it shows."""
+"""Number of the run in figures of one run: the first, whatever it shows."""
 STATES = tuple(
     f"{what} {axis} [{unit}]"
     for what, unit in (("pos.", "m"), ("vel.", "m/s"), ("rot.", "deg"))
@@ -57,7 +57,7 @@ DARKER = {
     "fillcolor": "rgba(134,142,150,0.34)",
     "line": {"color": "#495057", "width": 1.0},
 }
-"""Of `update_traces`: bands of ±3σ that other lines run through."""
+"""Options of `update_traces`: bands of ±3σ that other lines run through."""
 SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1))]
 BIAS_SCALE = np.r_[np.ones(3), np.full(3, np.degrees(1) * 3600)]
 
@@ -248,7 +248,7 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
         for row, (label, scale) in enumerate(zip(STATES, SCALE), 1):
             error, stated, least = (
                 values[..., row - 1].astype(float) * scale
-                for values in (rows.error[place, RUN], 3 * rows.sd[place, RUN], 3 * bound)
+                for values in (rows.error[place, RUN], 3 * rows.std[place, RUN], 3 * bound)
             )
             zero = np.zeros(len(rows.t))
             band(drawn, rows.t, zero, stated, row=row, name="±3σ stated by the filter")
@@ -262,7 +262,7 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
                 outside.append(f"{label} {largest:.3g}")
         if outside:
             note(drawn, f"Largest values outside the frame: {', '.join(outside)}.")
-        found.append(_ended(drawn.update_traces(**DARKER), rows, numbers, place))
+        found.append(_mark_end(drawn.update_traces(**DARKER), rows, numbers, place))
     return found
 
 
@@ -294,7 +294,7 @@ def _along_time(drawn: go.Figure, rows: CellRows, last: int) -> go.Figure:
     return drawn.update_xaxes(range=[0, float(rows.t[-1])])
 
 
-def _ended(drawn: go.Figure, rows: CellRows, numbers: Numbers, place: int) -> go.Figure:
+def _mark_end(drawn: go.Figure, rows: CellRows, numbers: Numbers, place: int) -> go.Figure:
     """The time axis, and where the run was given up."""
     reason, end = int(numbers["reason"][place, RUN]), float(numbers["lasted"][place, RUN])
     if reason:
@@ -330,7 +330,7 @@ def attitudes(cells: pd.DataFrame) -> go.Figure:
     )
     drawn.update_yaxes(type="log", exponentformat="power", dtick=1)
     for row, text, angles in (
-        (1, "until the abort", ("roll", "pitch", "heading")),
+        (1, "until interrupted", ("roll", "pitch", "heading")),
         (2, "while both within 500 m", ("tilt_500", "heading_500")),
     ):
         drawn.update_yaxes(title_text=f"RMSE {text} [deg]", row=row, col=1)
@@ -362,7 +362,7 @@ def biases(campaign: Campaign, cell: str) -> go.Figure:
     for row, (label, scale) in enumerate(zip(BIASES, BIAS_SCALE), 1):
         true = rows.bias[RUN, :, row - 1].astype(float) * scale
         open_, closed = true - rows.error[:2, RUN, :, 8 + row] * scale
-        of_open, of_closed = 3 * rows.sd[:2, RUN, :, 8 + row].astype(float) * scale
+        of_open, of_closed = 3 * rows.std[:2, RUN, :, 8 + row].astype(float) * scale
         open_name = "±3σ, open loop"
         _edges(drawn, row, rows.t, open_, of_open, open_name, colour=BLUE, width=0.8)
         line(drawn, rows.t, open_, "open loop: estimate", BLUE, row=row)
@@ -410,7 +410,7 @@ def over_time(campaign: Campaign, cells: dict[str, str]) -> go.Figure:
             for place, (_, name, colour) in enumerate(LOOPS)
             for key, what, style in (
                 ("rmse", "RMSE of the runs alive", {}),
-                ("sd", "stated", {"dash": "dot"}),
+                ("std", "stated", {"dash": "dot"}),
             )
         ]
         if np.isfinite(curves["bound"]).any():
@@ -492,7 +492,7 @@ def by_reading(cells: pd.DataFrame, readings: Mapping[str, pd.DataFrame]) -> go.
         ("closed loop, corrected", "closed", cells, ORANGE),
         *(
             (f"closed loop, {name}", "closed", readings[name], colour)
-            for name, colour in zip(UPDATES, COLOURS[2:])
+            for name, colour in zip(readings, COLOURS[2:])
         ),
     ]
     drawn, parts = _by_flight(cells, "RMSE [m]", 230)
@@ -508,18 +508,16 @@ def by_reading(cells: pd.DataFrame, readings: Mapping[str, pd.DataFrame]) -> go.
 
 
 def all_figures(
-    campaigns: dict[str, Campaign],
-    cells: pd.DataFrame,
-    readings: Mapping[str, pd.DataFrame],
-    offset: pd.DataFrame,
-    initial: pd.DataFrame,
-    bins: pd.DataFrame,
-    scenarios: Sequence[Scenario],
+    campaigns: Mapping[str, Campaign],
+    chosen: CellTables,
+    printed: Mapping[str, pd.DataFrame],
+    drift: Drift,
 ) -> list[tuple[str, go.Figure, str]]:
-    """[(heading, figure, caption)] of the page. campaigns: "flights", "offset", "initial";
-    cells, offset, initial: their tables; readings: those of the loop as printed and of other starts,
-    as in rules.Evidence; bins: of drift.measure."""
+    """[(heading, figure, caption)] of the page. campaigns: "flights", "offset", "initial"; chosen:
+    their tables; printed: flights of the closed loop by what the paper prints."""
+    cells, offset, initial = chosen
     flights = campaigns["flights"]
+    scenarios = flights.study.scenarios
     plan, height = profiles(scenarios)
     space = in_space(scenarios)
     tenth = _cell(flights, "10", "tactical")
@@ -587,7 +585,7 @@ def all_figures(
         *([(OVER_TIME, over_time(flights, shown), OVER_TIME_READ)] if shown else []),
         (
             "Figure 8a: what the drift of the raw INS does to the open loop",
-            drifts(bins),
+            drifts(drift.bins),
             "Every stored epoch of the first runs of all cells with both filters within 500 m. 1: "
             "both filters alike.",
         ),
@@ -599,7 +597,7 @@ def all_figures(
         ),
         (
             "Figure 9: position RMSE as the paper prints update (15) and prediction (19)",
-            by_reading(cells, readings),
+            by_reading(cells, printed),
             "All runs by the 500 m rule alone, each epoch after it counted as 500 m, with 95 % "
             "intervals.",
         ),

@@ -72,28 +72,28 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         x[i] = 0.0
     xa, xg = x[BA], x[BG]
     for i in range(3):
-        xa[i], xg[i] = keep * belief.ba[i], keep * belief.bg[i]
-    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
+        xa[i], xg[i] = keep * belief.b_a[i], keep * belief.b_g[i]
+    linearised_step(belief, belief.C_nb, 1.0, u, dt, noise, True)
     mechanize(
         belief.lla,
-        belief.v,
-        belief.C,
+        belief.v_n,
+        belief.C_nb,
         (u[0], u[1], u[2]),
         (u[3], u[4], u[5]),
         dt,
         workspace[DX],
         workspace[HEIGHT],
     )
-    add_error(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v_n, belief.C_nb, x)
     for i in range(3):
-        belief.ba[i], belief.bg[i] = xa[i], xg[i]
+        belief.b_a[i], belief.b_g[i] = xa[i], xg[i]
 
 
 @kernel(CORRECT)
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -101,16 +101,16 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct P; inject the kinematic errors; the biases are the correction alone."""
-    nis = measure(belief, y, sd, observe, source, gate, innovation)
+    nis = measure(belief, y, std, observe, source, gate, innovation)
     taken = nis <= gate
     if any_of(taken):
         dx = belief.workspace[DX]
         theta, a, g = dx[ATT], dx[BA], dx[BG]
-        inject(belief.lla, belief.v, belief.C, dx)
+        inject(belief.lla, belief.v_n, belief.C_nb, dx)
         inject_tail(belief, dx)
         for i in range(3):
-            belief.ba[i] = where(taken, a[i], belief.ba[i])
-            belief.bg[i] = where(taken, g[i], belief.bg[i])
+            belief.b_a[i] = where(taken, a[i], belief.b_a[i])
+            belief.b_g[i] = where(taken, g[i], belief.b_g[i])
         turn_half(belief.P, theta[0], theta[1], theta[2])
     return nis
 
@@ -143,7 +143,7 @@ def start_open(
 def correct_open(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -151,7 +151,7 @@ def correct_open(
     innovation: Array,
 ) -> float:
     """Correct P; the error beside the INS is the correction alone."""
-    nis = measure(belief, y, sd, observe, source, gate, innovation)
+    nis = measure(belief, y, std, observe, source, gate, innovation)
     taken = nis <= gate
     if any_of(taken):
         x, dx = belief.workspace[X], belief.workspace[DX]

@@ -1,5 +1,5 @@
-"""Rules that decide the claims of Hager & Bryne: how cells vote at a level of confidence, what is
-counted, and how the readings of what the paper leaves open, or prints, decide together."""
+"""Rules that decide the claims of Hager & Bryne by one reading: how cells vote at a level of confidence,
+and what is counted. How the readings decide together is in readings.py."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
@@ -11,20 +11,20 @@ from scipy.stats import t as student
 
 from strapdown.evaluation.consistency import paired_comparison, proportion
 
-from ..common.claims import Claim, JudgedClaim, judge
-from ..common.kinds import CONFIDENCE, Votes, mostly, of_all
+from ..common.claims import JudgedClaim
+from ..common.kinds import CONFIDENCE, Votes, always, cluster_share, mostly, mostly_of, of_all
 from ..common.verdicts import (
-    READINGS,
+    NONE,
     SIZE,
     UNKNOWN,
-    apart,
     better,
-    decided,
+    decide,
     factors,
-    over_readings,
     ratios,
     vote,
 )
+from .cells import COMPARED, STRAIGHT as STRAIGHTS
+from .readings import CHOSEN, FlownWorld, WorldReading
 
 CONSUMER, TACTICAL, NAVIGATION = GRADES = ("consumer", "tactical", "navigation")
 SHORT, LONG = tuple(f"{i:02d}" for i in range(1, 7)), tuple(f"{i:02d}" for i in range(7, 12))
@@ -33,42 +33,90 @@ TOO_SURE = 1.1
 """A filter is called inconsistent where the interval of its typical NEES/15 lies above this: too
 sure of itself; below 1 it is too careful."""
 SMALL_DRIFT = 100.0
-"""m of raw INS drift, below which the linearisation should not matter."""
+"""m of raw INS drift, below which the linearisation in position should not matter."""
+SMALL_TURN, LARGE_TURN = 3.0, 10.0
+"""deg of raw INS attitude error, below and beyond which the linearisation in attitude should not, and
+should, matter: a linear model leaves out half the angle as a share of itself, 2.6 % and 8.7 %."""
 RARELY = 60.0
 """s: resets that are this far apart or further are occasional."""
-SHARES = ("survived", "early", "diverged")
+SHARES = ("survived", "early", "diverged", "grew", "contained")
 """In the names of columns that are shares of the runs; all others are means over runs of something's
 logarithm, or stand for one."""
-PRINTED, ZERO = "(15) as printed", "(19) zero"
-TENTH, EXACT = "a tenth of the start's attitude error", "no attitude error at the start"
-AS_CHOSEN = "as chosen here"
-UPDATES, STARTS = (PRINTED, ZERO), (TENTH, EXACT)
-UPDATES_AND_STARTS = tuple(f"{PRINTED} with {start}" for start in STARTS)
-"""Readings of the closed loop, of the start of navigation grade, and of both; see Evidence."""
 Rule: TypeAlias = Callable[[Votes], JudgedClaim]
 
 
 class HagerBryneEvidence(NamedTuple):
-    """All numbers that the claims rest on."""
+    """All numbers that the claims rest on, by one reading."""
 
-    flights: pd.DataFrame  # of cells.tables
-    offset: pd.DataFrame  # the same of the flights with the accelerometer offset, constant
-    drift: pd.DataFrame  # flight, grade, run, correlation, small_ratio; see drift.py
-    # as `offset`, with the offset as initial value of the bias process; None: not flown
-    initial: pd.DataFrame | None = None
+    flights: pd.DataFrame  # of cells.tables, as `select_reading`
+    offset: pd.DataFrame  # the same of the flights with the accelerometer offset
+    # flight, grade, run, correlation, small_ratio, turned_ratio, grew; see drift.py; None: not flown
+    drift: pd.DataFrame | None = None
     # of the ablation: flight, interval_s, survived(_low, _high), position(_low, _high) reset by
     # closed loop; None: not run
     resets: pd.DataFrame | None = None
-    # {reading: as `flights`}, of UPDATES, STARTS and UPDATES_AND_STARTS
-    readings: Mapping[str, pd.DataFrame] = {}
+    # of the ablation: the bias in the INS against the one in the error state; None: not run
+    places: pd.DataFrame | None = None
 
 
-FLIGHTS, OFFSET, DRIFT, RESETS = map(attrgetter, ("flights", "offset", "drift", "resets"))
-Reading: TypeAlias = tuple[str, Callable[[HagerBryneEvidence], HagerBryneEvidence | None]]
-"""Its name, and the evidence read so; None where that was not run."""
+class CellTables(NamedTuple):
+    """Tables of a FlownWorld with one update of the closed loop, see cells.tables."""
+
+    flights: pd.DataFrame
+    offset: pd.DataFrame  # constant
+    initial: pd.DataFrame  # as initial value of the bias process
 
 
-def flown(flights: Sequence[str], *grades: str) -> Callable[[HagerBryneEvidence], pd.DataFrame]:
+class FlownReadings(NamedTuple):
+    """All that was flown."""
+
+    cells: Mapping[tuple[FlownWorld, str], CellTables]  # by world and key of the update
+    drift: Mapping[FlownWorld, pd.DataFrame]
+    resets: pd.DataFrame | None = None
+    places: pd.DataFrame | None = None
+
+    def read(self, reading: WorldReading = CHOSEN) -> HagerBryneEvidence | None:
+        """The evidence by a reading; None where that was not flown."""
+        cells = self.cells.get((reading.world, reading.update))
+        if cells is None:
+            return None
+        return HagerBryneEvidence(
+            select_reading(cells.flights, reading),
+            select_reading(
+                cells.offset if reading.offset == "constant" else cells.initial, reading
+            ),
+            self.drift.get(reading.world),
+            self.resets,
+            self.places,
+        )
+
+
+def select_reading(cells: pd.DataFrame, reading: WorldReading) -> pd.DataFrame:
+    """The table of cells with the columns of a reading under plain names: "position" of
+    "position_both", "open_survived" of "open_survived_500"."""
+    counts, alone = reading.abort == "both", reading.abort == "500"
+    other = "500" if counts else reading.abort
+    told = {"position": f"position_{reading.abort}"}
+    told |= {name: f"{name}_{other}" for name in COMPARED if name != "position"}
+    for loop in ("open", "closed"):
+        told |= {f"{loop}_{name}": f"{loop}_{name}_500" for name in ("survived", "anees") if alone}
+        told[f"{loop}_early"] = f"{loop}_{reading.diverges}_{reading.minutes}"
+    told["open_begins_s"] = f"open_{reading.diverges}_s"
+    ends = ("", "_low", "_high", "_count")
+    columns = {f"{name}{end}": f"{own}{end}" for name, own in told.items() for end in ends}
+    columns = {name: own for name, own in columns.items() if own in cells}
+    plain = cells[list(columns.values())].set_axis(list(columns), axis=1)
+    return pd.concat([cells.drop(columns=list(columns), errors="ignore"), plain], axis=1)
+
+
+FLIGHTS, OFFSET, DRIFT, RESETS, PLACES = map(
+    attrgetter, ("flights", "offset", "drift", "resets", "places")
+)
+
+
+def choose_flights(
+    flights: Sequence[str], *grades: str
+) -> Callable[[HagerBryneEvidence], pd.DataFrame]:
     """Chooses the cells of flights without offset, of some grades."""
     return lambda e: e.flights[e.flights["grade"].isin(grades) & e.flights["flight"].isin(flights)]
 
@@ -114,40 +162,15 @@ def at_95(votes: Sequence[int]) -> Votes:
     return lambda _: votes
 
 
-def better_side(rows: pd.DataFrame, name: str, side: str) -> JudgedClaim:
-    """MOSTLY filter `side` is better by ratio `name`."""
-    return mostly(for_side(rows, name, side))
-
-
-def position(rows: pd.DataFrame, side: str, rule: Rule = mostly) -> JudgedClaim:
-    """Filter `side` has the better position, by both readings of the abort rule."""
-    found = [rule(for_side(rows, f"position{reading}", side)) for reading in READINGS]
-    texts = [
-        f"{name}: {one} ({ratios(rows, f'position{reading}')})"
-        for name, one, reading in zip(
-            ("Both abort rules, 500 m counted from the abort on", "500 m alone"), found, READINGS
-        )
-    ]
-    return JudgedClaim(over_readings(*(one.verdict for one in found)), "; ".join(texts))
+def better_by(rows: pd.DataFrame, name: str, side: str, rule: Rule = mostly) -> JudgedClaim:
+    """Filter `side` is better by ratio `name`."""
+    found = rule(for_side(rows, name, side))
+    return JudgedClaim(found.verdict, f"{found} ({ratios(rows, name)})")
 
 
 def runs_that(rows: pd.DataFrame, name: str, rule: Rule = mostly, more: bool = True) -> JudgedClaim:
     """More than half of the runs of a cell are `name`, or fewer."""
     return rule(above(rows, name, more=more))
-
-
-def survival(rows: pd.DataFrame, loop: str, more: bool, rule: Rule = mostly) -> JudgedClaim:
-    """More than half of the runs of a filter survive, or fewer, by both readings of the abort
-    rule."""
-    both, alone, strict = (
-        runs_that(rows, f"{loop}_survived{reading}", rule, more)
-        for reading in (*READINGS, "_500_in_model")
-    )
-    return JudgedClaim(
-        over_readings(both.verdict, alone.verdict),
-        f"Both abort rules: {both}; 500 m alone: {alone}; 500 m, and leaving the model counts as "
-        f"lost: {strict}",
-    )
 
 
 def too_sure(rows: pd.DataFrame) -> JudgedClaim:
@@ -160,7 +183,7 @@ def biases_better(rows: pd.DataFrame, side: str) -> JudgedClaim:
     return mostly(of_all(*(for_side(rows, name, side) for name in ("accel_bias", "gyro_bias"))))
 
 
-def told(rows: pd.DataFrame, column: str, how: str = "median") -> float:
+def column_value(rows: pd.DataFrame, column: str, how: str = "median") -> float:
     """Median, "min" or "max" of a column over the cells."""
     return float(rows[column].agg(how))
 
@@ -195,43 +218,98 @@ def one_filter(*names: str) -> Callable[[pd.DataFrame], str]:
 
 
 def drift_explains(drift: pd.DataFrame) -> JudgedClaim:
-    """EXPLANATION: the rank correlation of drift and ratio of the NEES is above 0.5 on average, and
-    while the drift is small the NEES of both filters differ by less than TOO_SURE - 1."""
+    """EXPLANATION: the rank correlation of drift and ratio of the NEES is above 0.5 on average; at
+    each grade the NEES of both filters differ by less than TOO_SURE - 1 while position and attitude
+    of the INS have drifted little; and the open loop's is larger by more than that where the
+    attitude alone has drifted far, if it does so in two runs."""
     related = paired_comparison(drift["correlation"].to_numpy(float), np.zeros(len(drift)))
-    small = paired_comparison(np.log(drift["small_ratio"].to_numpy(float)), np.zeros(len(drift)))
-    value, low, high = np.exp([small.difference, small.low, small.high])
+    small = {
+        str(grade): log_mean(part["small_ratio"])
+        for grade, part in drift.groupby("grade", sort=False)
+    }
+    turned = log_mean(drift["turned_ratio"])
+    alike = all(low > 1 / TOO_SURE and high < TOO_SURE for _, low, high in small.values())
+    apart = any(low > TOO_SURE or high < 1 / TOO_SURE for _, low, high in small.values())
+    grows = not np.isfinite(turned[1]) or turned[1] > TOO_SURE
+    no_growth = bool(turned[2] < TOO_SURE)
+    texts = [f"{grade} {told_mean(mean)}" for grade, mean in small.items()]
     return JudgedClaim(
-        decided(
-            related.low > 0.5 and low > 1 / TOO_SURE and high < TOO_SURE,
-            low > TOO_SURE or high < 1 / TOO_SURE,
-        ),
+        decide(related.low > 0.5 and alike and grows, apart or no_growth or related.high < 0.5),
         f"Correlation {related.difference:.2f} ({related.low:.2f} to {related.high:.2f}) over "
-        f"{related.count} runs; ratio of NEES at small drift {value:.3g} ({low:.3g} to {high:.3g})",
+        f"{related.count} runs; NEES open by closed at small drift and turn {', '.join(texts)}; at "
+        f"small drift and large turn {told_mean(turned)}",
     )
 
 
+def log_mean(values: pd.Series) -> tuple[float, float, float]:
+    """(geometric mean, its 95 % ends) of those that are known."""
+    with np.errstate(all="ignore"):
+        found = paired_comparison(np.log(values.to_numpy(float)), np.zeros(len(values)))
+    value, low, high = np.exp([found.difference, found.low, found.high])
+    return float(value), float(low), float(high)
+
+
+def told_mean(mean: tuple[float, float, float]) -> str:
+    """Text of `log_mean`."""
+    value, low, high = mean
+    return f"{value:.3g} ({low:.3g} to {high:.3g})" if np.isfinite(value) else "not met"
+
+
 def drift_by_grade(drift: pd.DataFrame) -> str:
-    """Text: mean correlation and ratio at small drift of each grade."""
-    return "; ".join(
-        f"{grade} {part['correlation'].mean():.2f} and "
-        f"{np.exp(np.log(part['small_ratio']).mean()):.3g}"
+    """Text: NEES open by closed of each grade at small drift and turn."""
+    return ", ".join(
+        f"{log_mean(part['small_ratio'])[0]:.3g} at {grade} grade"
         for grade, part in drift.groupby("grade", sort=False)
     )
 
 
-def amplified(flights: pd.DataFrame) -> JudgedClaim:
-    """MOSTLY, over consumer and tactical grade: of the straight flights a shorter dynamic one
-    exceeds the open-loop error (supports), or a longer one undercuts it (contradicts)."""
-    by_cell = {(row["grade"], row["flight"]): row for _, row in flights.iterrows()}
+def ins_grows(drift: pd.DataFrame) -> JudgedClaim:
+    """MOSTLY, by single runs: the raw INS has drifted farther in the last quarter of the flight than
+    in the one before."""
+    return mostly_of(cluster_share([(int(grew), 1) for grew in drift["grew"]]))
+
+
+def judge_amplification(flights: pd.DataFrame, of: Sequence[str]) -> JudgedClaim:
+    """MOSTLY, over the grades `of` and the dynamic flights: the open-loop RMSE is larger than that of
+    the longest straight flight over the same time, by more than SIZE with the interval of their
+    ratio; a smaller one or no difference contradicts."""
     name, votes = "open_censored_500_m", []
-    for grade in (CONSUMER, TACTICAL):
-        for flown_as in (("06", STRAIGHT, "08"), ("09", "10", "11")):
-            shorter, straight, longer = (by_cell.get((grade, flight)) for flight in flown_as)
-            if straight is not None:
-                supports = shorter is not None and apart(shorter, straight, name) > 0
-                contradicts = longer is not None and apart(longer, straight, name) < 0
-                votes.append(int(supports) - int(contradicts))
+    for grade in of:
+        part = flights[flights["grade"] == grade]
+        straight = part[part["flight"].isin(STRAIGHTS)]
+        for _, row in part[~part["flight"].isin(STRAIGHTS)].iterrows():
+            over = f"open_by_{60 * row['minutes']:.0f}_s"
+            known = straight[straight[over].notna()] if over in straight else straight[:0]
+            if len(known):
+                beside = known.loc[known["minutes"].idxmax()]
+                votes.append(longer(row, rename_interval(beside, over, name), name, 1 + SIZE))
     return mostly(at_95(votes))
+
+
+def rename_interval(row: pd.Series, name: str, other: str) -> pd.Series:
+    """The interval `name` of a row under another name."""
+    return pd.Series({f"{other}{end}": row[f"{name}{end}"] for end in ("", "_low", "_high")})
+
+
+def stays_small_while_wrong(rows: pd.DataFrame) -> JudgedClaim:
+    """MOSTLY the open loop is interrupted as inconsistent before its position errs by 10 m (interval
+    of the ratio of the times); a cell in which neither happens says nothing."""
+    votes = []
+    for _, row in rows.iterrows():
+        if not (is_unfinished(row, "open_given_up_s") and is_unfinished(row, "open_onset_s")):
+            pair = (row, rename_interval(row, "open_given_up_s", "open_onset_s"))
+            votes.append(longer(*pair, "open_onset_s"))
+    return mostly(at_95(votes))
+
+
+def one_result(rows: pd.DataFrame, names: Sequence[str]) -> JudgedClaim:
+    """ALWAYS the two filters differ by less than SIZE in the ratios `names`."""
+    votes = [
+        {NONE: 1, UNKNOWN: 0}.get(better(row, name), -1)
+        for _, row in rows.iterrows()
+        for name in names
+    ]
+    return always(at_95(votes))
 
 
 Beside: TypeAlias = list[tuple[pd.Series, pd.Series]]
@@ -245,12 +323,15 @@ def with_and_without(e: HagerBryneEvidence) -> Beside:
     return [(row, other) for row, other in rows if other is not None]
 
 
-def longer(first: pd.Series, second: pd.Series, name: str) -> int:
-    """+1 where time `name`, a geometric mean over runs, is longer in row `first` than in `second`
-    by the 95 % interval of their ratio, -1 where it is shorter, 0 where the interval holds 1."""
+def longer(first: pd.Series, second: pd.Series, name: str, factor: float = 1.0) -> int:
+    """+1 where `name`, a time or an RMSE, is more than `factor` times as large in row `first` as in
+    `second` by the 95 % interval of their ratio, -1 where it is less, 0 where the interval holds the
+    factor, as where one of the two may be 0."""
+    if not (first[f"{name}_low"] > 0 and second[f"{name}_low"] > 0):
+        return 0
     halves = [0.5 * np.log(row[f"{name}_high"] / row[f"{name}_low"]) for row in (first, second)]
     ratio, half = np.log(first[name] / second[name]), float(np.hypot(*halves))
-    return vote(ratio - half, ratio + half, 0.0)
+    return vote(ratio - half, ratio + half, float(np.log(factor)))
 
 
 def sooner(cells: Beside, name: str) -> JudgedClaim:
@@ -258,7 +339,7 @@ def sooner(cells: Beside, name: str) -> JudgedClaim:
     told = [
         (row, without)
         for row, without in cells
-        if not (unfinished(row, name) and unfinished(without, name))
+        if not (is_unfinished(row, name) and is_unfinished(without, name))
     ]
     return mostly(at_95([-longer(row, without, name) for row, without in told]))
 
@@ -293,7 +374,7 @@ def against_straight(rows: pd.DataFrame, name: str, sign: int) -> JudgedClaim:
     for _, dynamic, straight in beside_straight(rows):
         for _, row in dynamic.iterrows():
             one = longer(row, straight.iloc[0], name)
-            if one > 0 or not unfinished(row, name):
+            if one > 0 or not is_unfinished(row, name):
                 votes.append(sign * one)
     return mostly(at_95(votes))
 
@@ -306,7 +387,7 @@ def times_beside_straight(rows: pd.DataFrame, name: str) -> str:
     )
 
 
-def unfinished(rows: pd.DataFrame | pd.Series, name: str) -> Any:
+def is_unfinished(rows: pd.DataFrame | pd.Series, name: str) -> Any:
     """True, for a row or each of several, where the flight ends before the time is known: the true
     time is then longer than the value."""
     return rows[name] >= 0.99 * 60 * rows["minutes"]
@@ -315,7 +396,7 @@ def unfinished(rows: pd.DataFrame | pd.Series, name: str) -> Any:
 def times(rows: pd.DataFrame, name: str) -> str:
     """Text: smallest and largest time of the rows that have one within the flight, and how many
     have not."""
-    within = rows.loc[~unfinished(rows, name), name]
+    within = rows.loc[~is_unfinished(rows, name), name]
     ended, least = len(rows) - len(within), f"{within.min():.0f}"
     span = {0: "", 1: f"{least} s"}.get(len(within), f"{least} to {within.max():.0f} s")
     missing = f"{ended} not within the flight" if len(rows) > 1 else "not within the flight"
@@ -332,7 +413,7 @@ def stable_by_resets(resets: pd.DataFrame) -> JudgedClaim:
         "every {r.interval_s:.0f} s: {r.survived:.0%} survive, position RMSE {r.position:.4g} times "
         "the closed loop's ({r.position_low:.4g} to {r.position_high:.4g})"
     )
-    return JudgedClaim(decided(bool(good.any()), bool(bad.all())), each(rows, form, "; "))
+    return JudgedClaim(decide(bool(good.any()), bool(bad.all())), each(rows, form, "; "))
 
 
 def rarest_that_holds(resets: pd.DataFrame) -> str:
@@ -340,75 +421,3 @@ def rarest_that_holds(resets: pd.DataFrame) -> str:
     flight."""
     rows = resets[(resets["minutes"] == resets["minutes"].max()) & (resets["survived"] > 0.5)]
     return f"{rows['interval_s'].max():.0f} s" if len(rows) else "no interval that was tried"
-
-
-def of_flights(name: str) -> Reading:
-    """The reading `name` of Evidence.readings."""
-    return name, lambda e: e._replace(flights=e.readings[name]) if name in e.readings else None
-
-
-def in_readings(claim: Claim, about: str, readings: Sequence[Reading]) -> Claim:
-    """A claim by several readings of what the paper says or leaves open, the first of which is
-    always there; opposite verdicts mean that the reading decides. about: what is read how, for the
-    rule."""
-
-    def found(e: HagerBryneEvidence) -> dict[str, dict[str, str]]:
-        read = {name: of(e) for name, of in readings}
-        return {name: judge(claim, own) for name, own in read.items() if own is not None}
-
-    def together(e: HagerBryneEvidence) -> JudgedClaim:
-        judged = found(e)
-        texts = [f"{name} ({one['verdict']}): {one['measured']}" for name, one in judged.items()]
-        alone = next(iter(judged.values()))
-        return JudgedClaim(
-            over_readings(*(one["verdict"] for one in judged.values())),
-            ". ".join(texts) if len(judged) > 1 else alone["measured"],
-        )
-
-    def answered(e: HagerBryneEvidence) -> str:
-        judged = found(e)
-        verdicts = {name: one["verdict"] for name, one in judged.items()}
-        by_verdict = [
-            f"{verdict}: {', '.join(name for name, own in verdicts.items() if own == verdict)}"
-            for verdict in dict.fromkeys(verdicts.values())
-        ]
-        first = next(iter(judged.values()))["answer"]
-        return f"{first} By reading - {'; '.join(by_verdict)}." if len(judged) > 1 else first
-
-    def same(e: HagerBryneEvidence) -> str:
-        texts = [one["identity"] for one in found(e).values()]
-        return texts[0] if all(texts) else ""
-
-    return claim._replace(
-        rule=f"{claim.rule}; {about}",
-        parts={"readings": together},
-        measured="{readings}",
-        shown={"answered": answered},
-        answer="{answered}",
-        identity=same,
-    )
-
-
-def updates_and_starts(claim: Claim, *names: str) -> Claim:
-    """A claim also with the loop as printed, with other starts of navigation grade, or both: `names`
-    are of UPDATES, STARTS and UPDATES_AND_STARTS."""
-    return in_readings(
-        claim,
-        f"read {AS_CHOSEN}, and with {', '.join(names)}",
-        [(AS_CHOSEN, lambda e: e), *map(of_flights, names)],
-    )
-
-
-def offset_twice(claim: Claim) -> Claim:
-    """A claim about the offset by both readings of what it is."""
-    return in_readings(
-        claim,
-        "with the offset read as constant, and as initial value of the bias process",
-        [
-            ("Constant", lambda e: e),
-            (
-                "Initial value",
-                lambda e: None if e.initial is None else e._replace(offset=e.initial),
-            ),
-        ],
-    )

@@ -89,7 +89,7 @@ def case(name: str, seed: int, start: str) -> InstallationCase:
     right, at = simulator(motion).run(motion.imu, np.random.SeedSequence(seed))
     rng = np.random.default_rng([seed, 1])
     if motion.constrained:
-        right = replace(right, aidings=(*right.aidings, *constraints(right, rng)))
+        right = replace(right, sources=(*right.sources, *constraints(right, rng)))
     installed = draw_installation(right, priors, np.random.default_rng([seed, 2]))
     known = start == KNOWN
     return InstallationCase(

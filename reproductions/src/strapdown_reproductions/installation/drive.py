@@ -29,7 +29,7 @@ WRONG[EVERYTHING] = {key: value for part in WRONG.values() for key, value in par
 """{what is wrong: {parameter: true - given}}, SI."""
 
 
-def named(parameter: StateParameter) -> str:
+def parameter_name(parameter: StateParameter) -> str:
     """Name and component."""
     return f"{parameter.of.name} {parameter.of.components[parameter.component]}"
 
@@ -45,7 +45,7 @@ def rows(folder: Path, wrong: str, methods: tuple[str, ...] | None = None) -> li
     and the errors in outages, alone and with constraints."""
     own, constrained = (sd.read(folder / f"{name}.toml") for name in (ALONE, CONSTRAINED))
     parameters = parameters_of(constrained, WANTED)
-    done = np.array([WRONG[wrong].get(named(p), 0.0) for p in parameters])
+    done = np.array([WRONG[wrong].get(parameter_name(p), 0.0) for p in parameters])
     alone, given = (installed_wrong(r, parameters, done).recording for r in (own, constrained))
     nothing = Calibrated(given, 0 * done, 0 * done, np.full(len(done), np.nan))
     found = {NOTHING: nothing} | {
@@ -62,14 +62,14 @@ def rows(folder: Path, wrong: str, methods: tuple[str, ...] | None = None) -> li
             numbers = {
                 "done": done[k],
                 "estimated": of.estimate[k],
-                "sd": of.sd[k],
+                "std": of.std[k],
                 "applied": of.change[k],
             }
             made.append(
                 {
                     "wrong": wrong,
                     "method": name,
-                    "parameter": named(parameter).strip(),
+                    "parameter": parameter_name(parameter).strip(),
                     "unit": parameter.of.unit,
                     **{key: value * factor for key, value in numbers.items()},
                     **left,

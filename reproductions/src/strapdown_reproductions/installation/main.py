@@ -6,7 +6,7 @@ from typing import Any
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import Task, collected
+from ..common.runner import Task, collect_tables
 from . import drive, misses, simulated
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN
 from .summary import DRIVE, FILTER, MISSES, STUDY
@@ -25,7 +25,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     motion; the recordings are left out where they are not. Raises DataError."""
     seeds, folder = asked.seeds_from(SEEDS, QUICK_SEEDS), Path(asked.recordings or DESCRIPTIONS)
     tasks = quick_tasks(seeds) if asked.quick else all_tasks(folder, seeds)
-    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
+    return STUDY.write(out, collect_tables(tasks, asked.workers, asked.progress))
 
 
 def all_tasks(folder: Path, seeds: range) -> list[Task]:

@@ -14,7 +14,7 @@ from strapdown.installation.findings import FOUND
 from strapdown.typing import Array
 
 PASSES = 3
-"""Of the states: the estimate of one pass is where the next begins."""
+"""Passes of the states: the estimate of one pass is where the next begins."""
 
 
 class Calibrated(NamedTuple):
@@ -23,11 +23,11 @@ class Calibrated(NamedTuple):
     recording: Recording
     change: Array  # (m,) of the parameters asked for, SI
     estimate: Array  # (m,) the same also where it was too small or too unsure to be applied
-    sd: Array  # (m,) of the estimate, SI
+    std: Array  # (m,) of the estimate, SI
 
 
 Method = Callable[[Recording, Mapping[str, None]], Calibrated]
-"""Of a recording and the names of what is asked for."""
+"""A method: called with a recording and the names of the parameters."""
 
 
 def set_up(
@@ -47,8 +47,8 @@ def by_states(recording: Recording, wanted: Mapping[str, None], passes: int = 1)
         columns = solution.columns
         change += [columns[p.name][-1] / p.of.factor for p in parameters]
         made = set_up(recording, parameters, change)
-    sds = [columns[f"sd of {p.name}"][-1] / p.of.factor for p in parameters]
-    return Calibrated(made, change, change, np.array(sds))
+    stds = [columns[f"std of {p.name}"][-1] / p.of.factor for p in parameters]
+    return Calibrated(made, change, change, np.array(stds))
 
 
 def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
@@ -59,18 +59,18 @@ def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibra
 def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
     """Return the Calibrated with the parameters that `diagnose` finds wrong; those that it calls
     consistent, or not observable, keep the given value."""
-    return told(sd.diagnose(recording), recording, wanted)
+    return state_calibration(sd.diagnose(recording), recording, wanted)
 
 
 def by_calibration(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
     """Return the Calibrated with the parameters that `calibrate_installation` would write: found,
     and confirmed by states and smoother."""
-    return told(sd.calibrate_installation(recording), recording, wanted)
+    return state_calibration(sd.calibrate_installation(recording), recording, wanted)
 
 
-def told(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
+def state_calibration(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
     """Return the Calibrated of a Diagnosis or a result like it, with name, cause, status, change
-    and sd of each of its `parameters`, and the recording set up as found."""
+    and std of each of its `parameters`, and the recording set up as found."""
     parameters = parameters_of(recording, wanted)
     known = {_name(each.name, each.cause): each for each in found.parameters}
     own = [known[_words(p)] for p in parameters]
@@ -80,7 +80,7 @@ def told(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibr
         found.recording,
         np.where([each.status == FOUND for each in own], estimate, 0.0),
         estimate,
-        np.array([each.sd for each in own]) / factors,
+        np.array([each.std for each in own]) / factors,
     )
 
 

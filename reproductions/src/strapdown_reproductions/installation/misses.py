@@ -26,24 +26,25 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     """A row per recording and method: the figures, and what was found."""
     flight, drive = sd.read(folder / "thor75.toml"), sd.read(folder / "drive0708.toml")
     vehicle = sd.read(folder / "drive0708-vehicle.toml")
-    found = [_flown(flight, NOTHING), _flown(flight, STATES, estimate=list(FLYING))]
-    driven = [_driven(drive, NOTHING), _driven(drive, STATES, estimate=list(FLYING))]
+    found = [_score_flight(flight, NOTHING), _score_flight(flight, STATES, estimate=list(FLYING))]
+    driven = [_score_drive(drive, NOTHING), _score_drive(drive, STATES, estimate=list(FLYING))]
     for name, method in METHODS.items():
         in_flight = method(flight, FLYING)
         clock = float(in_flight.change[0])
         found.append(
-            _flown(in_flight.recording, name, clock) | _said(flight, FLYING, in_flight.change)
+            _score_flight(in_flight.recording, name, clock)
+            | _found_text(flight, FLYING, in_flight.change)
         )
         on_road = method(vehicle, WANTED)
         parameters = parameters_of(vehicle, WANTED)
         driven.append(
-            _driven(set_up(drive, parameters, on_road.change), name)
-            | _said(vehicle, WANTED, on_road.change)
+            _score_drive(set_up(drive, parameters, on_road.change), name)
+            | _found_text(vehicle, WANTED, on_road.change)
         )
     return found + driven
 
 
-def _said(recording: Recording, wanted: dict[str, None], change: Any) -> dict[str, str]:
+def _found_text(recording: Recording, wanted: dict[str, None], change: Any) -> dict[str, str]:
     parts = [
         f"{p.of.name} {p.of.components[p.component]}".strip()
         + f" {value * p.of.factor:+.3f} {p.of.unit}"
@@ -53,7 +54,9 @@ def _said(recording: Recording, wanted: dict[str, None], change: Any) -> dict[st
     return {"found": ", ".join(parts)}
 
 
-def _flown(recording: Recording, method: str, clock: float = 0.0, **more: Any) -> dict[str, Any]:
+def _score_flight(
+    recording: Recording, method: str, clock: float = 0.0, **more: Any
+) -> dict[str, Any]:
     """The row of a solution of thor75. Beside its horizontal difference from the solution on board
     stands that from the same taken `clock` s later: as far as that one shares a latency."""
     solution = sd.fuse(recording, **more)
@@ -61,7 +64,7 @@ def _flown(recording: Recording, method: str, clock: float = 0.0, **more: Any) -
     found = {
         name.split(" error of")[0]: float(columns[name][-1])
         for name in columns
-        if " error of " in name and not name.startswith("sd of")
+        if " error of " in name and not name.startswith("std of")
     }
     clock = found.get("clock", clock)
     reference = recording.reference
@@ -79,7 +82,7 @@ def _flown(recording: Recording, method: str, clock: float = 0.0, **more: Any) -
     }
 
 
-def _driven(recording: Recording, method: str, **more: Any) -> dict[str, Any]:
+def _score_drive(recording: Recording, method: str, **more: Any) -> dict[str, Any]:
     windows = windows_of(recording)
     solution = sd.fuse(recording.hidden(windows), **more)
     found = outages(solution, recording.reference, windows)

@@ -52,17 +52,17 @@ def _parameters(solution: Solution, true: dict[str, float]) -> list[dict[str, An
     """A row per parameter: its error at the end, where filter and smoother are one."""
     rows = []
     for name, value in true.items():
-        sd, prior = solution.columns[f"sd of {name}"], _prior(solution, name)
+        std, prior = solution.columns[f"std of {name}"], _prior(solution, name)
         error = value - solution.columns[name][-1]
         rows.append(
             {
                 "parameter": name,
                 "true": value,
                 "error": error,
-                "sd": sd[-1],
+                "std": std[-1],
                 "prior": prior,
-                "found": bool(sd[-1] <= FOUND * prior),
-                "inside": bool(abs(error) <= NORMAL_95 * sd[-1]),
+                "found": bool(std[-1] <= FOUND * prior),
+                "inside": bool(abs(error) <= NORMAL_95 * std[-1]),
                 "stopped": "stopped" in solution.meta,
             }
         )
@@ -73,8 +73,8 @@ def _prior(solution: Solution, name: str) -> float:
     from strapdown.engine.prepare import augmented_states
 
     assert solution.recording is not None
-    states = augmented_states(solution.recording.aidings, solution.recording.meta.get("estimate"))
-    return next(each.sd * each.factor for each in states if each.name == name)
+    states = augmented_states(solution.recording.sources, solution.recording.meta.get("estimate"))
+    return next(each.std * each.factor for each in states if each.name == name)
 
 
 def _scales(solution: Solution, true: dict[str, float]) -> dict[str, Array]:
@@ -83,6 +83,6 @@ def _scales(solution: Solution, true: dict[str, float]) -> dict[str, Array]:
         if name.startswith("scale"):
             late = solution.t % SCALE_ROWS
             rows = np.minimum(late, SCALE_ROWS - late) < 1e-3
-            error, sd = value - solution.columns[name], solution.columns[f"sd of {name}"]
-            return {"t": solution.t[rows].round(3), "error": error[rows], "sd": sd[rows]}
-    return {"t": np.empty(0), "error": np.empty(0), "sd": np.empty(0)}
+            error, std = value - solution.columns[name], solution.columns[f"std of {name}"]
+            return {"t": solution.t[rows].round(3), "error": error[rows], "std": std[rows]}
+    return {"t": np.empty(0), "error": np.empty(0), "std": np.empty(0)}

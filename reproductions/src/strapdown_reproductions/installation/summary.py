@@ -9,7 +9,7 @@ from strapdown.evaluation.consistency import band
 
 from ..common.runner import StudyTables
 from ..common.study import ReproducedStudy, held_against
-from ..common.tables import Tables, grouped, rms, with_rows
+from ..common.tables import Tables, group_rows, rms, with_rows
 from ..common.targets import Target
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
 from .drive import NOTHING, RIGHT
@@ -36,7 +36,7 @@ for all of a few is no sign."""
 FIVE_MINUTES = 300.0
 DRIVEN = {"clock": 0.01, "lever-arm": 0.05, "mounting": 0.2}
 ASIDE = "lever-arm down"
-"""Of the drive: its motion hardly shows it."""
+"""Parameter of the drive that its motion hardly shows."""
 
 
 def _of_starts(name: str, text: str, *rest: Any) -> dict[str, Target]:
@@ -107,17 +107,17 @@ def intervals(parameters: pd.DataFrame) -> pd.DataFrame:
             "inside": float(found["inside"].mean()) if len(found) else np.nan,
             "bias": own["error"].mean(),
             "rmse": rms(own["error"]),
-            "sd": own["sd"].mean(),
+            "std": own["std"].mean(),
             "prior": own["prior"].iloc[0],
         }
 
-    return grouped(parameters, ["motion", "filter", "start", "parameter"], measures, COLUMNS)
+    return group_rows(parameters, ["motion", "filter", "start", "parameter"], measures, COLUMNS)
 
 
-COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "sd", "prior")
+COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "std", "prior")
 
 
-def hidden(table: pd.DataFrame) -> pd.Series:
+def is_hidden(table: pd.DataFrame) -> pd.Series:
     """Which rows are of a parameter that its motion does not show."""
     return pd.Series(
         [p.startswith(simulation(m).hidden) for m, p in zip(table["motion"], table["parameter"])],
@@ -148,7 +148,7 @@ def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
         return found
 
     columns = ("runs", "states", *(f"nees{of}{what}" for of in ("", "_right") for what in NEES))
-    return grouped(epochs, ["motion", "filter", "start"], measures, columns)
+    return group_rows(epochs, ["motion", "filter", "start"], measures, columns)
 
 
 def scales(table: pd.DataFrame) -> pd.DataFrame:
@@ -156,19 +156,19 @@ def scales(table: pd.DataFrame) -> pd.DataFrame:
     the mean standard deviation, in %."""
     own = table[(table["filter"] == FILTER) & table["motion"].isin(list(MOTIONS))]
     own = own[(own["t"] % 30 == 0) & (own["t"] > 0)]
-    return grouped(
+    return group_rows(
         own.rename(columns={"t": "t_s"}),
         ["start", "t_s"],
         lambda each: {
             "median_%": 100 * each["error"].abs().median(),
             "q95_%": 100 * each["error"].abs().quantile(0.95),
-            "sd_%": 100 * each["sd"].mean(),
+            "std_%": 100 * each["std"].mean(),
         },
-        ("median_%", "q95_%", "sd_%"),
+        ("median_%", "q95_%", "std_%"),
     )
 
 
-def driven(drive: pd.DataFrame) -> pd.DataFrame:
+def summarise_drive(drive: pd.DataFrame) -> pd.DataFrame:
     """A row per wrong set-up and method: error of each parameter against what the same method
     estimates from the file as given, and the outages over those of the file as given."""
     rows = []
@@ -193,7 +193,7 @@ def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}; NaN where the runs do not decide."""
     values: dict[str, float] = {}
     if len(found[DRIVE]):
-        table = driven(found[DRIVE])
+        table = summarise_drive(found[DRIVE])
         own = table[(table["method"] == METHOD) & (table["wrong"] != RIGHT)]
         for name in DRIVEN:
             columns = [c for c in own if c.startswith(name) and not c.startswith(ASIDE)]
@@ -214,7 +214,7 @@ def figures(found: StudyTables) -> dict[str, float]:
             & nees["motion"].isin(list(MOTIONS))
         ]
         values[f"nees, {start}"] = float(rows["nees_in_band_%"].min()) if len(rows) else np.nan
-    cannot = unseen[hidden(unseen)]
+    cannot = unseen[is_hidden(unseen)]
     values["unseen"] = float((100 * cannot["found"] / cannot["runs"]).max())
     of_scale = scales(found[SCALES])
     late = of_scale[(of_scale["t_s"] == FIVE_MINUTES)]
@@ -228,12 +228,12 @@ def figures(found: StudyTables) -> dict[str, float]:
 def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of what was run."""
     told = intervals(found[RUNS])
-    cannot = hidden(told)
+    cannot = is_hidden(told)
     shown = {
         "drive": (
             "drive0708: errors against what the same method estimates from the file as given; "
             "median of the largest horizontal errors in nine outages",
-            driven(found[DRIVE]) if len(found[DRIVE]) else found[DRIVE],
+            summarise_drive(found[DRIVE]) if len(found[DRIVE]) else found[DRIVE],
         ),
         "simulated": (
             "Simulated: errors at the end, and intervals where called found",

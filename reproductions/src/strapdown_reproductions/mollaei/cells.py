@@ -25,20 +25,27 @@ EKFS = {
     ONCE: "linearised once, at the trim, in the attitude too",
     HELD: "linearised once, at the trim, in the six states alone: the attitude is held at the trim's",
 }
-"""What "linearizes the process around the operating point" (section 3.1) may mean, by mode."""
+"""Readings of "linearizes the process around the operating point" (section 3.1), by mode."""
+FED_TRUTH = "true feedback"
+DIRECT = {
+    NO_FILTER: "the last fix, with the errors of the receiver",
+    FED_TRUTH: "true position and velocity, which no aircraft has",
+}
+"""Readings of "no filter and real feedback" (Table 2), by mode; zero once the GPS is cut."""
 POINTS = "PKF by points"
 """The particle filter with components predicted by the sigma points (37) to (39)."""
 CLOSED, CKF = "closed loop", "CKF"
 SIX, FULL = "six states", "15 states"
 IMU, MODEL = "IMU", "model"
 SENSORS, PRINTED = "sensors", "printed"
-E0, E1, E2, TURN, WIND = "E0", "E1", "E2", "turn", "wind"
+E0, E1, E2, TURN, WIND, OUTLIERS = "E0", "E1", "E2", "turn", "wind", "outliers"
 EXPERIMENTS = {
     E0: "25 s with fixes",
     E1: "25 s, fixes cut at 15 s",
     E2: "315 s, fixes cut at 15 s",
     TURN: "25 s of turning flight, fixes cut at 15 s",
     WIND: "as E2 in 3 m/s of wind that nobody is told of",
+    OUTLIERS: "as E1, steered by the true state, a tenth of the fixes with ten times the error",
 }
 CUT = 15.0
 """s at which the fixes end."""
@@ -50,7 +57,7 @@ FEW_FIXES, FAR_START, GUSTS, HZ_20, HZ_10 = (
     "filter at 10 Hz",
 )
 CONDITIONS = (FEW_FIXES, FAR_START, GUSTS, HZ_20, HZ_10)
-"""What else the paper leaves open and might favour its filters."""
+"""Other conditions that the paper leaves open and that might favour its filters."""
 
 
 class FlightCase(NamedTuple):
@@ -96,6 +103,8 @@ CASES = (
     FlightCase(TURN, prediction=MODEL),
     FlightCase(WIND),
     FlightCase(WIND, prediction=MODEL),
+    FlightCase(OUTLIERS),
+    FlightCase(OUTLIERS, prediction=MODEL),
     *(
         FlightCase(experiment, FULL, prediction)
         for experiment in (E1, E2, TURN)
@@ -182,7 +191,7 @@ def of(
     }
 
 
-def known(table: pd.DataFrame, measure: str, mode: str) -> Array:
+def flown_values(table: pd.DataFrame, measure: str, mode: str) -> Array:
     """(n,) values of a measure of a mode in the table of a case, empty where it was not flown."""
     if (measure, mode) not in table.columns:
         return np.empty(0)
@@ -220,19 +229,20 @@ CRITERIA = {
 """Rows of Tables 2 to 4 redrawn: rms deviations from the final value, and overshoots."""
 
 
-def redrawn(tables: dict[FlightCase, pd.DataFrame], experiment: str) -> pd.DataFrame:
+def redraw_table(tables: dict[FlightCase, pd.DataFrame], experiment: str) -> pd.DataFrame:
     """DataFrame shaped as the paper's table of an experiment: a row per criterion and reading,
-    "published / ours" for each mode."""
+    "published / ours" for each mode, and ours with true feedback as no filter."""
     return pd.DataFrame(
         [
             {
                 "rms deviation from the final value, or overshoot": title,
                 "prediction": case.prediction,
                 **{
-                    mode: f"{_printed(value)} / "
-                    f"{middle(known(table, measure, mode), MEASURES[measure])}"
-                    for mode, value in zip(MODES, _published(TABLE_OF[experiment], measure))
+                    mode: f"{_print_value(value)} / "
+                    f"{middle(flown_values(table, measure, mode), MEASURES[measure])}"
+                    for mode, value in zip(MODES, _published_values(TABLE_OF[experiment], measure))
                 },
+                FED_TRUTH: middle(flown_values(table, measure, FED_TRUTH), MEASURES[measure]),
             }
             for case, table in of(tables, experiment, tuning=SENSORS).items()
             for measure, title in CRITERIA.items()
@@ -240,13 +250,13 @@ def redrawn(tables: dict[FlightCase, pd.DataFrame], experiment: str) -> pd.DataF
     )
 
 
-def _published(table: str, measure: str) -> tuple[float, ...]:
+def _published_values(table: str, measure: str) -> tuple[float, ...]:
     """Values of MODES of a published table; its Gx, Gy and Gz stand beside weight and moment."""
     by_axis = f"g{measure[1]}" if measure[0] in "gm" else ""
     return PUBLISHED[table].get(measure, PUBLISHED[table].get(by_axis, (np.nan,) * len(MODES)))
 
 
-def _printed(value: float) -> str:
+def _print_value(value: float) -> str:
     return "divergence" if np.isinf(value) else "–" if np.isnan(value) else f"{value:g}"
 
 
@@ -275,14 +285,14 @@ def left_out(
             {
                 "case": str(case),
                 "mode": mode,
-                "flights": len(known(table, "fx_n", mode)),
+                "flights": len(flown_values(table, "fx_n", mode)),
                 "lost": lost,
                 **{
-                    title: middle(known(table, measure, mode), MEASURES[measure])
+                    title: middle(flown_values(table, measure, mode), MEASURES[measure])
                     for measure, title in LEFT_OUT.items()
                 },
-                "NEES at 15 s": _nees(known(table, "nees_cut", mode)),
-                "NEES at the end": _nees(known(table, "nees_end", mode)),
+                "NEES at 15 s": _nees(flown_values(table, "nees_cut", mode)),
+                "NEES at the end": _nees(flown_values(table, "nees_end", mode)),
             }
             for case, table in tables.items()
             if cases is None or case in cases

@@ -23,7 +23,8 @@ CHOICES = (
         '"no filter and real feedback"',
         "direct feedback of position and velocities, zero once the GPS is cut",
         "no filter: the last fix is held, zero once none came for a second; attitude by integrated "
-        "gyros. "
+        "gyros. Beside it true feedback: the same with the true position and velocity of each "
+        "sample and a perfect IMU, one flight for all seeds. "
         "The reference flight is steered by the true state",
     ),
     (
@@ -140,3 +141,34 @@ CHOICES = (
 )
 """(what, in the paper, here); {plan} and {gnss} are filled by runs.texts, {final} by metrics.FINAL,
 {seeds} by main.flights."""
+WORDS = (
+    (
+        "no filter, real feedback",
+        "the true position and velocity",
+        "letter",
+        '"no filter and real feedback", "the actual feedback from the flying object\'s position and '
+        'velocities"',
+    ),
+    ("", "the last fix, with its errors", "spirit", "what an aircraft without a filter has"),
+    (
+        "what predicts",
+        "the IMU",
+        "letter",
+        '"the inertial navigation system is used as a reference path"',
+    ),
+    ("", "the aircraft's model", "spirit", "section 2, and the nonlinearity that is spoken of"),
+    ("Q and R", "as printed", "letter", "Q = 0.1 I, R = 0.5 I"),
+    ("", "from the sensors", "spirit", "what such numbers stand for"),
+    ("the EKF is linearised", "at the estimate", "letter", "(22)"),
+    ("", "forces at the trim", "spirit", '"around the operating point"'),
+    ("", "once, or with the attitude held", "charity", "(22) speaks against it"),
+    ("components of the PKF", "by sigma points", "letter", "(37) to (39)"),
+    ("", "linearised at their means", "spirit", "Hoteit, Luo & Pham (2012)"),
+    (
+        "what is flown",
+        "positions alone, a start that is off, turbulence, slower filters",
+        "charity",
+        "nothing; they might favour sigma points or particles",
+    ),
+)
+"""[(what is open, reading, LETTER, SPIRIT or CHARITY of rules.py, what speaks for it)]."""

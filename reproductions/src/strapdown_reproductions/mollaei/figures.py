@@ -50,8 +50,7 @@ from .cells import (
     UKF,
     FlightCase,
 )
-from .metrics import FlightRecord
-from .rules import DEVIATIONS
+from .metrics import DEVIATIONS, FlightRecord
 from .runs import MollaeiResults
 
 COLOUR = {
@@ -168,7 +167,7 @@ def all_figures(
         ("Figure 10: growth of the errors in five minutes (E2)", growth(results, E2), OVER_SEEDS),
         (
             "Figure 11: the turning flight seen from above",
-            turning(results),
+            turning_figure(results),
             FIRST + "True path of the aircraft; a mark where the fixes end.",
         ),
         (
@@ -213,7 +212,7 @@ def over_time(
         for mode, y in values.items():
             line(drawn, runs[mode].t, y, mode, COLOUR[mode], row=row, **STYLE[mode])
         if not everything:
-            _framed(drawn, row, label.replace("<br>", " "), values)
+            _frame_panel(drawn, row, label.replace("<br>", " "), values)
     end = max((float(record.t[-1]) for record in runs.values()), default=1.0)
     if case.experiment != E0:
         drawn.add_vrect(CUT, end, fillcolor=WITHHELD, line_width=0, layer="below")
@@ -234,7 +233,7 @@ def _runs(results: MollaeiResults, case: FlightCase) -> dict[str, FlightRecord]:
     return {mode: record for mode, record in found.items() if record is not None and len(record.t)}
 
 
-def _framed(drawn: go.Figure, row: int, label: str, values: dict[str, Array]) -> None:
+def _frame_panel(drawn: go.Figure, row: int, label: str, values: dict[str, Array]) -> None:
     """The frame of a panel holds all but what no filter does, where that is much more."""
     outside = values.get(NO_FILTER)
     shown = [own[np.isfinite(own)] for mode, own in values.items() if mode != NO_FILTER]
@@ -349,7 +348,7 @@ def ratios(tables: dict[FlightCase, pd.DataFrame]) -> go.Figure:
     )
 
 
-def turning(results: MollaeiResults) -> go.Figure:
+def turning_figure(results: MollaeiResults) -> go.Figure:
     """Path of the turning flight, IMU-driven, beside that of the reference."""
     drawn = panels(["north [m]"], height=440)
     for mode, record in _runs(results, FlightCase(TURN)).items():

@@ -13,7 +13,10 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.typing import File
 
+from ..common.concordance import concordance
+from ..common.pages import TOO_FEW
 from ..common.reproduction import Asked, reproduction
+from ..common.runner import ENOUGH
 from ..common.study import Outcome, StudyWork, choices_table, write_study
 from . import (
     cells,
@@ -22,14 +25,16 @@ from . import (
     runs as mollaei_runs,
 )
 from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF, FlightCase
-from .choices import CHOICES
+from .choices import CHOICES, WORDS
+from .concordance import entries
+from .contradictions import contradictions
 from .figures import all_figures
 from .metrics import FINAL
 from .runs import MollaeiResults
 
 SEEDS, QUICK_SEEDS = 200, 2
 COMPONENTS, QUICK_COMPONENTS = 500, 25
-"""Of the particle Kalman filter."""
+"""Components of the particle Kalman filter."""
 WORK = StudyWork(
     "EKF, UKF and particle Kalman filter when GPS is lost: the study of Mollaei et al. again",
     (
@@ -89,20 +94,23 @@ def write(out: File, results: MollaeiResults, components: int, seed: int) -> lis
     claims = mollaei_claims.claims(
         rules.MollaeiEvidence(tables, linear[["seed", "mode", "apart_m"]])
     )
+    runs = int(scores.groupby(["experiment", "form"])["seed"].nunique().max())
+    known = claims if runs >= ENOUGH else [{**claim, "verdict": TOO_FEW} for claim in claims]
     outcome = Outcome(
         sentence(scores, components, seed),
         claims,
         choices_table(CHOICES, seeds=flights(scores), final=FINAL, **mollaei_runs.texts()),
         {"flights": (None, scores)},
         all_figures(results, tables),
-        shown(tables, results),
-        runs=int(scores.groupby(["experiment", "form"])["seed"].nunique().max()),
+        table_texts(tables, results),
+        between=["", "Concordance of the paper:", "", concordance(entries(known))],
+        runs=runs,
     )
     return write_study(out, WORK, outcome)
 
 
 def sentence(scores: pd.DataFrame, components: int, seed: int) -> str:
-    """How large the study is."""
+    """The size of the study, in words."""
     return f"This page: {flights(scores)}; a PKF of {components} components, seed {seed}, strapdown {__version__}."
 
 
@@ -117,7 +125,7 @@ def flights(scores: pd.DataFrame) -> str:
     return "; ".join(f"{form}: {of(form)}" for form in dict.fromkeys(scores["form"]))
 
 
-def shown(
+def table_texts(
     tables: dict[FlightCase, pd.DataFrame], results: MollaeiResults
 ) -> list[tuple[str, str, pd.DataFrame]]:
     """[(name, heading, DataFrame of text)] of the tables for people."""
@@ -141,7 +149,7 @@ def shown(
             (
                 f"redrawn-{experiment.lower()}",
                 f"{cells.TABLE_OF[experiment]} redrawn ({experiment})",
-                cells.redrawn(tables, experiment),
+                cells.redraw_table(tables, experiment),
             )
             for experiment in (E0, E1, E2)
         ),
@@ -150,6 +158,23 @@ def shown(
             "readings",
             "Readings of the EKF, of the PKF and of what is flown: ratios",
             rules.readings(tables),
+        ),
+        (
+            "words",
+            "Readings in a word: the paper's letter, its spirit, or charity",
+            pd.DataFrame(WORDS, columns=["what is open", "reading", "in a word", "in the paper"]),
+        ),
+        (
+            "contradictions",
+            "Contradictions inside the published tables",
+            contradictions(),
+        ),
+        (
+            "not-judged",
+            "Sentences without a rule, and why",
+            pd.DataFrame(
+                mollaei_claims.NOT_JUDGED, columns=["the paper says", "where", "why no rule"]
+            ),
         ),
         ("time", "Time of one flight (E2)", time),
     ]

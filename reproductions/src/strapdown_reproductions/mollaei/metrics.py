@@ -28,6 +28,7 @@ MEASURES = {
     "gy_n": 1e3,
     "gz_n": 1e3,
     "over_x_pct": 1e4,
+    "over_y_pct": 1e4,
     "over_z_pct": 1e4,
     "step_x_pct": 1e4,
     "step_z_pct": 1e4,
@@ -63,7 +64,8 @@ MEASURES = {
 """{measure: the most that counts of it}; a measure's unit is the end of its name. fx ... gz,
 aileron ... alpha: rms deviation from the final value of the flight itself, and under the same
 name with `_ref` from that of the reference flight. The final value is the mean of the last FINAL
-seconds, also of a flight that still drifts then. worst_m: the estimate's largest error after the
+seconds, also of a flight that still drifts then. With `_by_truth` and `_by_fixes`: see `distances`,
+of flights with fixes alone. worst_m: the estimate's largest error after the
 cut, of the whole flight where there is no cut; off_max_m and off_route_m: of the whole flight."""
 SIGNALS = {
     "fx_n": ("force", 0),
@@ -83,6 +85,11 @@ SIGNALS = {
 }
 """{measure of deviation: (field of Record, column)}."""
 MEASURES |= {f"{name}_ref": MEASURES[name] for name in SIGNALS}
+DEVIATIONS = ("fx_n", "fz_n", "gx_n", "gz_n", "mx_nm", "my_nm", "mz_nm")
+"""Fx and Fz; Gx and Gz as weight; and all three as moments."""
+BY_TRUTH, BY_FIXES = "by_truth", "by_fixes"
+"""Which curve of direct feedback another is held against."""
+MEASURES |= {f"{name}_{blue}": 1e3 for name in DEVIATIONS for blue in (BY_TRUTH, BY_FIXES)}
 LOST = MEASURES | {"nees_cut": np.nan, "nees_end": np.nan}
 """Scores of a flight that stopped: the most of each; there is no NEES of it."""
 
@@ -138,7 +145,7 @@ def overshoot(values: Array, last: float, begin: float = 0.0) -> float:
     return max(0.0, 100.0 * float(np.max((values - last) / step)))
 
 
-def settling(t: Array, values: Array, last: float, width: float) -> float:
+def settling_time(t: Array, values: Array, last: float, width: float) -> float:
     """s from t[0] to the last time at which values (n,) are not within `width` of `last`; 0
     where they always are."""
     outside = np.flatnonzero(np.abs(values - last) > width)
@@ -162,11 +169,13 @@ def score(
         **estimates(record, cut),
         **ways(record, reference),
     }
+    if cut is None:
+        found |= distances(record, reference, BY_TRUTH)
     said = "diverged" if max(found["worst_m"], found["off_max_m"]) >= FAR else ""
     # np.minimum keeps a NaN: there is nothing to measure
-    return {name: float(np.minimum(found[name], most)) for name, most in MEASURES.items()} | {
-        "said": said
-    }
+    return {
+        name: float(np.minimum(found.get(name, np.nan), most)) for name, most in MEASURES.items()
+    } | {"said": said}
 
 
 def deviations(record: FlightRecord, reference: FlightRecord) -> dict[str, float]:
@@ -178,17 +187,31 @@ def deviations(record: FlightRecord, reference: FlightRecord) -> dict[str, float
     }
 
 
+def distances(record: FlightRecord, blue: FlightRecord, name: str) -> dict[str, float]:
+    """Distance of the curves of DEVIATIONS from those of a flight by direct feedback, the blue
+    ones of the paper: rms distance as a share of the rms deviation of the blue curve from its
+    final value; inf where that has none, or one flight was shorter.
+
+    name: BY_TRUTH or BY_FIXES, by what the blue one flew."""
+    found = {}
+    for signal in DEVIATIONS:
+        own, its = record.signal(signal), blue.signal(signal)
+        size = deviation(its, final(blue.t, its)) if len(its) == len(own) else 0.0
+        found[f"{signal}_{name}"] = deviation(own, its) / size if size > 0 else np.inf
+    return found
+
+
 def transients(record: FlightRecord, reference: FlightRecord) -> dict[str, float]:
     """Overshoots of velocity, settling times, and how far the final angle of attack is off."""
     overshoots = {
         f"{of}_{axis}_pct": overshoot(
             record.velocity[:, k], final(record.t, record.velocity[:, k]), begin
         )
-        for axis, k in (("x", 0), ("z", 2))
+        for axis, k in (("x", 0), ("y", 1), ("z", 2))
         for of, begin in (("over", 0.0), ("step", reference.velocity[0, k]))
     }
     settled = {
-        f"settle_{name.partition('_')[0]}_s": settling(
+        f"settle_{name.partition('_')[0]}_s": settling_time(
             record.t,
             record.signal(name),
             final(record.t, record.signal(name)),
@@ -232,7 +255,7 @@ def estimates(record: FlightRecord, cut: float | None) -> dict[str, float]:
 
 
 def ways(record: FlightRecord, reference: FlightRecord) -> dict[str, float]:
-    """How far the aircraft is from the reference flight at the same time, m: rms, largest, at
+    """Distances of the aircraft from the reference flight at the same time, m: rms, largest, at
     the end; and beside its route at most."""
     apart = np.linalg.norm(record.place - reference.place[: len(record.place)], axis=1)
     return {

@@ -1,4 +1,4 @@
-"""How flights become verdicts on the claims of Mollaei et al.: the bounds, the readings, the
+"""Rules from flights to verdicts on the claims of Mollaei et al.: the bounds, the readings, the
 measures, and what of them common.kinds decides.
 
 Tables are those of cells.wide, {Case: table}.
@@ -12,21 +12,26 @@ import numpy as np
 import pandas as pd
 
 from strapdown.evaluation.consistency import paired_comparison, proportion
+from strapdown.experiments.outages.summaries import over_blocks
 from strapdown.typing import Array
 
 from ..common import kinds
 from ..common.claims import JudgedClaim
-from ..common.kinds import Share, Votes, clustered
+from ..common.kinds import Share, Votes, cluster_share
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from ..common.paired_ratios import MIN_ERROR, better as sides, ratio
-from ..common.verdicts import both, decided, over_readings, vote
+from ..common.paired_ratios import MIN_ERROR, better as sides, both_of, ratio
+from ..common.verdicts import SIZE, both, decide, over_readings, vote
 from .cells import (
     AT_TRIM,
+    CKF,
     CONDITIONS,
+    DIRECT,
     E0,
     E1,
     EKF,
     EKFS,
+    FED_TRUTH,
+    FILTERS,
     HELD,
     IMU,
     MODEL,
@@ -40,12 +45,17 @@ from .cells import (
     SIX,
     UKF,
     FlightCase,
-    known,
+    flown_values,
 )
+from .metrics import BY_FIXES, BY_TRUTH
 
-DEVIATIONS = ("fx_n", "fz_n", "gx_n", "gz_n", "mx_nm", "my_nm", "mz_nm")
-"""Fx and Fz; Gx and Gz as weight; and all three as moments."""
 OVERSHOOTS = ("over_x_pct", "over_z_pct")
+CONTROLS, AILERON = ("elevator_deg", "rudder_deg"), "aileron_deg"
+"""Ue and Ur, and Ua."""
+LETTER, SPIRIT, CHARITY = "letter", "spirit", "charity"
+"""A reading is what is printed, what the text seems to mean, or what alone favours the claim."""
+PRINTED_Y = (10.0, 50.0)
+"""Per cent: between which the overshoots of velocity Y "in all cases" are said to lie."""
 SETTLING = ("settle_elevator_s", "settle_engine_s", "settle_alpha_s")
 TWICE = 2.0
 """\"Diverges\", \"negligible\", \"not suitable\": a factor of so much."""
@@ -63,7 +73,7 @@ PRINTED_DEVIATIONS, PRINTED_ALL = (
     ("fx_n", "fz_n", "gx", "gz", *OVERSHOOTS),
 )
 """Rows of the published tables."""
-ONE_FILTER = {EKF, AT_TRIM, UKF, PKF, POINTS}
+ONE_FILTER = {EKF, AT_TRIM, UKF, CKF, PKF, POINTS}
 """One filter where the process is linear, the particle filters but for their draws."""
 BY_ALGEBRA = (
     "driven by the IMU the process is linear in position and velocity, and the filters are one, the "
@@ -77,20 +87,23 @@ Counting: TypeAlias = Callable[[pd.DataFrame, str], tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class MollaeiReading:
     """One reading of the points that the paper leaves open."""
 
     name: str
     instead: Mapping[str, str] = field(default_factory=dict)  # {mode: the one that stands for it}
     condition: str = ""  # of cells.CONDITIONS
+    word: str = CHARITY  # LETTER, SPIRIT or CHARITY
 
 
-AS_PRINTED = Reading("as printed")
+AS_PRINTED = MollaeiReading("as printed", word=LETTER)
 READINGS = (
     AS_PRINTED,
-    *(Reading(ekf, {EKF: ekf}) for ekf in EKFS if ekf != EKF),
-    Reading(POINTS, {PKF: POINTS}),
-    *(Reading(condition, condition=condition) for condition in CONDITIONS),
+    MollaeiReading(FED_TRUTH, {NO_FILTER: FED_TRUTH}, word=LETTER),
+    MollaeiReading(AT_TRIM, {EKF: AT_TRIM}, word=SPIRIT),
+    *(MollaeiReading(ekf, {EKF: ekf}) for ekf in (ONCE, HELD)),
+    MollaeiReading(POINTS, {PKF: POINTS}, word=LETTER),
+    *(MollaeiReading(condition, condition=condition) for condition in CONDITIONS),
 )
 
 
@@ -103,7 +116,9 @@ class MollaeiEvidence(NamedTuple):
     apart: pd.DataFrame
 
 
-def flown(*experiments: str, prediction: str | None = None) -> Callable[[MollaeiEvidence], Tables]:
+def choose_flown(
+    *experiments: str, prediction: str | None = None
+) -> Callable[[MollaeiEvidence], Tables]:
     """Chooses the six-state tables of experiments, of all readings or of one prediction."""
     return lambda evidence: {
         case: table
@@ -136,7 +151,7 @@ class Cells(NamedTuple):
     pair: Pair  # as it is flown there
 
 
-def cells_of(tables: Tables, reading: Reading, pair: Pair) -> Cells:
+def cells_of(tables: Tables, reading: MollaeiReading, pair: Pair) -> Cells:
     """The Cells of a pair in a reading."""
     first, second = (reading.instead.get(mode, mode) for mode in pair)
     own = {
@@ -150,7 +165,7 @@ def cells_of(tables: Tables, reading: Reading, pair: Pair) -> Cells:
     return Cells(free, same, (first, second))
 
 
-def readings_of(tables: Tables, pairs: Sequence[Pair]) -> dict[Reading, dict[Pair, Cells]]:
+def readings_of(tables: Tables, pairs: Sequence[Pair]) -> dict[MollaeiReading, dict[Pair, Cells]]:
     """{reading that says something of the pairs, and was flown with all: {pair: Cells}}."""
     found = {
         reading: {pair: cells_of(tables, reading, pair) for pair in pairs} for reading in READINGS
@@ -195,11 +210,20 @@ class ComparedRule(NamedTuple):
         return self.text
 
 
+Voting: TypeAlias = Callable[..., Votes]
+"""(tables, measures, first, second) -> Votes of the cells for the first of a pair."""
+
+
 def better(
-    tables: Tables, measures: Sequence[str], pairs: Sequence[Pair], others: Sequence[str] = ()
+    tables: Tables,
+    measures: Sequence[str],
+    pairs: Sequence[Pair],
+    others: Sequence[str] = (),
+    voting: Voting = sides,
 ) -> ComparedRule:
     """The first of each pair is better in most cells (kinds.mostly), in every reading, whoever
-    predicts, and, if there are `others`, with these in place of `measures`.
+    predicts, and, if there are `others`, with these in place of `measures`. voting: how a cell
+    votes, by default for the smaller measure.
 
     Cells that are identities do not vote, and are counted apart; where there are no others at all,
     the filters are one, and neither is better.
@@ -213,10 +237,10 @@ def better(
                 same += sum(len(cells.same) for cells in own.values()) * len(measures)
             if not any(cells.free for cells in own.values()):
                 continue
-            name = f"{reading.name}, {driven}-driven"
+            name = f"{reading.name} ({reading.word}), {driven}-driven"
             judged = [
                 {
-                    cells.pair: kinds.mostly(sides(cells.free, each, *cells.pair))
+                    cells.pair: kinds.mostly(voting(cells.free, each, *cells.pair))
                     for cells in own.values()
                     if cells.free
                 }
@@ -239,24 +263,26 @@ def better(
     texts += [f"{same} cells more are identities: {BY_ALGEBRA}"] * bool(same)
     none = NOT_REPRODUCED if same else UNDECIDED
     verdict = over_readings(*verdicts.values()) if verdicts else none
-    return ComparedRule(verdict, ". ".join(texts) or "not flown", _answer(verdicts, ratios, same))
+    answer = _answer(verdicts, ratios, same, verdict)
+    return ComparedRule(verdict, ". ".join(texts) or "not flown", answer)
 
 
-def _answer(verdicts: dict[str, str], ratios: dict[str, str], same: int) -> str:
+def _answer(verdicts: dict[str, str], ratios: dict[str, str], same: int, verdict: str) -> str:
     """A sentence with the median ratios as printed, and one on the readings that turn it; those
-    that leave it open turn nothing."""
+    that leave it open do so where the `verdict` of all is left open."""
     one = "Driven by the IMU they are one filter." * bool(same)
     base = next(iter(verdicts), "")
     if not base:
         return one or "Not flown."
-    said = f"Median ratios, {base}: {ratios[base]}. {one}"
-    turned = [name for name in verdicts if verdicts[name] not in (UNDECIDED, verdicts[base])]
+    said = f"Median ratios, {base}: {ratios[base]}. {one}".strip()
+    silent = {verdicts[base]} if verdict == UNDECIDED else {verdicts[base], UNDECIDED}
+    turned = [name for name in verdicts if verdicts[name] not in silent]
     if turned:
         each = "; ".join(f"{name} ({ratios[name]}: {verdicts[name]})" for name in turned)
         said += f" It turns with another reading: {each}."
         against = " Equation (22) linearises at the estimate, against these readings of the EKF."
         said += against * any(name.startswith((AT_TRIM, ONCE, HELD)) for name in turned)
-    return said.strip()
+    return said
 
 
 def middle_ratios(tables: Tables, measures: Sequence[str], pair: Pair) -> Array:
@@ -270,6 +296,91 @@ def middle_ratios(tables: Tables, measures: Sequence[str], pair: Pair) -> Array:
 def median_of(values: Array | Sequence[float]) -> str:
     """Text: the median, "–" of nothing."""
     return f"{np.median(values):.3g}" if len(values) else "–"
+
+
+def less_pronounced(tables: Tables, measures: Sequence[str], first: str, second: str) -> Votes:
+    """Votes of the cells (a case and a measure) for the first of a pair deviating less than the
+    second, and by a larger factor in that measure than in the aileron."""
+    aileron = f"{AILERON}_ref" if measures[0].endswith("_ref") else AILERON
+
+    def votes(confidence: float) -> list[int]:
+        found = []
+        for table in tables.values():
+            block, a, b = both_of(table, aileron, first, second)
+            for measure in measures:
+                _, c, d = both_of(table, measure, first, second)
+                gain = over_blocks(np.log(d / c) - np.log(b / a), block, 1.0, confidence)
+                side = ratio(table, measure, first, second, confidence).side
+                found.append(min(side, vote(gain.low, gain.high, np.log1p(SIZE))))
+        return found
+
+    return votes
+
+
+def aileron_ratios(tables: Tables, pairs: Sequence[Pair]) -> str:
+    """Text: medians of the ratios of the pairs, of the aileron beside CONTROLS, in cells where
+    they are not one filter by algebra."""
+    return "; ".join(
+        f"{' / '.join(pair)} {median_of(middle_ratios(free, (AILERON,), pair))} beside "
+        f"{median_of(middle_ratios(free, CONTROLS, pair))}"
+        for pair in pairs
+        for free in [cells_of(tables, AS_PRINTED, pair).free]
+        if free
+    )
+
+
+def resembles(tables: Tables, measures: Sequence[str], modes: Sequence[str]) -> JudgedClaim:
+    """The curves of each of the modes resemble those of direct feedback in most cells
+    (kinds.mostly): their distance is less than 1 / TWICE of what the curve of direct feedback
+    itself deviates (geometric mean over the seeds). By both readings of direct feedback, and by
+    who predicts."""
+    found = {}
+    for blue, mode_of_blue in ((BY_TRUTH, FED_TRUTH), (BY_FIXES, NO_FILTER)):
+        names = [f"{measure}_{blue}" for measure in measures]
+        for driven in (MODEL, IMU):
+            own = usual(tables, driven)
+            for mode in modes if own else ():
+                values = [
+                    flown_values(table, name, mode) for table in own.values() for name in names
+                ]
+                median = median_of([np.exp(np.mean(np.log(v))) for v in values if len(v)])
+                judged = kinds.mostly(_near_to(values))
+                name = f"{mode}, beside {mode_of_blue}, {driven}-driven"
+                found[name] = JudgedClaim(judged.verdict, f"{judged}, median distance {median}")
+    return JudgedClaim(
+        over_readings(*(each.verdict for each in found.values())) if found else UNDECIDED,
+        "; ".join(f"{name}: {each.verdict}, {each}" for name, each in found.items()),
+    )
+
+
+def _near_to(distances: Sequence[Array]) -> Votes:
+    """Votes of cells, the distances of whose flights are given, for their being below 1 / TWICE."""
+
+    def votes(confidence: float) -> list[int]:
+        found = []
+        for values in distances:
+            logs = np.log(np.maximum(values, MIN_ERROR))
+            each = paired_comparison(logs, np.zeros(len(logs)), confidence)
+            found.append(-vote(each.low, each.high, -np.log(TWICE)))
+        return found
+
+    return votes
+
+
+def by_direct(judge: Callable[[str], JudgedClaim]) -> JudgedClaim:
+    """Judge with each reading of direct feedback in place of no filter, and combine the verdicts."""
+    found = {mode: judge(mode) for mode in DIRECT}
+    return JudgedClaim(
+        over_readings(*(each.verdict for each in found.values())),
+        ". ".join(f"{each}" for each in found.values()),
+    )
+
+
+def worse_than_filters(
+    tables: Tables, measures: Sequence[str], seconds: Sequence[str], factor: float
+) -> JudgedClaim:
+    """`many_times` of no filter, by both readings of direct feedback."""
+    return by_direct(lambda mode: many_times(tables, measures, mode, seconds, factor))
 
 
 def many_times(
@@ -311,7 +422,7 @@ def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float
         by_algebra = all(foregone(case, pair) for case in own[IMU])
         without = NOT_REPRODUCED if by_algebra else straight.verdict
         verdicts.append(
-            decided(
+            decide(
                 curved.verdict == REPRODUCED and without == NOT_REPRODUCED,
                 NOT_REPRODUCED == curved.verdict or without == REPRODUCED,
             )
@@ -328,7 +439,7 @@ def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float
     return ComparedRule(verdict, ". ".join(texts) or "not flown", answer * bool(texts))
 
 
-def listed(values: dict[str, Array], unit: str) -> str:
+def list_medians(values: dict[str, Array], unit: str) -> str:
     """Text: the median of each mode that was flown."""
     return ", ".join(
         f"{mode} {np.median(own):.2g} {unit}" for mode, own in values.items() if len(own)
@@ -338,12 +449,12 @@ def listed(values: dict[str, Array], unit: str) -> str:
 def medians(tables: Tables, measure: str, unit: str) -> str:
     """Text: the medians of a measure of all modes of the paper, by case."""
     return "; ".join(
-        f"{case}: {listed({mode: known(table, measure, mode) for mode in MODES}, unit)}"
+        f"{case}: {list_medians({mode: flown_values(table, measure, mode) for mode in MODES}, unit)}"
         for case, table in usual(tables).items()
     )
 
 
-def printed(table: str, measures: Sequence[str], first: str, second: str) -> str:
+def count_printed(table: str, measures: Sequence[str], first: str, second: str) -> str:
     """Text: in how many rows of a published table, of those that are not 0, the first mode's
     number is smaller."""
     a, b = (
@@ -357,15 +468,15 @@ def printed(table: str, measures: Sequence[str], first: str, second: str) -> str
 def rows_smaller(table: str, measures: Sequence[str], second: str) -> str:
     """Text: in how many rows of a published table UKF and PKF have smaller numbers than the mode
     `second`."""
-    texts = (f"{first} {printed(table, measures, first, second)}" for first in (UKF, PKF))
+    texts = (f"{first} {count_printed(table, measures, first, second)}" for first in (UKF, PKF))
     return f". Published: {', '.join(texts)} rows smaller"
 
 
 def furthest(table: pd.DataFrame, mode: str) -> Array:
     """(flights,) m: how far aircraft or estimate were off at most; without a filter only the
     aircraft counts."""
-    names = ("off_max_m",) if mode == NO_FILTER else ("off_max_m", "worst_m")
-    return np.max([known(table, name, mode) for name in names], axis=0)
+    names = ("off_max_m",) if mode in DIRECT else ("off_max_m", "worst_m")
+    return np.max([flown_values(table, name, mode) for name in names], axis=0)
 
 
 def away(table: pd.DataFrame, mode: str) -> tuple[int, int]:
@@ -374,7 +485,7 @@ def away(table: pd.DataFrame, mode: str) -> tuple[int, int]:
     return int((off > AWAY).sum()), len(off)
 
 
-def kept(table: pd.DataFrame, mode: str) -> tuple[int, int]:
+def count_not_away(table: pd.DataFrame, mode: str) -> tuple[int, int]:
     """Counting of those that did not."""
     diverged, flights = away(table, mode)
     return flights - diverged, flights
@@ -410,16 +521,18 @@ def by_prediction(tables: Tables, judge: Callable[[Tables], JudgedClaim]) -> Jud
     )
 
 
-def shared(table: pd.DataFrame, counting: Counting, mode: str) -> Share:
+def share_of(table: pd.DataFrame, counting: Counting, mode: str) -> Share:
     """Share of the flights of a mode in which something is so; a seed has one of each."""
     count, flights = counting(table, mode)
-    return clustered([(1, 1)] * count + [(0, 1)] * (flights - count))
+    return cluster_share([(1, 1)] * count + [(0, 1)] * (flights - count))
 
 
 def cause(tables: Tables, modes: Sequence[str]) -> JudgedClaim:
     """Most flights diverge (kinds.mostly_of), in each reading: of `modes`, and of who predicts."""
     found = {
-        f"{mode}, {case}": kinds.mostly_of(shared(table, away, mode))
+        f"{mode}, {case}": _lost_alike(table)
+        if mode == FED_TRUTH
+        else kinds.mostly_of(share_of(table, away, mode))
         for case, table in usual(tables).items()
         for mode in modes
         if ("off_max_m", mode) in table.columns
@@ -428,6 +541,13 @@ def cause(tables: Tables, modes: Sequence[str]) -> JudgedClaim:
         over_readings(*(own.verdict for own in found.values())) if found else UNDECIDED,
         "; ".join(f"{name}: {own.verdict}, {own}" for name, own in found.items()),
     )
+
+
+def _lost_alike(table: pd.DataFrame) -> JudgedClaim:
+    """The flight by true feedback, which is the same for all seeds, diverges."""
+    lost, flights = away(table, FED_TRUTH)
+    verdict = decide(0 < flights == lost, 0 == lost < flights)
+    return JudgedClaim(verdict, f"the one flight {'diverges' if lost else 'does not diverge'}")
 
 
 def by_case(tables: Tables, counting: Counting, modes: Sequence[str]) -> str:
@@ -445,10 +565,15 @@ def lost_once(tables: Tables, mode: str) -> str:
     return "".join("{} of {}".format(*away(table, mode)) for table in first)
 
 
+def lost_by_truth(tables: Tables) -> str:
+    """Text: that the flight by true feedback, the same in all readings, diverges or does not."""
+    return "".join(f"{_lost_alike(table)}" for table in list(usual(tables).values())[:1])
+
+
 def ends(tables: Tables, measure: str, modes: Sequence[str]) -> str:
     """Text: the median of a measure, m, by case and mode."""
     return "; ".join(
-        f"{mode}, {case} {median_of(known(table, measure, mode))} m"
+        f"{mode}, {case} {median_of(flown_values(table, measure, mode))} m"
         for case, table in usual(tables).items()
         for mode in modes
     )
@@ -466,6 +591,38 @@ def enough(flights: int) -> str:
     )
 
 
+def printed_overshoots(tables: Tables) -> JudgedClaim:
+    """In every case and mode (kinds.always) the overshoot of velocity Y is inside PRINTED_Y in
+    most of the flights (Wilson); by both readings of direct feedback."""
+
+    def judge(direct: str) -> JudgedClaim:
+        flights = [
+            (values, int(((values > PRINTED_Y[0]) & (values < PRINTED_Y[1])).sum()))
+            for table in usual(tables).values()
+            for mode in (direct, *FILTERS)
+            for values in [flown_values(table, "over_y_pct", mode)]
+        ]
+        found = kinds.always(
+            lambda confidence: [
+                vote(*proportion(inside, len(values), confidence)[1:], 0.5)
+                for values, inside in flights
+            ]
+        )
+        return JudgedClaim(found.verdict, f"{direct} and filters: {found}")
+
+    return by_direct(judge)
+
+
+def middles(tables: Tables, measure: str, unit: str, modes: Sequence[str]) -> str:
+    """Text: the median of a measure over all flights of the usual cases, by mode."""
+    own = usual(tables).values()
+    values = {
+        mode: np.concatenate([np.empty(0), *(flown_values(table, measure, mode) for table in own)])
+        for mode in modes
+    }
+    return list_medians(values, unit)
+
+
 def symmetric(tables: Tables) -> JudgedClaim:
     """Fy and the lateral weight are ZERO in every flight, each of which is a cell."""
     larger = {
@@ -473,7 +630,7 @@ def symmetric(tables: Tables) -> JudgedClaim:
             [
                 np.empty(0),
                 *(
-                    np.maximum(known(table, "fy_n", mode), known(table, "gy_n", mode))
+                    np.maximum(flown_values(table, "fy_n", mode), flown_values(table, "gy_n", mode))
                     for table in usual(tables).values()
                 ),
             ]
@@ -484,7 +641,8 @@ def symmetric(tables: Tables) -> JudgedClaim:
     found = kinds.always(lambda confidence: [1 if value < ZERO else -1 for value in values])
     zero, count = int((values < ZERO).sum()), len(values)
     return JudgedClaim(
-        found.verdict, f"{zero} of {count} flights; medians of the larger: {listed(larger, 'N')}"
+        found.verdict,
+        f"{zero} of {count} flights; medians of the larger: {list_medians(larger, 'N')}",
     )
 
 
@@ -495,7 +653,8 @@ def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) ->
     def judge(cases: Tables) -> JudgedClaim:
         logs = {
             (mode, case): tuple(
-                np.log(np.maximum(known(table, each, mode), MIN_ERROR)) for each in (measure, other)
+                np.log(np.maximum(flown_values(table, each, mode), MIN_ERROR))
+                for each in (measure, other)
             )
             for mode in modes
             for case, table in cases.items()
@@ -524,7 +683,7 @@ def one_filter(apart: pd.DataFrame) -> JudgedClaim:
         f"{pkf[np.isfinite(pkf)].max(initial=0.0):.2g} m"
     )
     text += f", and {ended} flights stopped at another time" * bool(ended)
-    return JudgedClaim(decided(0 < len(ukf) and most <= SAME, most > SAME), text)
+    return JudgedClaim(decide(0 < len(ukf) and most <= SAME, most > SAME), text)
 
 
 SHOWN = {
@@ -538,8 +697,8 @@ SHOWN = {
 
 
 def readings(tables: Tables) -> pd.DataFrame:
-    """DataFrame of text: the ratios of UKF to EKF and of PKF to EKF in each reading, of E0 and E1
-    with Q and R from the sensors, with 95 % intervals; an identity is called that."""
+    """DataFrame of text: the ratios of UKF and PKF to EKF and to no filter in each reading, of E0
+    and E1 with Q and R from the sensors, with 95 % intervals; an identity is called that."""
     own = {
         case: table
         for case, table in tables.items()
@@ -549,6 +708,7 @@ def readings(tables: Tables) -> pd.DataFrame:
         [
             {
                 "reading": reading.name,
+                "in a word": reading.word,
                 "case": str(case._replace(condition="")),
                 "ratio": " / ".join(cells.pair),
                 **{
@@ -559,7 +719,7 @@ def readings(tables: Tables) -> pd.DataFrame:
                 },
             }
             for reading in READINGS
-            for pair in ((UKF, EKF), (PKF, EKF))
+            for pair in ((UKF, EKF), (PKF, EKF), (UKF, NO_FILTER), (PKF, NO_FILTER))
             for cells in [cells_of(own, reading, pair)]
             if not reading.instead or cells.pair != pair
             for case, table in (cells.same | cells.free).items()

@@ -5,7 +5,7 @@ All modes of a seed have the same sensor errors. Trim, gains and plan are comput
 in threads, since kernels let go of the interpreter.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
@@ -18,11 +18,13 @@ from strapdown.core.loop.contract import Filter
 from strapdown.data.solution import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
+from strapdown.flight import Flight, fly
 from strapdown.flight.asked import records
-from strapdown.flight.fly import Flight, fly
 from strapdown.flight.plan import FlightPlan, straight, turning
 from strapdown.geometry.geodesy import displacement
+from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import ImuSpec
 from strapdown.typing import Array, Progress
 
 from ..common.runner import on_threads
@@ -33,11 +35,13 @@ from .cells import (
     CKF,
     CLOSED,
     CUT,
+    DIRECT,
     E0,
     E1,
     E2,
     EKF,
     FAR_START,
+    FED_TRUTH,
     FEW_FIXES,
     FILTERS,
     FULL,
@@ -49,6 +53,7 @@ from .cells import (
     MODEL,
     NO_FILTER,
     ONCE,
+    OUTLIERS,
     PKF,
     POINTS,
     PRINTED,
@@ -59,10 +64,16 @@ from .cells import (
     FlightCase,
 )
 from .metrics import FlightRecord
+from .outliers import contaminate, with_filter
 from .six_state import filters as mollaei_six
 
 GRADE = "mollaei"
 RECEIVER = Gnss(interval=0.2)
+EXACT = {
+    "imu": ImuSpec("ideal", Triad(), Triad()),
+    "gnss": Gnss(interval=0.01, position_std=1e-6, velocity_std=1e-6),
+}
+"""Sensors of FED_TRUTH, whose last fix is the true state of each sample."""
 STEP = {"higher": 10.0, "faster": 2.0, "airspeed": 25.0}
 """m, m/s, m/s: the straight flight begins trimmed at `airspeed` and is asked at 0 s to be so
 much higher and faster."""
@@ -71,21 +82,23 @@ SECONDS = {E2: 315.0, WIND: 315.0}
 TRIMMED = {"airspeed": STEP["airspeed"]}
 FILTERS_SIX: dict[str, tuple[Filter, dict[str, Any]]] = {
     NO_FILTER: (mollaei_six.RAW, {}),
+    FED_TRUTH: (mollaei_six.RAW, {}),
     EKF: (mollaei_six.EKF6, {}),
     AT_TRIM: (mollaei_six.EKF6, {"linearised": "trim", **TRIMMED}),
     ONCE: (mollaei_six.EKF6, {"linearised": "once", **TRIMMED}),
     HELD: (mollaei_six.EKF6, {"linearised": "held", **TRIMMED}),
     UKF: (mollaei_six.UKF6, {}),
+    CKF: (mollaei_six.CKF6, {}),
     PKF: (mollaei_six.PKF6, {}),
     POINTS: (mollaei_six.PKF6, {"transition": "sigma-points"}),
 }
 """{mode: (Filter, its options)}."""
 FILTERS_FULL = {CLOSED: "closed-loop", EKF: "ekf", UKF: "ukf", CKF: "ckf", PKF: "pkf"}
-START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
-"""Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
+START_STD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
+"""Standard deviations at the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
 would ever correct it."""
-FLAT = {"earth": "flat", "start_sd": START_SD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
-"""What a flight is asked for with the six-state filters."""
+FLAT = {"earth": "flat", "start_std": START_STD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
+"""Options of a flight with the six-state filters."""
 PREDICTIONS = {
     (IMU, False): "imu",
     (IMU, True): "imu",
@@ -97,15 +110,16 @@ BREEZE = (3.0, 0.0, 0.0)
 """m/s, NED: the wind of WIND, from behind."""
 GIVEN: dict[str, dict[str, Any]] = {
     "": {},
-    FEW_FIXES: {"gnss": RECEIVER._replace(velocity_sd=None)},
-    FAR_START: {"start_sd": (*[10.0] * 3, *[5.0] * 3, *START_SD[6:])},
+    FEW_FIXES: {"gnss": RECEIVER._replace(velocity_std=None)},
+    FAR_START: {"start_std": (*[10.0] * 3, *[5.0] * 3, *START_STD[6:])},
     GUSTS: {"turbulence": "light"},
     HZ_20: {"filter_rate": 20.0},
     HZ_10: {"filter_rate": 10.0},
 }
 """{condition: what a flight is asked for}."""
-SHARES = {(E2, SIX): 4, (WIND, SIX): 10, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
-"""{(experiment, form): a seed in so many is flown}, where flights are long; all seeds elsewhere."""
+SHARES = {(WIND, SIX): 10, (OUTLIERS, SIX): 8, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
+"""{(experiment, form): a seed in so many is flown} where no verdict hangs on a share of the flights;
+all seeds elsewhere."""
 SELDOM = 8
 """A seed in so many is flown of CONDITIONS, and with components predicted by sigma points."""
 TIMES = 50
@@ -148,11 +162,14 @@ def modes(case: FlightCase, number: int) -> tuple[str, ...]:
     """
     if case.form == FULL:
         return tuple(FILTERS_FULL)
+    if case.experiment == OUTLIERS:
+        return CKF, PKF
     nonlinear = case.prediction == MODEL
     near = case.experiment in (E0, E1, E2)
     points = nonlinear and case.experiment in (E0, E1) and number % SELDOM == 0
     return (
         *(NO_FILTER,) * (not case.condition),
+        *(FED_TRUTH,) * (near and not case.condition),
         EKF,
         *(AT_TRIM,) * (near and nonlinear),
         *(ONCE, HELD) * near,
@@ -189,6 +206,8 @@ def flight(
     else:
         chosen = FILTERS_FULL[mode]
     given |= GIVEN[case.condition]
+    if mode == FED_TRUTH:
+        given |= EXACT
     if case.tuning == PRINTED and mode != NO_FILTER:
         options = options | mollaei_six.REPRODUCED
     if mode in (PKF, POINTS) and components:
@@ -196,6 +215,17 @@ def flight(
     seconds = changes.pop("duration", duration(case.experiment))
     asked = records(**{**given, **changes})
     return fly(plan(case.experiment), chosen, seed=seed, duration=seconds, **asked, **options)
+
+
+def flight_with_outliers(
+    case: FlightCase, mode: str, seed: int, components: int | None = None
+) -> Flight:
+    """The Flight of a mode in OUTLIERS: the filter runs over the fixes of a flight steered by the
+    true state, some of them with larger errors; the model predicts between fixes too."""
+    prediction = PREDICTIONS[case.prediction, True]
+    made = flight(case, mode, seed, components, feedback="truth", prediction=prediction)
+    filter, _ = FILTERS_SIX[mode]
+    return with_filter(made, contaminate(made.recording, seed), filter)
 
 
 @lru_cache(maxsize=16)
@@ -229,7 +259,9 @@ def record(flight: Flight) -> FlightRecord:
     )
     weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]
-    claimed = np.isfinite(solution.trajectory.sd[at, :6]).all(axis=1)  # without a filter nothing is
+    claimed = np.isfinite(solution.trajectory.std[at, :6]).all(
+        axis=1
+    )  # without a filter nothing is
     six_off, six_P = np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6]
     return FlightRecord(
         *(
@@ -255,13 +287,14 @@ def record(flight: Flight) -> FlightRecord:
     )
 
 
-def scored(
+def score_flight(
     case: FlightCase, mode: str, seed: int, components: int | None
 ) -> tuple[dict[str, float | str], FlightRecord | None]:
     """(row of the table of scores, Record or None) of one flight; a flight that could not begin
     is lost."""
     try:
-        made = record(flight(case, mode, seed, components))
+        flown = flight_with_outliers if case.experiment == OUTLIERS else flight
+        made = record(flown(case, mode, seed, components))
     except DataError as error:
         return {**metrics.LOST, "said": str(error)}, None
     return metrics.score(made, beside(case), None if case.experiment == E0 else CUT), made
@@ -295,7 +328,7 @@ def run_all(
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[1]))
     lengths = np.cumsum([duration(group[0]) for group, _ in tasks])
     flights: dict[tuple[FlightCase, str, int], Flown] = {}
-    flown = lambda task: _flown(groups[task[0]], seeds[task[1]], task[1], components)
+    flown = lambda task: _fly_cases(groups[task[0]], seeds[task[1]], task[1], components)
     for found, done in zip(on_threads(flown, tasks, threads), lengths):
         flights |= found
         if progress:
@@ -335,32 +368,51 @@ def times(seed: int, components: int | None = None) -> dict[tuple[str, str], flo
     return found
 
 
-def _flown(
+def _fly_cases(
     cases: list[FlightCase], seed: int, number: int, components: int | None
 ) -> dict[tuple[FlightCase, str, int], Flown]:
     """{(case, mode, seed): Flown} of all modes of the cases of one experiment, form and condition
     with the seed of that number; of the first with Records, of six states."""
     found: dict[tuple[FlightCase, str, int], Flown] = {}
-    unfiltered = None
+    direct: dict[str, tuple[dict[str, float | str], FlightRecord | None]] = {}
     kept = number == 0 and cases[0].form == SIX and not cases[0].condition
     for case in cases:
         ekf = None
         for mode in modes(case, number):
-            if mode == NO_FILTER:  # knows no prediction and no Q, R: one flight for all cases
-                unfiltered = unfiltered or scored(case, mode, seed, components)
-                scores, own = unfiltered
+            if mode in DIRECT:  # knows no prediction and no Q, R: one flight for all cases
+                if mode not in direct:
+                    direct[mode] = score_flight(case, mode, seed, components)
+                scores, own = direct[mode]
             else:
-                scores, own = scored(case, mode, seed, components)
+                scores, own = score_flight(case, mode, seed, components)
             ekf = own if mode == EKF else ekf
             found[case, mode, seed] = (
-                {**scores, "apart_m": apart(own, ekf)},
+                {
+                    **scores,
+                    **beside_fixes(case, own, direct),
+                    "apart_m": largest_distance(own, ekf),
+                },
                 curve(own, beside(case)),
                 own if kept else None,
             )
     return found
 
 
-def apart(one: FlightRecord | None, other: FlightRecord | None) -> float:
+def beside_fixes(
+    case: FlightCase,
+    own: FlightRecord | None,
+    direct: Mapping[str, tuple[object, FlightRecord | None]],
+) -> dict[str, float]:
+    """The `metrics.distances` from the flight of the same seed by the fixes themselves, where both
+    were flown with fixes alone."""
+    _, blue = direct.get(NO_FILTER, ("", None))
+    if case.experiment != E0 or own is None or blue is None:
+        return {}
+    found = metrics.distances(own, blue, metrics.BY_FIXES)
+    return {name: min(value, metrics.MEASURES[name]) for name, value in found.items()}
+
+
+def largest_distance(one: FlightRecord | None, other: FlightRecord | None) -> float:
     """m: largest distance between two flights' aircraft or between their estimates; NaN where
     one was not flown, inf where it was not as long."""
     if one is None or other is None:
@@ -399,8 +451,8 @@ def curve(record: FlightRecord | None, reference: FlightRecord) -> Array:
 def texts() -> dict[str, str]:
     """{brace: text} for mollaei_choices: what was flown and with which receiver."""
     p, v = (
-        ", ".join(f"{value:g}" for value in sd)
-        for sd in (RECEIVER.position_sd, RECEIVER.velocity_sd)
+        ", ".join(f"{value:g}" for value in std)
+        for std in (RECEIVER.position_std, RECEIVER.velocity_std)
     )
     return {
         "plan": f"level and straight, trimmed at {STEP['airspeed']:g} m/s; asked at 0 s to be "

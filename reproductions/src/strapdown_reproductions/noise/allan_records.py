@@ -25,7 +25,7 @@ from strapdown.data.recording import Recording
 from strapdown.io import read
 from strapdown.io.locate import data_folder
 from strapdown.sensor_models.errors import Triad
-from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.imu import ImuSpec, imu as imu_spec
 from strapdown.units.conversion import in_units
 
 from ..common.example_recordings import DESCRIPTIONS
@@ -33,7 +33,7 @@ from ..common.example_recordings import DESCRIPTIONS
 FEWEST_FREEDOMS = 20.0
 """Degrees of freedom of the longest cluster that is compared: a deviation then is known to 16 %."""
 UNITS = {"gyro": ("deg/sqrt(h)", "deg/h"), "accel": ("m/s/sqrt(h)", "mg")}
-"""Of white noise and deviation, for each sensor."""
+"""Units of white noise and deviation, for each sensor."""
 SI = {"gyro": ("rad/sqrt(s)", "rad/s"), "accel": ("m/s/sqrt(s)", "m/s^2")}
 
 
@@ -124,10 +124,10 @@ def frame(found: Iterable[AllanRow]) -> pd.DataFrame:
 
 def _of_rest(rest: Rest, folder: str) -> Iterator[AllanRow]:
     recording = _read(rest.file, folder)
-    result = allan(evened(longest(recording.between(rest.start, rest.stop).imu)[0]))
-    spec = _told(rest, recording, result)
+    result = allan(even_stamps(longest(recording.between(rest.start, rest.stop).imu)[0]))
+    spec = _assumed_grade(rest, recording, result)
     noise = spec.noise()
-    for sensor, triad in zip((result.gyro, result.accel), _believed(noise)):
+    for sensor, triad in zip((result.gyro, result.accel), _believed_noise(noise)):
         for quantity, kind, measured, low, high, assumed in _figures(sensor, triad):
             numbers = [
                 in_units(value, SI[sensor.name][kind], UNITS[sensor.name][kind])
@@ -151,7 +151,7 @@ def _read(file: str, folder: str) -> Recording:
     return read(description if description.suffix == ".toml" else Path(folder) / file)
 
 
-def evened(imu: Imu) -> Imu:
+def even_stamps(imu: Imu) -> Imu:
     """The samples at a constant rate: what varies at rest are the stamps that a logger gave them,
     not the sensor's own clock, so the rates stand and the intervals are their mean."""
     dt = np.full(len(imu.t), (imu.t[-1] - imu.t[0]) / (len(imu.t) - 1))
@@ -159,12 +159,12 @@ def evened(imu: Imu) -> Imu:
     return Imu(imu.t[0] + dt * np.arange(len(dt)), dt, imu.dtheta * scale, imu.dv * scale)
 
 
-def _told(rest: Rest, recording: Recording, result: Allan) -> ImuSpec:
+def _assumed_grade(rest: Rest, recording: Recording, result: Allan) -> ImuSpec:
     """Return the grade that a filter assumes for a recording."""
-    return grade(rest.grade or recording.meta.get("grade") or suggest(result).grade)
+    return imu_spec(rest.grade or recording.meta.get("grade") or suggest(result).grade)
 
 
-def _believed(noise: Noise) -> tuple[Triad, Triad]:
+def _believed_noise(noise: Noise) -> tuple[Triad, Triad]:
     """Gyro and accelerometer as a filter with that Noise believes them to be."""
 
     def triad(white: float, drive: float, decay: float) -> Triad:
@@ -183,9 +183,9 @@ def _figures(
 ) -> Iterator[tuple[str, int, float, float, float, float]]:
     """(quantity, 0 or 1 for its unit, measured, low, high, assumed) in SI."""
     curve = sensor.triad
-    white, sd = curve.fit.value["white noise"], curve.fit.sd["white noise"]
+    white, std = curve.fit.value["white noise"], curve.fit.std["white noise"]
     if max(each.fit.misfit for each in (*sensor.axes, curve)) <= MISFIT and np.isfinite(white):
-        yield "white noise", 0, white, white - sd, white + sd, believed.noise
+        yield "white noise", 0, white, white - std, white + std, believed.noise
     else:
         most = curve.deviation * np.sqrt(curve.tau)
         k = int(np.argmin(most))

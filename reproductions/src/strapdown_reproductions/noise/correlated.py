@@ -13,7 +13,7 @@ from strapdown.engine.batch import fuse
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.tuning.tune import tune
 
-from .worlds import WORLDS, recorded, score
+from .worlds import WORLDS, record_world, score
 
 TIMES = (0.0, 30.0, 120.0)
 """s over which errors are correlated; 0: white."""
@@ -27,17 +27,19 @@ def receiver(world: str, time: float) -> Gnss:
     """The receiver of a world with errors correlated over `time` s."""
     gnss = WORLDS[world].gnss
     if not time:
-        return gnss._replace(position_sd=SIZE)
-    return gnss._replace(position_sd=WHITE, position_correlated=Correlated(SIZE, time))
+        return gnss._replace(position_std=SIZE)
+    return gnss._replace(position_std=WHITE, position_correlated=Correlated(SIZE, time))
 
 
 def as_white(recording: Recording) -> Recording:
     """The recording whose correlated errors are stated as white ones."""
     return replace(
         recording,
-        aidings=tuple(
-            replace(a, sd=np.hypot(a.sd, a.correlated.sd), correlated=None) if a.correlated else a
-            for a in recording.aidings
+        sources=tuple(
+            replace(a, std=np.hypot(a.std, a.correlated.std), correlated=None)
+            if a.correlated
+            else a
+            for a in recording.sources
         ),
     )
 
@@ -45,7 +47,7 @@ def as_white(recording: Recording) -> Recording:
 def rows(world: str, time: float, seeds: Iterable[int], tuning: bool) -> Iterator[dict[str, Any]]:
     """A row per seed and way."""
     for seed in seeds:
-        right = recorded(world, seed, receiver(world, time))
+        right = record_world(world, seed, receiver(world, time))
         white = as_white(right)
         ways = {AS_WHITE: fuse(white), STATES: fuse(right)}
         if tuning:

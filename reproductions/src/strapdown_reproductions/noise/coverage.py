@@ -14,10 +14,10 @@ import numpy as np
 
 from strapdown import io
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.engine.batch import fuse
 from strapdown.engine.heading_hypotheses import align_start
-from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.imu import ImuSpec, imu as imu_spec
 from strapdown.tuning.tune import tune
 from strapdown.typing import Array
 
@@ -51,7 +51,7 @@ def rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
         for length in LENGTHS:
             for shift in range(SHIFTS):
                 own = {"recording": name, "way": way.name, "length": length}
-                for row in hidden(way, outages(way.span, length, shift)):
+                for row in errors_in_windows(way, outages(way.span, length, shift)):
                     yield own | row
 
 
@@ -77,15 +77,17 @@ def outages(span: tuple[float, float], length: float, shift: int) -> list[tuple[
     return [(t, t + length) for t in np.arange(first, span[1] - length, period)]
 
 
-def hidden(way: CoverageWay, windows: Sequence[tuple[float, float]]) -> Iterator[dict[str, Any]]:
+def errors_in_windows(
+    way: CoverageWay, windows: Sequence[tuple[float, float]]
+) -> Iterator[dict[str, Any]]:
     """Yield the error and standard deviation, north and east, m, of each position fix within the
     windows."""
-    places = [a for a in way.recording.aidings if a.kind == "position"]
-    others = [a.without(windows) for a in way.recording.aidings if a.kind == "velocity"]
-    rest = [a for a in way.recording.aidings if a.kind not in ("position", "velocity")]
+    places = [a for a in way.recording.sources if a.kind == "position"]
+    others = [a.without(windows) for a in way.recording.sources if a.kind == "velocity"]
+    rest = [a for a in way.recording.sources if a.kind not in ("position", "velocity")]
     sources = [*(_without_weight(a, windows) for a in places), *others, *rest]
-    start = align_start(way.recording, grade(way.imu or way.recording.meta["grade"]))
-    solution = fuse(replace(way.recording, aidings=tuple(sources)), imu=way.imu, start=start)
+    start = align_start(way.recording, imu_spec(way.imu or way.recording.meta["grade"]))
+    solution = fuse(replace(way.recording, sources=tuple(sources)), imu=way.imu, start=start)
     i = solution.innovations
     assert i.root is not None
     for s, a in enumerate(places):
@@ -93,7 +95,9 @@ def hidden(way: CoverageWay, windows: Sequence[tuple[float, float]]) -> Iterator
         t, e, L = i.t[own], i.innovation[own], i.root[own]
         at = np.searchsorted(a.t, t - 1e-6)
         inside = _inside(t, windows) & np.isfinite(e[:, :2]).all(axis=1)
-        square = np.c_[L[:, 0] ** 2, L[:, 1] ** 2 + L[:, 2] ** 2] - HIDDEN**2 + a.sd[at][:, :2] ** 2
+        square = (
+            np.c_[L[:, 0] ** 2, L[:, 1] ** 2 + L[:, 2] ** 2] - HIDDEN**2 + a.std[at][:, :2] ** 2
+        )
         for k in np.flatnonzero(inside):
             since = t[k] - max(start for start, _ in windows if start <= t[k])
             for axis, name in enumerate(("north", "east")):
@@ -102,13 +106,13 @@ def hidden(way: CoverageWay, windows: Sequence[tuple[float, float]]) -> Iterator
                     "t": float(t[k]),
                     "since": float(since),
                     "error": float(e[k, axis]),
-                    "sd": float(np.sqrt(max(square[k, axis], 0.0))),
+                    "std": float(np.sqrt(max(square[k, axis], 0.0))),
                 }
 
 
-def _without_weight(a: Aiding, windows: Sequence[tuple[float, float]]) -> Aiding:
-    sd = np.where(_inside(a.t, windows)[:, None], HIDDEN, a.sd)
-    return replace(a, sd=sd, robust=False, adaptive=0.0)
+def _without_weight(a: Source, windows: Sequence[tuple[float, float]]) -> Source:
+    std = np.where(_inside(a.t, windows)[:, None], HIDDEN, a.std)
+    return replace(a, std=std, robust=False, adaptive=0.0)
 
 
 def _inside(t: Array, windows: Sequence[tuple[float, float]]) -> Array:

@@ -5,7 +5,7 @@ from typing import Any
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import Task, collected
+from ..common.runner import Task, collect_tables
 from . import correlated, coverage, misstated, outliers
 from .summary import CORRELATED, COVERAGE, MISSTATED, OUTLIERS, STUDY
 from .worlds import CAR, WORLDS
@@ -25,7 +25,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
         if asked.quick
         else all_tasks(Path(asked.recordings or DESCRIPTIONS), seeds)
     )
-    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
+    return STUDY.write(out, collect_tables(tasks, asked.workers, asked.progress))
 
 
 def all_tasks(folder: Path, seeds: range) -> list[Task]:

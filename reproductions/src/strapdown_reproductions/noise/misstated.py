@@ -8,7 +8,7 @@ import numpy as np
 from strapdown.engine.batch import fuse
 from strapdown.tuning.tune import tune
 
-from .worlds import WORLDS, fixes_stated, imu_stated, nis_over_expected, recorded, score
+from .worlds import WORLDS, fixes_stated, imu_stated, nis_over_expected, record_world, score
 
 WRONG = {
     "IMU stated too noisy": (5.0, 1.0),
@@ -23,7 +23,7 @@ RIGHT, STATED, TUNED = "right", "as stated", "tuned"
 def rows(world: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
     """A row per seed, mistake and way."""
     for seed in seeds:
-        right = recorded(world, seed)
+        right = record_world(world, seed)
         best = fuse(right, imu=WORLDS[world].grade)
         for mistake, (of_imu, of_fixes) in WRONG.items():
             stated, imu = fixes_stated(right, of_fixes), imu_stated(world, of_imu)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.engine.batch import fuse
 from strapdown.geometry.geodesy import displace_lla
 
-from .worlds import recorded, score
+from .worlds import record_world, score
 
 SHARE, SIZE = 0.1, 20.0
 """Part of the fixes that are replaced, and the standard deviations of what they err by then."""
@@ -34,11 +34,11 @@ CLEAN, DIRTY = "clean", "outliers"
 def rows(world: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
     """A row per seed, fixes and way."""
     for seed in seeds:
-        right = recorded(world, seed)
-        for fixes, recording in ((CLEAN, right), (DIRTY, spoiled(right, seed))):
+        right = record_world(world, seed)
+        for fixes, recording in ((CLEAN, right), (DIRTY, spoil_recording(right, seed))):
             for way, options in WAYS.items():
                 asked = replace(
-                    recording, aidings=tuple(replace(a, **options) for a in recording.aidings)
+                    recording, sources=tuple(replace(a, **options) for a in recording.sources)
                 )
                 solution = fuse(asked)
                 yield {"world": world, "fixes": fixes, "way": way, "seed": seed} | score(
@@ -46,17 +46,17 @@ def rows(world: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
                 )._asdict()
 
 
-def spoiled(recording: Recording, seed: int) -> Recording:
+def spoil_recording(recording: Recording, seed: int) -> Recording:
     """The recording with SHARE of each source's fixes replaced by ones that err by SIZE standard
     deviations, normally distributed, from BEGUN on."""
-    streams = np.random.default_rng([seed, 23]).spawn(len(recording.aidings))
+    streams = np.random.default_rng([seed, 23]).spawn(len(recording.sources))
     return replace(
         recording,
-        aidings=tuple(_spoiled(a, rng) for a, rng in zip(recording.aidings, streams)),
+        sources=tuple(_spoil_source(a, rng) for a, rng in zip(recording.sources, streams)),
     )
 
 
-def _spoiled(a: Aiding, rng: np.random.Generator) -> Aiding:
+def _spoil_source(a: Source, rng: np.random.Generator) -> Source:
     off = (rng.random(len(a.t)) < SHARE) & (a.t > a.t[0] + BEGUN)
-    error = SIZE * a.sd * rng.standard_normal(a.sd.shape) * off[:, None]
+    error = SIZE * a.std * rng.standard_normal(a.std.shape) * off[:, None]
     return replace(a, y=displace_lla(a.y, error) if a.kind == "position" else a.y + error)

@@ -5,7 +5,7 @@ import pandas as pd
 
 from ..common.runner import StudyTables
 from ..common.study import ReproducedStudy, held_against
-from ..common.tables import Tables, grouped, rms
+from ..common.tables import Tables, group_rows, rms
 from ..common.targets import Target
 from . import correlated, coverage, misstated, outliers
 
@@ -22,16 +22,18 @@ WITHIN = {1.0: 0.683, 3.0: 0.997}
 
 TARGETS = {
     "correlated low, states": Target(
-        "errors correlated over 0, 30, 120 s, states: rms error over claimed sd, lowest", ">=", 0.9
+        "errors correlated over 0, 30, 120 s, states: rms error over claimed std, lowest", ">=", 0.9
     ),
     "correlated high, states": Target(
-        "errors correlated over 0, 30, 120 s, states: rms error over claimed sd, highest", "<=", 1.1
+        "errors correlated over 0, 30, 120 s, states: rms error over claimed std, highest",
+        "<=",
+        1.1,
     ),
     "correlated low, tuned": Target(
-        "errors correlated over 0, 30, 120 s, tuned: rms error over claimed sd, lowest", ">=", 0.9
+        "errors correlated over 0, 30, 120 s, tuned: rms error over claimed std, lowest", ">=", 0.9
     ),
     "correlated high, tuned": Target(
-        "errors correlated over 0, 30, 120 s, tuned: rms error over claimed sd, highest", "<=", 1.1
+        "errors correlated over 0, 30, 120 s, tuned: rms error over claimed std, highest", "<=", 1.1
     ),
     "white, tuned": Target(
         "white errors: rms error with tuned values over that with the right ones", "<=", 1.02
@@ -52,7 +54,7 @@ TARGETS = {
         1.25,
     ),
     "robust outliers": Target(
-        "a tenth of the fixes off by 20 sd: rms error of robust over that of clean fixes, worst",
+        "a tenth of the fixes off by 20 std: rms error of robust over that of clean fixes, worst",
         "<=",
         1.1,
     ),
@@ -63,13 +65,13 @@ TARGETS = {
         "clean fixes: rms error of adaptive over that of the gate, worst", "<=", 1.02
     ),
     "coverage 1": Target(
-        "hidden fixes of drive0708 and thor75 within one sd, tuned: off 68.3 %, worst",
+        "hidden fixes of drive0708 and thor75 within one std, tuned: off 68.3 %, worst",
         "<=",
         10,
         "%",
     ),
     "coverage 3": Target(
-        "hidden fixes of drive0708 and thor75 within three sd, tuned: off 99.7 %, worst",
+        "hidden fixes of drive0708 and thor75 within three std, tuned: off 99.7 %, worst",
         "<=",
         10,
         "%",
@@ -78,10 +80,10 @@ TARGETS = {
 """The targets, by name."""
 
 
-def pooled(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """A row per cell: seeds, rms error and rms claimed sd, m, of all its runs together."""
+def pool_cells(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """A row per cell: seeds, rms error and rms claimed std, m, of all its runs together."""
     of_runs = lambda own, column: float(np.sqrt(own[column].sum() / own["rows"].sum()))
-    found = grouped(
+    found = group_rows(
         table,
         keys,
         lambda own: {
@@ -96,14 +98,14 @@ def pooled(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 
 def of_correlated(table: pd.DataFrame) -> pd.DataFrame:
     """A row per world, correlation time and way."""
-    return pooled(table, ["world", "time", "way"])
+    return pool_cells(table, ["world", "time", "way"])
 
 
 def of_misstated(table: pd.DataFrame) -> pd.DataFrame:
     """A row per world, mistake and way: rms error over that of the right noise, and the median over
     the runs of the median NIS over its expectation."""
     keys = ["world", "mistake", "way"]
-    found = pooled(table, keys)
+    found = pool_cells(table, keys)
     right = found[found["way"] == misstated.RIGHT].set_index(["world", "mistake"])["rms, m"]
     index = pd.MultiIndex.from_frame(found[["world", "mistake"]])
     found["over right"] = found["rms, m"].to_numpy() / right.reindex(index).to_numpy()
@@ -114,7 +116,7 @@ def of_misstated(table: pd.DataFrame) -> pd.DataFrame:
 
 def of_outliers(table: pd.DataFrame) -> pd.DataFrame:
     """A row per world, fixes and way: rms error over that of clean fixes with the gate."""
-    found = pooled(table, ["world", "fixes", "way"])
+    found = pool_cells(table, ["world", "fixes", "way"])
     base = found[(found["fixes"] == outliers.CLEAN) & (found["way"] == "gate")]
     base = base.set_index("world")["rms, m"]
     found["over clean gate"] = found["rms, m"] / found["world"].map(base)
@@ -123,15 +125,15 @@ def of_outliers(table: pd.DataFrame) -> pd.DataFrame:
 
 def of_coverage(table: pd.DataFrame) -> pd.DataFrame:
     """A row per recording, length of outage and way: shares of hidden fixes within one and three
-    standard deviations, north and east together, and their rms error and sd, m."""
-    within = lambda own, k: float((own["error"].abs() / own["sd"] <= k).mean())
-    return grouped(
+    standard deviations, north and east together, and their rms error and std, m."""
+    within = lambda own, k: float((own["error"].abs() / own["std"] <= k).mean())
+    return group_rows(
         table,
         ["recording", "length", "way"],
         lambda own: (
             {"fixes": len(own) // 2}
-            | {f"within {k:g} sd": within(own, k) for k in WITHIN}
-            | {"rms, m": rms(own["error"]), "sd, m": rms(own["sd"])}
+            | {f"within {k:g} std": within(own, k) for k in WITHIN}
+            | {"rms, m": rms(own["error"]), "std, m": rms(own["std"])}
         ),
     )
 
@@ -161,7 +163,7 @@ def figures(found: StudyTables) -> dict[str, float]:
         table = of_coverage(found[COVERAGE])
         own = table[table["way"] == coverage.TUNED]
         for k, share in WITHIN.items():
-            off = (own[f"within {k:g} sd"] - share).abs()
+            off = (own[f"within {k:g} std"] - share).abs()
             values[f"coverage {k:g}"] = 100 * float(off.max())
     return values
 
@@ -173,7 +175,7 @@ def _white_tuned(table: pd.DataFrame) -> float:
     tuned = white[white["way"] == correlated.TUNED]
     plain = white[(white["way"] == correlated.AS_WHITE) & white["seed"].isin(tuned["seed"])]
     both = [
-        pooled(own, ["world", "way"]).set_index("world")["rms, m"]
+        pool_cells(own, ["world", "way"]).set_index("world")["rms, m"]
         for own in (tuned, plain)
         if len(tuned)
     ]
@@ -185,7 +187,7 @@ def tables(found: StudyTables) -> Tables:
     of = {
         CORRELATED: ("Position errors that last, s of correlation", of_correlated),
         MISSTATED: ("Noise stated five times wrong", of_misstated),
-        OUTLIERS: ("A tenth of the fixes off by 20 sd, and none", of_outliers),
+        OUTLIERS: ("A tenth of the fixes off by 20 std, and none", of_outliers),
         COVERAGE: ("Fixes hidden in outages, s", of_coverage),
     }
     return {

@@ -15,7 +15,7 @@ from strapdown.data.solution import Solution
 from strapdown.evaluation.metrics import errors
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.imu import ImuSpec, imu as imu_spec
 from strapdown.sim.synthesis import simulate
 from strapdown.typing import Array
 
@@ -41,13 +41,13 @@ WORLDS = {
 }
 
 
-def recorded(name: str, seed: int, gnss: Gnss | None = None) -> Recording:
+def record_world(name: str, seed: int, gnss: Gnss | None = None) -> Recording:
     """A run of a world, with another receiver where one is given."""
     world = WORLDS[name]
     made = simulate(
         world.scenario, world.duration, world.grade, seed, world.rate, gnss or world.gnss
     )
-    return replace(made, aidings=tuple(a for a in made.aidings if a.kind in GNSS_KINDS))
+    return replace(made, sources=tuple(a for a in made.sources if a.kind in GNSS_KINDS))
 
 
 GNSS_KINDS = ("position", "velocity")
@@ -55,7 +55,7 @@ GNSS_KINDS = ("position", "velocity")
 
 def imu_stated(name: str, factor: float) -> ImuSpec:
     """Return the IMU of a world with its stated noise multiplied by `factor`."""
-    spec = grade(WORLDS[name].grade)
+    spec = imu_spec(WORLDS[name].grade)
     return replace(
         spec, gyro=_noise_times(spec.gyro, factor), accel=_noise_times(spec.accel, factor)
     )
@@ -70,7 +70,7 @@ def _noise_times(triad: Triad, factor: float) -> Triad:
 def fixes_stated(recording: Recording, factor: float) -> Recording:
     """Return the recording with the standard deviations of its fixes multiplied by `factor`."""
     return replace(
-        recording, aidings=tuple(replace(a, sd=a.sd * factor) for a in recording.aidings)
+        recording, sources=tuple(replace(a, std=a.std * factor) for a in recording.sources)
     )
 
 
@@ -83,13 +83,13 @@ class WorldScore(NamedTuple):
 
 
 def score(solution: Solution, recording: Recording) -> WorldScore:
-    """How far off it is horizontally, and how far it says it is."""
+    """Count, and sums of squares of the horizontal error and of its claimed standard deviation, m^2."""
     found = errors(solution, recording.reference)
     second = np.abs(found.t - np.round(found.t)) < 0.25 / WORLDS[CAR].rate
     rows = second & (found.t > solution.t[0] + SETTLED)
-    assert found.position is not None and found.sd is not None
-    e, sd = found.position[rows, :2], found.sd[rows, :2]
-    return WorldScore(2 * len(e), float(np.sum(e**2)), float(np.sum(sd**2)))
+    assert found.std is not None
+    e, std = found.position[rows, :2], found.std[rows, :2]
+    return WorldScore(2 * len(e), float(np.sum(e**2)), float(np.sum(std**2)))
 
 
 def nis_over_expected(solution: Solution) -> Array:

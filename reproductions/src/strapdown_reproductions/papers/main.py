@@ -20,10 +20,9 @@ from strapdown.fileio.files import replacing
 from strapdown.typing import File
 
 from ..alam import main as alam
-from ..common import kinds
-from ..common.claims import ClaimKind
+from ..common.kinds import KINDS
 from ..common.markdown import plain, table
-from ..common.pages import ReproductionPage, claims_table, counts, write_files
+from ..common.pages import ReproductionPage, claims_table, counts, found_text, write_files
 from ..common.reproduction import Asked, reproduction
 from ..common.runner import part_of
 from ..fossen import main as fossen
@@ -44,20 +43,19 @@ class Paper(NamedTuple):
 
 PAPERS = {
     "hager-bryne": Paper(
-        "Hager & Bryne", "open-or-closed-loop.md", hager_bryne, 0.25, ("ablations", "say")
+        "Hager & Bryne", "open-or-closed-loop.md", hager_bryne, 0.25, ("ablations", "notify")
     ),
     "fossen": Paper("Fossen, chapter 14", "fossen.md", fossen, 0.15),
-    "alam": Paper("Alam et al.", "alam.md", alam, 0.2, ("recordings", "say")),
+    "alam": Paper("Alam et al.", "alam.md", alam, 0.2, ("recordings", "notify")),
     "mollaei": Paper("Mollaei et al.", "mollaei.md", mollaei, 0.4),
 }
-KINDS = [each for each in vars(kinds).values() if isinstance(each, ClaimKind)]
 INTRODUCTION = (
     "<p>What four papers claim, and what became of it here: the verdict, and the number that "
     "decides. A paper's own page has the rule of each claim and the numbers behind it.</p>"
 )
 
 
-@reproduction("quick", "seed", "recordings", "say", "progress")
+@reproduction("quick", "seed", "recordings", "notify", "progress")
 def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run the studies of all papers into folders of `out`, write the table of all claims, return
     the claims; the full study of Hager & Bryne is run with its ablations. Raises DataError."""
@@ -107,7 +105,7 @@ def section(name: str, own: list[dict[str, Any]]) -> str:
     """Text for docs/: the claims of one paper under its heading."""
     rows = pd.DataFrame(
         [
-            (i, c["claim"], c["kind"], f"**{c['verdict']}**", c["answer"] or c["measured"])
+            (i, c["claim"], c["kind"], f"**{c['verdict']}**", found_text(c))
             for i, c in enumerate(own, 1)
         ],
         columns=["", "the paper says", "kind", "verdict", "what was found"],

@@ -28,7 +28,7 @@ def main(name: str, out: str) -> None:
     write_docs.main(name, out)
     own = json.loads((Path(out) / "claims.json").read_text(encoding="utf-8"))
     page, mark = write_docs.DOCS / write_docs.PAGES["papers"][1], write_docs.mark("papers")
-    markdown.insert(page, with_section(markdown.inserted(page, mark), name, own), mark)
+    markdown.insert(page, with_section(markdown.read_marked(page, mark), name, own), mark)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from strapdown.calibration.fitting import calibrate
 from strapdown.data.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, rms
-from strapdown.typing import Say
+from strapdown.typing import Notify
 
 from ..common.targets import claim
 
@@ -37,12 +37,12 @@ INTRODUCTION = (
 
 
 def magnetometer(
-    folder: Path, window: tuple[float, float], say: Say | None = None
+    folder: Path, window: tuple[float, float], notify: Notify | None = None
 ) -> tuple[dict[str, tuple[str, pd.DataFrame]], list[dict[str, Any]]]:
     """(tables by name, claims) of the description thor75-attitude.toml in `folder`, scored over
     window = (start, stop) in s. Raises DataError."""
     recording = io.read(folder / "thor75-attitude.toml")
-    source = next(a for a in recording.aidings if a.kind == "magnetic-field")
+    source = next(a for a in recording.sources if a.kind == "magnetic-field")
     found = calibrate(recording, "magnetometer", *window)
     near = recording.reference.rotation[
         np.clip(np.searchsorted(recording.reference.t, found.t), 0, len(recording.reference.t) - 1)
@@ -79,15 +79,17 @@ def magnetometer(
         "thor75-magnetometer": ("thor75: magnetometer after calibration", table),
         "thor75-attitude": (
             "thor75: attitude filters on the same flight, rms difference from the attitude on board",
-            _filters(recording, window, say),
+            _filters(recording, window, notify),
         ),
     }, claims
 
 
-def _filters(recording: Recording, window: tuple[float, float], say: Say | None) -> pd.DataFrame:
+def _filters(
+    recording: Recording, window: tuple[float, float], notify: Notify | None
+) -> pd.DataFrame:
     rows = []
     for name in FILTERS:
-        r = rms(errors(fuse(recording, name, say=say), recording.reference), window)
+        r = rms(errors(fuse(recording, name, notify=notify), recording.reference), window)
         rows.append((name, *np.degrees(r.rph), np.degrees(r.angles[1])))
     return pd.DataFrame(
         rows, columns=["filter", "roll, deg", "pitch, deg", "heading, deg", "inclination, deg"]

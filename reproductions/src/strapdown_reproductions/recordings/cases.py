@@ -17,7 +17,7 @@ from strapdown import io
 from strapdown.alignment.static_attitude import body_to_navigation, gyrocompass
 from strapdown.core.loop.contract import Imu
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding, Trajectory
+from strapdown.data.solution import Source, Trajectory
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions
 from strapdown.typing import Array, Mask
@@ -26,10 +26,10 @@ from ..common.example_recordings import FLIGHT, in_motion, inside, windows_of
 
 LASER = ("lasergyro", "lasergyro.imu.xz")
 """The ring-laser record in the data folder."""
-POSITION_SD = 0.1
+POSITION_STD = 0.1
 """m per axis of the BROAD positions."""
-PARKED_RATE, PARKED_SD, PARKED_SETTLED, PARKED_IMU = 1.0, 0.05, 60.0, "navigation"
-"""Of the parked vehicle: Hz of its fixes, m/s of its zero velocity (it rocks and vibrates), s
+PARKED_RATE, PARKED_STD, PARKED_SETTLED, PARKED_IMU = 1.0, 0.05, 60.0, "navigation"
+"""Figures of the parked vehicle: Hz of its fixes, m/s of its zero velocity (it rocks and vibrates), s
 after which it is scored, the grade of its IMU."""
 
 
@@ -62,12 +62,12 @@ def cases(folder: Path) -> list[RecordingCase]:
     found += [held_by_hand("BROAD, as read", trial) for trial in trials]
     found += [held_by_hand("BROAD, errors of motion", in_motion(trial)) for trial in trials]
     laser = data.joinpath(*LASER)
-    return found + ([parked(io.read(laser))] if laser.exists() else [])
+    return found + ([parked_case(io.read(laser))] if laser.exists() else [])
 
 
 def with_optics(path: Path) -> Recording:
     """The Recording of a BROAD trial with the optical positions of one row a second, noised."""
-    return with_positions(io.read(path), rate=1.0, sd=POSITION_SD)
+    return with_positions(io.read(path), rate=1.0, std=POSITION_STD)
 
 
 def held_by_hand(group: str, recording: Recording) -> RecordingCase:
@@ -81,26 +81,26 @@ def held_by_hand(group: str, recording: Recording) -> RecordingCase:
     )
 
 
-def parked(recording: Recording) -> RecordingCase:
+def parked_case(recording: Recording) -> RecordingCase:
     """The RecordingCase of a parked ring-laser IMU: the header's position and zero velocity as fixes, and as
     reference with the attitude that gravity and the Earth's rate have in the mean of the whole
     record.
 
     The position has the standard deviation that reading it gave the header, at every fix.
     """
-    imu, header = recording.imu, next(a for a in recording.aidings if a.kind == "position")
+    imu, header = recording.imu, next(a for a in recording.sources if a.kind == "position")
     t = np.arange(recording.span[0] + 1 / PARKED_RATE, imu.t[-1], 1 / PARKED_RATE)
-    still = lambda kind, values, sd: Aiding(
-        kind, t, np.tile(values, (len(t), 1)), np.full((len(t), 3), sd), name=f"parked {kind}"
+    still = lambda kind, values, std: Source(
+        kind, t, np.tile(values, (len(t), 1)), np.full((len(t), 3), std), name=f"parked {kind}"
     )
     fixes = (
-        still("position", header.y[0], header.sd[0]),
-        still("zero-velocity", np.zeros(3), PARKED_SD),
+        still("position", header.y[0], header.std[0]),
+        still("zero-velocity", np.zeros(3), PARKED_STD),
     )
-    reference = standing(imu, header.y[0])
+    reference = standing_trajectory(imu, header.y[0])
     made = replace(
         recording,
-        aidings=(*recording.aidings, *fixes),
+        sources=(*recording.sources, *fixes),
         reference=reference,
         meta=recording.meta | {"grade": PARKED_IMU},
     )
@@ -112,7 +112,7 @@ def parked(recording: Recording) -> RecordingCase:
     )
 
 
-def standing(imu: Imu, lla: Array) -> Trajectory:
+def standing_trajectory(imu: Imu, lla: Array) -> Trajectory:
     """Trajectory of a body that stands at `lla` (rad, rad, m), with the attitude of the mean
     rate and specific force of an Imu."""
     seconds, ends = imu.dt.sum(), np.arange(imu.t[0] - imu.dt[0], imu.t[-1] + 1.0, 1.0)

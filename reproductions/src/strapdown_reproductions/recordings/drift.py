@@ -19,10 +19,10 @@ from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import has_position
 from strapdown.evaluation.metrics import outages
-from strapdown.typing import Say
+from strapdown.typing import Notify
 
 from ..common.example_recordings import FLIGHT, windows_of
-from .table import FEWER, FIXES, number, shortened, wrong
+from .table import FEWER, FIXES, number, shorten, wrong
 
 Row: TypeAlias = tuple[float, float, float, float, float, str]
 """start, stop, s; largest horizontal error, horizontal at the end, largest vertical, m; what was
@@ -59,7 +59,10 @@ def consecutive(start: float, stop: float, length: float) -> list[tuple[float, f
 
 
 def outage_scores(
-    flight: Recording, drive: Recording, names: Sequence[str] | None = None, say: Say | None = None
+    flight: Recording,
+    drive: Recording,
+    names: Sequence[str] | None = None,
+    notify: Notify | None = None,
 ) -> pd.DataFrame:
     """DataFrame of EACH with a row per filter that estimates a position, recording and outage;
     NaN and `said` where a filter did not get there."""
@@ -68,33 +71,36 @@ def outage_scores(
         if not has_position(filters.find(name)):
             continue
         windows = windows_of(drive)
-        rows += [("drive0708", name, *row) for row in together(drive, name, windows, say)]
+        rows += [("drive0708", name, *row) for row in together(drive, name, windows, notify)]
         rows += [
             ("thor75", name, *row)
             for window in flights
-            for row in together(flight.between(stop=window[1]), name, [window], say)
+            for row in together(flight.between(stop=window[1]), name, [window], notify)
         ]
     return pd.DataFrame(rows, columns=EACH)
 
 
 def together(
-    recording: Recording, name: str, windows: Sequence[tuple[float, float]], say: Say | None = None
+    recording: Recording,
+    name: str,
+    windows: Sequence[tuple[float, float]],
+    notify: Notify | None = None,
 ) -> list[Row]:
     """[(start, stop, largest horizontal, horizontal at the end, largest vertical, said)] of
     windows that are withheld in one run; m and s."""
     try:
         solution = fuse(
-            recording.hidden(windows, kinds=FIXES), name, say=say, options=FEWER.get(name, {})
+            recording.hidden(windows, kinds=FIXES), name, notify=notify, options=FEWER.get(name, {})
         )
     except DataError as error:
-        return [(*window, np.nan, np.nan, np.nan, shortened(error, name)) for window in windows]
+        return [(*window, np.nan, np.nan, np.nan, shorten(error, name)) for window in windows]
     return [_outage(solution, recording, window) for window in windows]
 
 
 def _outage(solution: Solution, recording: Recording, window: tuple[float, float]) -> Row:
     stopped = solution.meta.get("stopped", "")
     if stopped and solution.t[-1] < window[1]:
-        return (*window, np.nan, np.nan, np.nan, shortened(stopped))
+        return (*window, np.nan, np.nan, np.nan, shorten(stopped))
     score = outages(solution, recording.reference, [window])[0]
     return (*window, score.horizontal_max, score.horizontal_end, score.down_max, "")
 
@@ -119,6 +125,6 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
-def shown(summary: pd.DataFrame) -> pd.DataFrame:
+def text_table(summary: pd.DataFrame) -> pd.DataFrame:
     """The DataFrame of `summary` as one of text."""
     return summary.map(lambda value: value if isinstance(value, str) else number(value))

@@ -26,7 +26,7 @@ from strapdown.fileio.files import together
 from strapdown.io.locate import data_folder
 from strapdown.pages.page import report
 from strapdown.preprocessing.stationary import motionless
-from strapdown.typing import Ints, Progress, Say
+from strapdown.typing import Ints, Notify, Progress
 
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
@@ -87,7 +87,7 @@ NO_LASER = (
 )
 
 
-@reproduction("recordings", "say", "progress")
+@reproduction("recordings", "notify", "progress")
 @together()
 def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Fuse and score the recordings, write the page into the folder `out`, return the claims.
@@ -98,8 +98,8 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
             f"{folder}: no thor75.toml there; give the folder of the descriptions "
             f"(examples/recordings of the source tree)"
         )
-    claims, tables, links = scored(folder, out, asked.say)
-    every, shown = every_filter(folder, asked.say, asked.progress)
+    claims, tables, links = score_recordings(folder, out, asked.notify)
+    every, shown = every_filter(folder, asked.notify, asked.progress)
     introduction = (
         INTRODUCTION
         + calibrated_compass.INTRODUCTION
@@ -119,14 +119,14 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     return claims
 
 
-def scored(
-    folder: Path, out: Path, say: Say | None = None
+def score_recordings(
+    folder: Path, out: Path, notify: Notify | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, tuple[str | None, pd.DataFrame]], list[tuple[str, str]]]:
     """(claims, {name: (caption, DataFrame)}, links) of flight, drive, magnetometer and ring laser;
     the pages of their solutions go into the folder `out`. Raises DataError."""
-    flight, flight_claims, flight_links = _flight(folder, out, say)
-    drive, summary, drive_claims, drive_links = _drive(folder, out, say)
-    magnetic, magnetic_claims = calibrated_compass.magnetometer(folder, FLIGHT, say)
+    flight, flight_claims, flight_links = _flight(folder, out, notify)
+    drive, summary, drive_claims, drive_links = _drive(folder, out, notify)
+    magnetic, magnetic_claims = calibrated_compass.magnetometer(folder, FLIGHT, notify)
     laser, laser_claims = _laser(folder)
     tables = {
         "thor75": ("thor75: rms difference from the solution on board", flight),
@@ -146,17 +146,17 @@ def in_docs(shown: Sequence[tuple[str, pd.DataFrame]]) -> str:
 
 
 def every_filter(
-    folder: Path, say: Say | None, progress: Progress | None = None
+    folder: Path, notify: Notify | None, progress: Progress | None = None
 ) -> tuple[dict[str, tuple[None, pd.DataFrame]], list[tuple[str, pd.DataFrame]]]:
     """Every filter on every recording, and dead reckoning: ({name: (caption, DataFrame)},
     [(heading, DataFrame of text)])."""
     found = cases(folder)
-    scores = recordings_table.scores(found, say=say, progress=progress)
-    apart = drift.outage_scores(found[0].recording, found[1].recording, say=say)
+    scores = recordings_table.scores(found, notify=notify, progress=progress)
+    apart = drift.outage_scores(found[0].recording, found[1].recording, notify=notify)
     summary = drift.summary(apart)
     shown = [
         (recordings_table.EVERY, recordings_table.wide(scores)),
-        (drift.HEADING, drift.shown(summary)),
+        (drift.HEADING, drift.text_table(summary)),
     ]
     if scores["held"].any():
         shown.append((recordings_table.TRIALS, recordings_table.by_trial(scores)))
@@ -168,10 +168,10 @@ def every_filter(
 
 
 def _flight(
-    folder: Path, out: Path, say: Say | None
+    folder: Path, out: Path, notify: Notify | None
 ) -> tuple[pd.DataFrame, list[dict[str, Any]], list[tuple[str, str]]]:
     recording = io.read(folder / "thor75.toml")
-    solutions = {name: fuse(recording, name, say=say) for name in FILTERS}
+    solutions = {name: fuse(recording, name, notify=notify) for name in FILTERS}
     rows = []
     for (name, solution), start in product(solutions.items(), (FLIGHT[0], 270.0, 300.0)):
         r = rms(errors(solution, recording.reference), (start, FLIGHT[1]))
@@ -196,13 +196,13 @@ def _flight(
 
 
 def _drive(
-    folder: Path, out: Path, say: Say | None
+    folder: Path, out: Path, notify: Notify | None
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict[str, Any]], list[tuple[str, str]]]:
     rows, links = [], []
     for description, (text, _) in DRIVES.items():
         recording = io.read(folder / f"{description}.toml")
         windows = windows_of(recording)
-        solutions = {name: fuse(recording.hidden(windows), name, say=say) for name in FILTERS}
+        solutions = {name: fuse(recording.hidden(windows), name, notify=notify) for name in FILTERS}
         rows += [
             (description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max)
             for name, solution in solutions.items()
@@ -250,7 +250,7 @@ def earth_rate(recording: Recording) -> tuple[pd.DataFrame, list[dict[str, Any]]
     found = [_compass(imu, rows) for rows in (whole, *ten)]
     still = motionless(imu, recording.span[0])
     stated = (
-        np.degrees(gyrocompass(still.rate, still.force, still.rate_sd, still.tilt_sd).heading_sd)
+        np.degrees(gyrocompass(still.rate, still.force, still.rate_std, still.tilt_std).heading_std)
         if still
         else np.nan
     )

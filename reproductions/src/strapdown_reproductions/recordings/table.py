@@ -20,7 +20,7 @@ from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import has_position
 from strapdown.evaluation.metrics import errors, rms
-from strapdown.typing import Progress, Say
+from strapdown.typing import Notify, Progress
 
 from .cases import RecordingCase
 
@@ -83,7 +83,7 @@ INTRODUCTION = (
 def scores(
     cases: Sequence[RecordingCase],
     names: Sequence[str] | None = None,
-    say: Say | None = None,
+    notify: Notify | None = None,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """DataFrame with a row for each case and filter: group, recording, held, filter, FIGURES,
@@ -92,54 +92,52 @@ def scores(
     for i, case in enumerate(cases):
         if progress:
             progress(i / len(cases))
-        if say:
-            say(f"{case.group}: {case.name} ...")
+        if notify:
+            notify(f"{case.group}: {case.name} ...")
         of = {"group": case.group, "recording": case.name, "held": case.held}
         rows += [
-            of | {"filter": name} | _scores(case, name, say) for name in names or filters.names()
+            of | {"filter": name} | _scores(case, name, notify) for name in names or filters.names()
         ]
     return pd.DataFrame(
         rows, columns=["group", "recording", "held", "filter", *FIGURES, *COUNTS, "said"]
     )
 
 
-def _scores(case: RecordingCase, name: str, say: Say | None) -> dict[str, Any]:
+def _scores(case: RecordingCase, name: str, notify: Notify | None) -> dict[str, Any]:
     try:
-        solution = fuse(case.recording, name, say=say, options=FEWER.get(name, {}))
+        solution = fuse(case.recording, name, notify=notify, options=FEWER.get(name, {}))
     except DataError as error:
-        return {"said": shortened(error, name)}
+        return {"said": shorten(error, name)}
     lifted = sum("gate opened" in text for _, text in solution.events)
-    counts = dict(zip(COUNTS, (*counted(solution), lifted)))
+    counts = dict(zip(COUNTS, (*count_fixes(solution), lifted)))
     if "stopped" in solution.meta:
-        return counts | {"said": shortened(solution.meta["stopped"], name)}
-    found = scored(case, solution, filters.find(name)) | counts
+        return counts | {"said": shorten(solution.meta["stopped"], name)}
+    found = score_case(case, solution, filters.find(name)) | counts
     if found["horizontal, m"] > (
         most := LOST
         * float(
-            np.median([a.sd[:, :2] for a in case.recording.aidings if a.kind == "position"][-1])
+            np.median([a.std[:, :2] for a in case.recording.sources if a.kind == "position"][-1])
         )
     ):
         found["said"] = f"lost: beyond {most:g} m"
     return found
 
 
-def scored(case: RecordingCase, solution: Solution, filter: Filter) -> dict[str, Any]:
+def score_case(case: RecordingCase, solution: Solution, filter: Filter) -> dict[str, Any]:
     """{figure: value, "said": text} of a Solution over the case's windows."""
     e = errors(solution, case.recording.reference)
     inside = case.inside(e.t)
-    kept = lambda part: None if part is None else part[inside]
     r = rms(
         replace(
             e,
             t=e.t[inside],
-            position=kept(e.position),
-            velocity=kept(e.velocity),
-            attitude=kept(e.attitude),
-            rph=kept(e.rph),
+            position=e.position[inside],
+            velocity=e.velocity[inside],
+            attitude=e.attitude[inside],
+            rph=e.rph[inside],
         )
     )
-    known = lambda part: np.full(3, np.nan) if part is None else part
-    p, v, rph, (_, inclination, about) = map(known, (r.position, r.velocity, r.rph, r.angles))
+    p, v, rph, (_, inclination, about) = r.position, r.velocity, r.rph, r.angles
     figures = [
         np.hypot(p[0], p[1]),
         p[2],
@@ -150,14 +148,12 @@ def scored(case: RecordingCase, solution: Solution, filter: Filter) -> dict[str,
     if 6 in filter.estimates and 8 not in filter.estimates:  # its heading runs free
         figures[5] = figures[7] = np.nan
     said = "" if np.isfinite(figures).any() else "runs; the recording has nothing to score it by"
-    if has_position(filter) and not (
-        e.horizontal is not None and np.isfinite(e.horizontal[inside]).all()
-    ):
+    if has_position(filter) and not np.isfinite(e.horizontal[inside]).all():
         said = "position is not finite throughout"
     return dict(zip(FIGURES, map(float, figures))) | {"said": said}
 
 
-def counted(solution: Solution) -> tuple[int, ...]:
+def count_fixes(solution: Solution) -> tuple[int, ...]:
     """(accepted, rejected, accepted, rejected): of the position and velocity fixes, of all
     others."""
     kinds, found = solution.meta["kinds"], np.zeros((2, 2), int)
@@ -166,7 +162,7 @@ def counted(solution: Solution) -> tuple[int, ...]:
     return tuple(found.ravel().tolist())
 
 
-def shortened(text: object, name: str = "") -> str:
+def shorten(text: object, name: str = "") -> str:
     """The first clause of a message, without the filter's name."""
     text = (
         str(text)

@@ -8,14 +8,14 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.motions import car
 from strapdown.typing import Array
 
 PLACE = (np.radians(47.0), np.radians(8.0), 450.0)
-RATE, WHEEL_RATE, WHEEL_SD = 100.0, 10.0, 0.05  # Hz, Hz, m/s
+RATE, WHEEL_RATE, WHEEL_STD = 100.0, 10.0, 0.05  # Hz, Hz, m/s
 ENGINE = 0.15
 """m/s^2 rms, three axes together, of an engine that idles; three times that at speed. drive0708
 reads 0.08 to 0.23 at rest."""
@@ -35,9 +35,9 @@ def drive(
     brakes as the seed has it; the last leg is cut off."""
     rng = np.random.default_rng([seed, 20])
     motion = car(PLACE, rng.uniform(0, 2 * np.pi), _legs(rng, seconds), roughness=roughness)
-    wheel = Simulated("speed", WHEEL_SD, WHEEL_RATE, name="wheel")
+    wheel = Simulated("speed", WHEEL_STD, WHEEL_RATE, name="wheel")
     made = sd.simulate(motion, seconds, grade, seed, RATE, gnss, sensors=[wheel])
-    return replace(made, imu=_shaken(made, rng, engine))
+    return replace(made, imu=_add_vibration(made, rng, engine))
 
 
 def _legs(rng: np.random.Generator, seconds: float) -> list[dict[str, Any]]:
@@ -69,7 +69,7 @@ def _legs(rng: np.random.Generator, seconds: float) -> list[dict[str, Any]]:
     return legs
 
 
-def _shaken(made: Recording, rng: np.random.Generator, engine: float) -> Any:
+def _add_vibration(made: Recording, rng: np.random.Generator, engine: float) -> Any:
     """Its samples with the vibration of an engine, whose phase wanders; it turns faster with the
     speed."""
     imu, truth = made.imu, made.reference
@@ -97,13 +97,13 @@ class Slip(NamedTuple):
     share: float  # of the speed, by which it reads too much; -1 is a locked wheel
 
 
-def slipping(
+def add_slips(
     recording: Recording, seed: int, size: float, every: float = 30.0
 ) -> tuple[Recording, list[Slip]]:
     """The recording with spin and lock by the share `size`, one in each `every` seconds that
     begins above 3 m/s, and these."""
     rng = np.random.default_rng([seed, 21])
-    wheel = next(a for a in recording.aidings if a.kind == "speed")
+    wheel = next(a for a in recording.sources if a.kind == "speed")
     y, slips = wheel.y.copy(), []
     for begin in np.arange(recording.span[0] + every, recording.span[1] - every, every):
         start = begin + rng.uniform(0, 0.5 * every)
@@ -115,10 +115,10 @@ def slipping(
         y[rows] *= 1 + share
         slips.append(Slip(start, start + length, share))
     changed = replace(wheel, y=y)
-    others = tuple(changed if a is wheel else a for a in recording.aidings)
-    return replace(recording, aidings=others), slips
+    others = tuple(changed if a is wheel else a for a in recording.sources)
+    return replace(recording, sources=others), slips
 
 
-def wheel_of(recording: Recording) -> Aiding:
+def wheel_of(recording: Recording) -> Source:
     """Its wheel speed."""
-    return next(a for a in recording.aidings if a.kind == "speed")
+    return next(a for a in recording.sources if a.kind == "speed")

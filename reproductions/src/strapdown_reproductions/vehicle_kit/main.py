@@ -6,7 +6,7 @@ from typing import Any
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import StudyTables, Task, collected, part_of
+from ..common.runner import StudyTables, Task, collect_tables, part_of
 from ..common.study import Claims, ReproducedStudy
 from ..common.tables import Tables
 from ..common.targets import claim
@@ -24,17 +24,17 @@ INTRODUCTION = (
 )
 
 
-@reproduction("quick", "recordings", "say", "progress")
+@reproduction("quick", "recordings", "notify", "progress")
 def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Measure the kit, write the page into the folder `out`, return the claims; quick: three seeds
     in place of 20. Raises DataError."""
     wanted = stages(Path(asked.recordings or DESCRIPTIONS), FEW if asked.quick else SEEDS)
     found = StudyTables()
     for place, (name, tasks) in enumerate(wanted.items()):
-        if asked.say:
-            asked.say(name)
+        if asked.notify:
+            asked.notify(name)
         part = part_of(asked.progress, place / len(wanted), (place + 1) / len(wanted))
-        found |= collected(tasks, progress=part)
+        found |= collect_tables(tasks, progress=part)
     return STUDY.write(out, found)
 
 
@@ -43,12 +43,12 @@ def stages(folder: Path, seeds: range) -> dict[str, list[Task]]:
     return {
         "drive0708: outages": [Task(OUTAGES, on_drive.outage_errors, (folder,))],
         "rest": [
-            *(Task(REST, rest.simulated, (seeds, grade)) for grade in GRADES),
-            Task(REST, rest.simulated, (seeds, GRADES[0], True)),
-            Task(REST, rest.recorded, (folder,)),
+            *(Task(REST, rest.simulate_rates, (seeds, grade)) for grade in GRADES),
+            Task(REST, rest.simulate_rates, (seeds, GRADES[0], True)),
+            Task(REST, rest.recorded_rates, (folder,)),
         ],
         "wheel slip": [Task("", slips.rates, (seeds,))],
-        "what it is worth": [Task("", slips.worth, (seed,)) for seed in seeds],
+        "what it is worth": [Task("", slips.measure_worth, (seed,)) for seed in seeds],
     }
 
 

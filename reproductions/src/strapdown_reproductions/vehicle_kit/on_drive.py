@@ -10,13 +10,13 @@ import pandas as pd
 
 import strapdown as sd
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 
 from ..common.example_recordings import windows_of
 
 GNSS = ("position", "velocity")
 LENGTH, SEED, DRAWS = 15.0, 20, 4000
-WHEEL_SD = 0.1  # m/s
+WHEEL_STD = 0.1  # m/s
 OF_ISSUE = [(60.0, 75.0)] + [(110.0 + 50 * k, 125.0 + 50 * k) for k in range(8)]
 """s: other windows, in which the wrong set-ups of the installation are scored."""
 CHOSEN_ON = [
@@ -30,7 +30,7 @@ def outage_errors(folder: Path) -> pd.DataFrame:
     given, constrained, kit = (
         sd.read(folder / f"drive0708{name}.toml") for name in ("", "-vehicle", "-kit")
     )
-    wheeled = replace(kit, aidings=(*kit.aidings, _wheel(kit)))
+    wheeled = replace(kit, sources=(*kit.sources, _wheel(kit)))
     cases: dict[str, tuple[Recording, Sequence[str]]] = {
         "as given": (given, ()),
         "constraints": (constrained, ()),
@@ -52,14 +52,14 @@ def outage_errors(folder: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def _wheel(recording: Recording) -> Aiding:
+def _wheel(recording: Recording) -> Source:
     """A wheel speed such as this car could have had, 10 a second: the speed of its RTK velocity with
     noise, at the middle of the axle on the ground."""
-    velocity = next(a for a in recording.aidings if a.kind == "velocity")
+    velocity = next(a for a in recording.sources if a.kind == "velocity")
     t = np.arange(velocity.t[0], velocity.t[-1], 0.1)
     speed = np.interp(t, velocity.t, np.linalg.norm(velocity.y, axis=1))
-    y = (speed + np.random.default_rng(SEED).normal(0, WHEEL_SD, len(t)))[:, None]
-    return Aiding("speed", t, y, np.full_like(y, WHEEL_SD), (0.0, 0.0, 0.65), name="wheel")
+    y = (speed + np.random.default_rng(SEED).normal(0, WHEEL_STD, len(t)))[:, None]
+    return Source("speed", t, y, np.full_like(y, WHEEL_STD), (0.0, 0.0, 0.65), name="wheel")
 
 
 def summary(each: pd.DataFrame) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""How often the detector of rest misses one, and takes motion for one."""
+"""Rates at which the detector of rest misses a rest, and takes motion for one."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.io import read
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
 
@@ -28,7 +28,7 @@ COLUMNS = (
 )
 
 
-def simulated(seeds: Sequence[int], grade: str, smooth: bool = False) -> pd.DataFrame:
+def simulate_rates(seeds: Sequence[int], grade: str, smooth: bool = False) -> pd.DataFrame:
     """Rates on simulated drives of 300 s, by the IMU alone and with wheel speed; `smooth`: of an
     electric car on a very smooth road."""
     road = SMOOTH if smooth else {}
@@ -41,23 +41,23 @@ def simulated(seeds: Sequence[int], grade: str, smooth: bool = False) -> pd.Data
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def recorded(folder: Path) -> pd.DataFrame:
+def recorded_rates(folder: Path) -> pd.DataFrame:
     """Rates on the recorded drive, against the speed of its reference."""
     recording = read(folder / "drive0708-kit.toml")
-    velocity = tuple(a for a in recording.aidings if a.kind == "velocity")
+    velocity = tuple(a for a in recording.sources if a.kind == "velocity")
     rows = [
-        ("drive0708", judged, *_rates([recording], [aidings], NOISE))
-        for judged, aidings in (("IMU", ()), ("IMU, GNSS", velocity))
+        ("drive0708", judged, *_rates([recording], [sources], NOISE))
+        for judged, sources in (("IMU", ()), ("IMU, GNSS", velocity))
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _rates(
-    drives: Iterable[Recording], aidings: Iterable[Iterable[Aiding]], still: float
+    drives: Iterable[Recording], sources: Iterable[Iterable[Source]], still: float
 ) -> tuple[float, float, float, float, float]:
     """(s at rest, % of it missed, s in motion, s of false rest per hour of it, % of them creeping)."""
     rest = missed = motion = false = creeping = 0.0
-    for recording, beside in zip(drives, aidings):
+    for recording, beside in zip(drives, sources):
         imu, truth = recording.imu, recording.reference
         speed = np.interp(imu.t, truth.t, np.linalg.norm(truth.v_n, axis=1))
         found, stands, moves = vehicle_at_rest(imu, beside), speed < still, speed > MOVING

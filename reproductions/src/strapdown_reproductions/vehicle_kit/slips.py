@@ -1,5 +1,5 @@
-"""How much of spin and lock of the wheels the slip test leaves out, what it leaves out for nothing, and
-what it is worth in scale and in outages."""
+"""Shares of spin and lock of the wheels that the slip test leaves out, of correct speeds that it leaves
+out for nothing, and its worth in scale and in outages."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,15 +9,15 @@ import pandas as pd
 
 import strapdown as sd
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.preprocessing.stationary import stretches
 from strapdown.preprocessing.wheel_slip import is_slipping as found, without_slip
 from strapdown.sensor_models.gnss import Gnss
 
-from .drives import Slip, drive, slipping, wheel_of
+from .drives import Slip, add_slips, drive, wheel_of
 
 SIZES = (0.05, 0.1, 0.2, 0.5, 1.0)
-"""Of the speed, by which wheels spin or lock."""
+"""Shares of the speed by which wheels spin or lock."""
 SCALE = 0.02  # by which the wheel speed reads too much
 GNSS = ("position", "velocity")
 SLIP, ALARMS, SCALES, WORTH = "slip", "false-alarms", "scale", "worth"
@@ -40,7 +40,7 @@ def detection(drives: Sequence[Recording], seeds: Sequence[int]) -> pd.DataFrame
     for size in SIZES:
         noticed, left_out, beside = [], [], 0
         for seed, clean in zip(seeds, drives):
-            recording, slips = slipping(clean, seed, size)
+            recording, slips = add_slips(clean, seed, size)
             wheel = wheel_of(recording)
             out, during = found(wheel, recording.imu), np.zeros(len(wheel.t), bool)
             for slip in slips:
@@ -68,7 +68,7 @@ def detection(drives: Sequence[Recording], seeds: Sequence[int]) -> pd.DataFrame
     return pd.DataFrame(rows, columns=columns)
 
 
-def _of(slip: Slip, wheel: Aiding) -> np.ndarray:
+def _of(slip: Slip, wheel: Source) -> np.ndarray:
     return (wheel.t >= slip.start) & (wheel.t < slip.stop)
 
 
@@ -82,8 +82,8 @@ def false_alarms(drives: Sequence[Recording], name: str) -> tuple[str, float, in
 def quiet(drives: Sequence[Recording], rough: Sequence[Recording]) -> pd.DataFrame:
     """False alarms on drives as they are, with a wheel speed that is late or reads too much, and on
     bad roads."""
-    late = [_bent(r, late=0.1) for r in drives]
-    scaled = [_bent(r, scale=SCALE) for r in drives]
+    late = [_bend_speed(r, late=0.1) for r in drives]
+    scaled = [_bend_speed(r, scale=SCALE) for r in drives]
     rows = [
         false_alarms(drives, "as simulated"),
         false_alarms(scaled, "reads 2 % too much"),
@@ -93,24 +93,24 @@ def quiet(drives: Sequence[Recording], rough: Sequence[Recording]) -> pd.DataFra
     return pd.DataFrame(rows, columns=["wheel speed without slip", "hours", "episodes", "per hour"])
 
 
-def _bent(recording: Recording, scale: float = 0.0, late: float = 0.0) -> Recording:
+def _bend_speed(recording: Recording, scale: float = 0.0, late: float = 0.0) -> Recording:
     wheel = wheel_of(recording)
     bent = replace(wheel, t=wheel.t + late, y=wheel.y * (1 + scale))
     return _with(recording, bent)
 
 
-def _with(recording: Recording, wheel: Aiding | None) -> Recording:
+def _with(recording: Recording, wheel: Source | None) -> Recording:
     """The recording with another wheel speed, or none."""
-    others = tuple(a for a in recording.aidings if a.kind != "speed")
-    return replace(recording, aidings=others if wheel is None else (*others, wheel))
+    others = tuple(a for a in recording.sources if a.kind != "speed")
+    return replace(recording, sources=others if wheel is None else (*others, wheel))
 
 
-def worth(seed: int) -> dict[str, pd.DataFrame]:
+def measure_worth(seed: int) -> dict[str, pd.DataFrame]:
     """{table: DataFrame} of a drive with GNSS and constraints, and a wheel speed that reads 2 % too
     much: the error of the scale that is estimated before the first outage (%), and the largest
     horizontal error of each outage (m)."""
-    clean = _constrained(_bent(drive(seed, gnss=Gnss()), scale=SCALE))
-    mixed = slipping(clean, seed, float(np.random.default_rng(seed).choice(SIZES)))[0]
+    clean = _add_constraints(_bend_speed(drive(seed, gnss=Gnss()), scale=SCALE))
+    mixed = add_slips(clean, seed, float(np.random.default_rng(seed).choice(SIZES)))[0]
     cases = {
         "no wheel speed": _with(mixed, None),
         "without slip": clean,
@@ -134,7 +134,7 @@ def worth(seed: int) -> dict[str, pd.DataFrame]:
 
 
 def medians(scales: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
-    """A row per case of `worth`: over the drives and outages."""
+    """A row per case of `measure_worth`: over the drives and outages."""
     of_scale = scales.groupby("wheel speed")["error, %"].median()
     far = errors.groupby("wheel speed", sort=False)["outage, m"].agg(["median", "max"])
     found = pd.DataFrame({"error of the scale, %": of_scale.reindex(far.index)}).join(far)
@@ -142,12 +142,12 @@ def medians(scales: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
     return found.rename(columns=columns).reset_index()
 
 
-def _constrained(recording: Recording) -> Recording:
+def _add_constraints(recording: Recording) -> Recording:
     """With the constraints of a car, 10 a second."""
     t = np.arange(recording.span[0] + 0.1, recording.span[1], 0.1)
     none = np.zeros((len(t), 1))
     constraints = tuple(
-        Aiding(f"zero-{way}-velocity", t, none, none + 0.1, slip=slip)
+        Source(f"zero-{way}-velocity", t, none, none + 0.1, slip=slip)
         for way, slip in (("lateral", 0.005), ("vertical", 0.0))
     )
-    return replace(recording, aidings=(*recording.aidings, *constraints))
+    return replace(recording, sources=(*recording.sources, *constraints))

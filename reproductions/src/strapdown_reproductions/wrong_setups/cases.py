@@ -15,7 +15,7 @@ import pandas as pd
 
 from strapdown import io
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Aiding
+from strapdown.data.solution import Source
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -77,45 +77,49 @@ BEGINS = {"ship": 250.0}
 """s from which a recording is taken: from a straight leg through a turn."""
 
 
-def simulated(name: str, seed: int) -> SetUpCase:
-    """The Case of one of MOTIONS, with the errors of a seed."""
-    motion = MOTIONS[name]
+def simulate_case(name: str, seed: int) -> SetUpCase:
+    """The SetUpCase of one of MOTIONS, with the errors of a seed."""
+    return case_of(name, MOTIONS[name], seed, BEGINS.get(name))
+
+
+def case_of(name: str, motion: StudyMotion, seed: int, begin: float | None = None) -> SetUpCase:
+    """The SetUpCase of a motion from `begin` (s) on, with the errors of a seed."""
     recording = simulator(motion).recording(motion.imu, np.random.default_rng(seed))
-    if name in BEGINS:
-        recording = recording.between(BEGINS[name])
+    if begin is not None:
+        recording = recording.between(begin)
     if motion.constrained:
-        recording = replace(recording, aidings=(*recording.aidings, *constraints(recording)))
-    return SetUpCase(name, recording, _settled(recording), True, BETTER[motion.imu])
+        recording = replace(recording, sources=(*recording.sources, *constraints(recording)))
+    return SetUpCase(name, recording, _settled_window(recording), True, BETTER[motion.imu])
 
 
-def _settled(recording: Recording) -> tuple[tuple[float, float], ...]:
+def _settled_window(recording: Recording) -> tuple[tuple[float, float], ...]:
     start, stop = recording.span
     return ((start + SKIPPED * (stop - start), stop),)
 
 
-def recorded(folder: Path) -> dict[str, Callable[[], SetUpCase]]:
+def recorded_cases(folder: Path) -> dict[str, Callable[[], SetUpCase]]:
     """{name: maker of its Case} of the descriptions in `folder` and of the data folder."""
     data = data_folder(folder)
 
-    def described(name: str, windows: tuple[tuple[float, float], ...] = ()) -> SetUpCase:
+    def read_case(name: str, windows: tuple[tuple[float, float], ...] = ()) -> SetUpCase:
         recording = io.read(folder / f"{name}.toml")
-        return SetUpCase(name, recording, windows or _settled(recording), False, "tactical")
+        return SetUpCase(name, recording, windows or _settled_window(recording), False, "tactical")
 
     def trial(name: str) -> SetUpCase:
         recording = in_motion(
-            with_positions(io.read(data / "broad" / f"{name}.npz"), rate=5.0, sd=0.1)
+            with_positions(io.read(data / "broad" / f"{name}.npz"), rate=5.0, std=0.1)
         )
         windows = tuple(map(tuple, recording.meta["movement"]))
         return SetUpCase(f"BROAD {name[:2]}", recording, windows, True, "tactical")
 
     def swiss() -> SetUpCase:
         recording = swisslog(data / "swisslog")
-        return SetUpCase("swisslog", recording, _settled(recording), False, "tactical")
+        return SetUpCase("swisslog", recording, _settled_window(recording), False, "tactical")
 
     return {
-        "thor75": lambda: described("thor75", (FLIGHT,)),
-        "drive0708": lambda: described("drive0708"),
-        "drive0708-vehicle": lambda: described("drive0708-vehicle"),
+        "thor75": lambda: read_case("thor75", (FLIGHT,)),
+        "drive0708": lambda: read_case("drive0708"),
+        "drive0708-vehicle": lambda: read_case("drive0708-vehicle"),
         "swisslog": swiss,
         **{f"BROAD {name[:2]}": lambda name=name: trial(name) for name in TRIALS},
     }
@@ -133,18 +137,18 @@ def swisslog(folder: Path) -> Recording:
     t = gps["GPStime"].to_numpy(float) - SWISSLOG_LAG
     lla = columns("LatDeg", "LngDeg", "Hgt") * [np.pi / 180, np.pi / 180, 1.0]
     speed, course, down = columns("GndSpd", "CourseDeg", "VelD").T
-    sd = lambda *values: np.tile(np.array(values), (len(t), 1))
+    std = lambda *values: np.tile(np.array(values), (len(t), 1))
     return Recording.from_arrays(
         imu["IMUtime"],
         imu[[f"angRate{axis}" for axis in "XYZ"]],
         imu[[f"accel{axis}" for axis in "XYZ"]],
         (
-            Aiding("position", t, lla, sd(2.0, 2.0, 3.0), name="GNSS position"),
-            Aiding(
+            Source("position", t, lla, std(2.0, 2.0, 3.0), name="GNSS position"),
+            Source(
                 "velocity",
                 t,
                 heading_to(speed, course, down),
-                sd(0.8, 0.8, 1.0),
+                std(0.8, 0.8, 1.0),
                 name="GNSS velocity",
             ),
         ),

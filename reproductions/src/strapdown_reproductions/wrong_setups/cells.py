@@ -9,14 +9,14 @@ import numpy as np
 from strapdown.checks import DataError
 from strapdown.data.recording import Recording
 from strapdown.data.solution import Solution
-from strapdown.data.verdict import TRUSTED, Reason
+from strapdown.data.verdict import TRUSTED, Reason, rank_reasons
 from strapdown.engine.batch import fuse
 from strapdown.io.facts import recording_facts
 
 from .cases import SetUpCase
 from .harm import Harm, harm, of_right
 from .mistakes import MISTAKES, Mistake
-from .not_showable import hidden, named
+from .not_showable import names_untested, why_hidden
 
 REFUSED = "refused"
 """Word of a run that ended in a DataError."""
@@ -39,25 +39,25 @@ class Heard(NamedTuple):
     inspect_s: float
 
 
-def inspected(recording: Recording) -> tuple[Reason, ...]:
+def inspect_problems(recording: Recording) -> tuple[Reason, ...]:
     """Return the problems that `inspect` finds in a recording: reasons, the weightiest first, then
     problems that are text alone."""
     found = recording_facts(recording)
     told = set(map(str, found.reasons))
     more = [Reason(SAID, text, "") for text in found.problems if text not in told]
-    return (*sorted(found.reasons, key=lambda reason: -reason.weight), *more)
+    return (*rank_reasons(found.reasons), *more)
 
 
-def heard(recording: Recording) -> Heard:
-    """Run inspect, the filter and the verdict on a recording as it is set up."""
+def check_recording(recording: Recording, filter: str = "closed-loop") -> Heard:
+    """Run inspect, a filter and the verdict on a recording as it is set up."""
     began = time.perf_counter()
     try:
-        reasons = inspected(recording)
+        reasons = inspect_problems(recording)
     except DataError as error:
         return Heard((), REFUSED, (), (), str(error), None, np.nan, np.nan, np.nan)
     looked = time.perf_counter()
     try:
-        solution = fuse(recording)
+        solution = fuse(recording, filter)
     except DataError as error:
         return Heard(reasons, REFUSED, (), (), str(error), None, np.nan, np.nan, looked - began)
     ran = time.perf_counter()
@@ -67,7 +67,7 @@ def heard(recording: Recording) -> Heard:
         reasons,
         verdict.word,
         verdict.reasons,
-        verdict.untested,
+        tuple(map(str, verdict.untested)),
         "",
         solution,
         ran - looked,
@@ -81,7 +81,7 @@ def cells(
 ) -> list[dict[str, Any]]:
     """Rows of the table: the right set-up of a recording, then every mistake that can be made with
     it."""
-    right = heard(case.recording)
+    right = check_recording(case.recording)
     rows = [row(RIGHT, RIGHT, case, seed, right)]
     if right.solution is None:
         raise DataError(f"{case.name}, right set-up: {right.refusal}")
@@ -90,25 +90,25 @@ def cells(
         recording = mistake.make(case)
         if recording is None:
             continue
-        found = heard(recording)
+        found = check_recording(recording)
         done = (
             harm(case, right.solution, right_scores, found.solution)
             if found.solution
             else Harm((REFUSED,), np.inf, 1.0)
         )
         made = row(mistake.name, mistake.group, case, seed, found)
-        rows.append(made | judged(mistake, case, found, done))
+        rows.append(made | judge_cell(mistake, case, found, done))
     return rows
 
 
 def right_row(case: SetUpCase, seed: int) -> dict[str, Any]:
     """The row of a right set-up."""
-    return row(RIGHT, RIGHT, case, seed, heard(case.recording))
+    return row(RIGHT, RIGHT, case, seed, check_recording(case.recording))
 
 
-def judged(mistake: Mistake, case: SetUpCase, found: Heard, done: Harm) -> dict[str, Any]:
+def judge_cell(mistake: Mistake, case: SetUpCase, found: Heard, done: Harm) -> dict[str, Any]:
     """The columns of a row that rest on what the mistake was."""
-    cannot = hidden(mistake, case.name)
+    cannot = why_hidden(mistake, case.name)
     which, worse, beyond = done
     first = next(iter(found.reasons or found.own), None)
     cause = first.cause if first else ""
@@ -118,9 +118,9 @@ def judged(mistake: Mistake, case: SetUpCase, found: Heard, done: Harm) -> dict[
         "worse": worse,
         "beyond": beyond,
         "showable": cannot is None,
-        "named": cause in mistake.causes or (first is None and refused(found.refusal, mistake)),
+        "named": cause in mistake.causes or (first is None and names_cause(found.refusal, mistake)),
         "plainly_named": cause == mistake.causes[0],
-        "named_untested": cannot is not None and named(cannot, found.untested),
+        "named_untested": cannot is not None and names_untested(cannot, found.untested),
     }
 
 
@@ -133,7 +133,7 @@ WORDS = {
 """By which words a refusal names a cause."""
 
 
-def refused(text: str, mistake: Mistake) -> bool:
+def names_cause(text: str, mistake: Mistake) -> bool:
     """True where the text of a refusal names the cause of a mistake."""
     return any(word in text for cause in mistake.causes for word in WORDS.get(cause, ()))
 

@@ -8,7 +8,7 @@ from strapdown.checks import DataError
 
 from .cases import SetUpCase
 from .mistakes import MISTAKES, Mistake
-from .not_showable import hidden
+from .not_showable import why_hidden
 
 GROUPS = (
     "clock of GNSS",
@@ -26,7 +26,7 @@ def diagnoses(case: SetUpCase, seed: int) -> list[dict[str, Any]]:
     """Rows of COLUMNS: every mistake of the installation that the recording can show."""
     made = []
     for mistake in MISTAKES:
-        if mistake.group not in GROUPS or hidden(mistake, case.name):
+        if mistake.group not in GROUPS or why_hidden(mistake, case.name):
             continue
         recording = mistake.make(case)
         if recording is not None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from strapdown.checks import DataError
 from strapdown.data.solution import Solution, Trajectory
-from strapdown.evaluation.metrics import Errors, attitude_angles, errors
+from strapdown.evaluation.metrics import Errors, any_known, attitude_angles, errors
 from strapdown.typing import Array
 
 from ..common.example_recordings import inside
@@ -51,52 +51,53 @@ class HarmScore(NamedTuple):
 def sizes(e: Errors) -> dict[str, Array]:
     """{quantity: (n,) its error without sign}, of those that are known; m, m/s and rad."""
     found: dict[str, Array] = {}
-    if e.position is not None:
+    if any_known(e.position):
         found["horizontal position"] = np.hypot(e.position[:, 0], e.position[:, 1])
         found["height"] = np.abs(e.position[:, 2])
-    if e.velocity is not None:
+    if any_known(e.velocity):
         found["velocity"] = np.linalg.norm(e.velocity, axis=1)
-    if (angles := attitude_angles(e)) is not None:
+    if any_known(e.attitude):
+        angles = attitude_angles(e)
         found["roll and pitch"], found["heading"] = angles.inclination, angles.heading
     return found
 
 
-def scores(e: Errors, sd: Array) -> dict[str, HarmScore]:
-    """{quantity: Score} of errors against the standard deviations sd (n, 9)."""
+def scores(e: Errors, std: Array) -> dict[str, HarmScore]:
+    """{quantity: Score} of errors against the standard deviations std (n, 9)."""
     found = {}
     for quantity, size in sizes(e).items():
         known = np.isfinite(size)
         if not known.any():
             continue
-        claimed = np.sqrt((sd[known, QUANTITIES[quantity]] ** 2).sum(axis=1))
+        claimed = np.sqrt((std[known, QUANTITIES[quantity]] ** 2).sum(axis=1))
         far = size[known] > SIGMAS * claimed
         found[quantity] = HarmScore(float(np.sqrt((size[known] ** 2).mean())), float(far.mean()))
     return found
 
 
-def thinned(solution: Solution, windows: tuple[tuple[float, float], ...]) -> Trajectory:
+def thin_rows(solution: Solution, windows: tuple[tuple[float, float], ...]) -> Trajectory:
     """The rows of a solution that are scored: RATE of them a second within the windows."""
     own = solution.trajectory
     within = np.flatnonzero(inside(own.t, windows))
     step = max(1, round(1 / RATE / float(np.median(np.diff(own.t))))) if len(own) > 1 else 1
-    return own.taking(within[::step])
+    return own.take(within[::step])
 
 
 def against(truth: Trajectory, solution: Solution, case: SetUpCase) -> dict[str, HarmScore]:
     """{quantity: Score} of a solution against the truth."""
-    e = errors(thinned(solution, case.windows), truth)
-    assert e.sd is not None
-    return scores(e, e.sd)
+    e = errors(thin_rows(solution, case.windows), truth)
+    assert e.std is not None
+    return scores(e, e.std)
 
 
-def moved(right: Solution, wrong: Solution, case: SetUpCase) -> dict[str, HarmScore]:
+def score_against(right: Solution, wrong: Solution, case: SetUpCase) -> dict[str, HarmScore]:
     """{quantity: Score} of a solution against that of the right set-up and what that one
     claims."""
     own = right.trajectory
-    e = errors(thinned(wrong, case.windows), own)
-    assert own.sd is not None
+    e = errors(thin_rows(wrong, case.windows), own)
+    assert own.std is not None
     nearest = np.clip(np.searchsorted(own.t, e.t), 0, len(own.t) - 1)
-    return scores(e, own.sd[nearest])
+    return scores(e, own.std[nearest])
 
 
 def of_right(case: SetUpCase, right: Solution) -> dict[str, HarmScore]:
@@ -113,13 +114,13 @@ def harm(
         return Harm(("stopped",), np.inf, 1.0)
     try:
         if case.true:
-            return compared(right_scores, against(case.recording.reference, wrong, case))
-        return compared({}, moved(right, wrong, case))
+            return compare_scores(right_scores, against(case.recording.reference, wrong, case))
+        return compare_scores({}, score_against(right, wrong, case))
     except DataError:  # no time in common
         return Harm(("no solution",), np.inf, 1.0)
 
 
-def compared(right: dict[str, HarmScore], wrong: dict[str, HarmScore]) -> Harm:
+def compare_scores(right: dict[str, HarmScore], wrong: dict[str, HarmScore]) -> Harm:
     """The Harm by the Scores of both; without those of the right one by `beyond` alone."""
     if not wrong:
         return Harm(("no solution",), np.inf, 1.0)

@@ -10,9 +10,9 @@ from typing import Any
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import Task, collected
+from ..common.runner import Task, collect_tables
 from . import diagnosed
-from .cases import MOTIONS, recorded, simulated
+from .cases import MOTIONS, recorded_cases, simulate_case
 from .cells import cells, right_row
 from .summary import CELLS, DIAGNOSES, STUDY
 
@@ -31,7 +31,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
         tasks = list(of_motions([next(iter(MOTIONS))], seeds))
     else:
         tasks = all_tasks(Path(asked.recordings or DESCRIPTIONS), seeds)
-    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
+    return STUDY.write(out, collect_tables(tasks, asked.workers, asked.progress))
 
 
 def all_tasks(folder: Path, seeds: range) -> list[Task]:
@@ -39,7 +39,7 @@ def all_tasks(folder: Path, seeds: range) -> list[Task]:
     rights = max(1, round(len(seeds) * RIGHT_SEEDS / SEEDS))
     first = RIGHT_FIRST + seeds.start - 1
     return [
-        *(Task(CELLS, of_recorded, (folder, name)) for name in recorded(folder)),
+        *(Task(CELLS, of_recorded, (folder, name)) for name in recorded_cases(folder)),
         *of_motions(MOTIONS, seeds),
         *(Task(DIAGNOSES, diagnoses, (name, seeds.start)) for name in MOTIONS),
         *(
@@ -57,19 +57,19 @@ def of_motions(names: Iterable[str], seeds: range) -> Iterator[Task]:
 
 def of_recorded(folder: Path, name: str) -> list[dict[str, Any]]:
     """Rows of the mistakes in a recorded case."""
-    return cells(recorded(folder)[name](), 0)
+    return cells(recorded_cases(folder)[name](), 0)
 
 
 def of_simulated(name: str, seed: int) -> list[dict[str, Any]]:
     """Rows of the mistakes in a simulated case."""
-    return cells(simulated(name, seed), seed)
+    return cells(simulate_case(name, seed), seed)
 
 
 def of_right(name: str, seed: int) -> list[dict[str, Any]]:
     """The row of a simulated case as it is."""
-    return [right_row(simulated(name, seed), seed)]
+    return [right_row(simulate_case(name, seed), seed)]
 
 
 def diagnoses(name: str, seed: int) -> list[dict[str, Any]]:
     """Rows of what is diagnosed of a simulated case."""
-    return diagnosed.diagnoses(simulated(name, seed), seed)
+    return diagnosed.diagnoses(simulate_case(name, seed), seed)

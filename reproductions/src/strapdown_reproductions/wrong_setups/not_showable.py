@@ -93,10 +93,10 @@ NOT_SHOWABLE: tuple[HiddenSetUp, ...] = (
         "lasting errors",
     ),
 )
-"""What the data cannot show."""
+"""Mistakes that the data cannot show."""
 
 
-def hidden(mistake: Mistake, recording: str) -> HiddenSetUp | None:
+def why_hidden(mistake: Mistake, recording: str) -> HiddenSetUp | None:
     """Why the recording cannot show the mistake; None where it can."""
     for each in NOT_SHOWABLE:
         small = abs(mistake.size) < each.below
@@ -105,7 +105,7 @@ def hidden(mistake: Mistake, recording: str) -> HiddenSetUp | None:
     return None
 
 
-def named(why: HiddenSetUp, untested: tuple[str, ...]) -> bool:
+def names_untested(why: HiddenSetUp, untested: tuple[str, ...]) -> bool:
     """True where the verdict lists the mistaken quantity as not tested."""
     words = (why.cause, CAUSES[why.cause])
     return any(word in text for text in untested for word in words)

@@ -89,17 +89,20 @@ def tables(found: StudyTables) -> Tables:
     rows = found[CELLS]
     own = harmful(rows)
     return {
-        "by-mistake": ("Harmful cells that the data can show, by mistake", counted(own, "mistake")),
-        "by-recording": ("The same by recording", counted(own, "recording")),
-        "missed": ("Harmful cells that nobody noticed", missed(own[~own["found"]])),
+        "by-mistake": (
+            "Harmful cells that the data can show, by mistake",
+            count_harmful(own, "mistake"),
+        ),
+        "by-recording": ("The same by recording", count_harmful(own, "recording")),
+        "missed": ("Harmful cells that nobody noticed", list_missed(own[~own["found"]])),
         "misnamed": (
             "Found, but another cause stands first",
-            missed(own[own["found"] & ~own["named"]]),
+            list_missed(own[own["found"] & ~own["named"]]),
         ),
         "alarms": ("Right set-ups that are called anything but trusted", alarms(rows)),
         "hidden": (
             "Harmful cells that the data cannot show",
-            unshown(harmful(rows, showable=False)),
+            count_unshown(harmful(rows, showable=False)),
         ),
         "diagnoses": (
             "What diagnose finds, on one seed of each motion",
@@ -109,7 +112,7 @@ def tables(found: StudyTables) -> Tables:
     }
 
 
-def counted(own: pd.DataFrame, by: str) -> pd.DataFrame:
+def count_harmful(own: pd.DataFrame, by: str) -> pd.DataFrame:
     """A row per mistake or recording: harmful cells, of them found, found by each, named."""
     groups = own.groupby(by, sort=False)
     return pd.DataFrame(
@@ -123,7 +126,7 @@ def counted(own: pd.DataFrame, by: str) -> pd.DataFrame:
     ).reset_index()
 
 
-def unshown(own: pd.DataFrame) -> pd.DataFrame:
+def count_unshown(own: pd.DataFrame) -> pd.DataFrame:
     """A row per group and recording: harmful cells, and in how many the verdict names as not
     tested what was mistaken."""
     groups = own.groupby(["group", "recording"], sort=False)
@@ -132,7 +135,7 @@ def unshown(own: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()
 
 
-def missed(own: pd.DataFrame) -> pd.DataFrame:
+def list_missed(own: pd.DataFrame) -> pd.DataFrame:
     """A row per mistake and recording: in how many seeds, which errors, how large, and what was
     said first."""
     groups = own.assign(

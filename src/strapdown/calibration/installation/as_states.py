@@ -22,7 +22,7 @@ ROWS = 1000
 
 
 class Asking(NamedTuple):
-    """How to run the filter, as `diagnose` takes it."""
+    """Options by which the filter is run, as `diagnose` takes it."""
 
     filter: str | Filter
     options: dict[str, Any] | None
@@ -71,11 +71,11 @@ def _runs(sought: Sequence[Diagnosed]) -> Iterator[list[Diagnosed]]:
 
 def check_states(recording: Recording) -> None:
     """Refuse a recording with more parameters than can be states. Raises DataError."""
-    names = [a.name or a.kind for a in recording.aidings]
-    wanted = unknowns(constants(recording.aidings))
+    names = [a.name or a.kind for a in recording.sources]
+    wanted = unknowns(constants(recording.sources))
     priors = _priors((each.of, [names[i] for i in each.sources], each.axis) for each in wanted)
     asked = with_estimates(recording, priors)
-    augmented_states(asked.aidings, asked.meta.get("estimate", {}))
+    augmented_states(asked.sources, asked.meta.get("estimate", {}))
 
 
 def _priors(
@@ -86,6 +86,6 @@ def _priors(
     priors: dict[str, list[float]] = {}
     for of, sources, axis in wanted:
         for source in sources if of is not MOUNTING else [""]:
-            sd = priors.setdefault(f"{source} {of.name}", [0.0] * len(of.components))
-            sd[axis] = of.left_sd
-    return {name: tuple(sd) for name, sd in priors.items()}
+            std = priors.setdefault(f"{source} {of.name}", [0.0] * len(of.components))
+            std[axis] = of.left_std
+    return {name: tuple(std) for name, std in priors.items()}

@@ -64,13 +64,18 @@ def calibrate_installation(
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
+    Returns
+    -------
+    Installation
+        Every parameter with two estimates, and the recording set up as found.
+
     Raises
     ------
     DataError
         Without a source of velocity, and where nothing shows.
     """
     check_recording(recording)
-    if not any(a.kind == "velocity" and len(a.t) for a in recording.aidings):
+    if not any(a.kind == "velocity" and len(a.t) for a in recording.sources):
         raise DataError(
             "the recording has no source of velocity, and positions alone do not show an "
             "installation; add one (`strapdown diagnose` still looks for clocks beyond 0.5 s)"
@@ -119,11 +124,11 @@ def _parameter(each: Diagnosed, settled: Settled, seen: EstimatedParameter) -> C
     whole = vars(each) | {
         "given": each.given - before * (each.of is LEVER_ARM),
         "change": float(change),
-        "sd": max(each.sd, seen.sd),
+        "std": max(each.std, seen.std),
         "halves": halves,
     }
-    found = CalibratedParameter(**whole, by_states=float(by_states), states_sd=seen.sd)
-    agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
+    found = CalibratedParameter(**whole, by_states=float(by_states), states_std=seen.std)
+    agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.std, seen.std)
     moved, sure = bool(settled.theta[j]), bool(agree and settled.sure)
     return replace(found, status=_status(found, moved, sure))
 
@@ -132,8 +137,8 @@ def _status(found: CalibratedParameter, moved: bool, sure: bool) -> str:
     """The status of two estimates together: `moved` where the recording was changed by the first,
     `sure` where they agree and the first settled."""
     of = found.of
-    least = max(of.min_reported * of.factor, MIN_Z * found.sd)
-    if found.sd > of.known_sd * of.factor:
+    least = max(of.min_reported * of.factor, MIN_Z * found.std)
+    if found.std > of.known_std * of.factor:
         return NOT_OBSERVABLE
     if not moved or abs(found.change) <= least:
         return CONSISTENT
@@ -149,9 +154,9 @@ def _status(found: CalibratedParameter, moved: bool, sure: bool) -> str:
 def _constant(each: CalibratedParameter) -> bool:
     """Return True where both halves of the time agree, or differ within the noise or by too little
     to report."""
-    (first, first_sd), (second, second_sd) = each.halves
+    (first, first_std), (second, second_std) = each.halves
     least = each.of.min_reported * each.of.factor
-    return not abs(first - second) > max(least, VARIES * np.hypot(first_sd, second_sd))
+    return not abs(first - second) > max(least, VARIES * np.hypot(first_std, second_std))
 
 
 def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
@@ -170,7 +175,7 @@ def _check_imu_clock(recording: Recording, parameters: tuple[CalibratedParameter
         )
     others = [
         a.name or a.kind
-        for a in recording.aidings
+        for a in recording.sources
         if find(a.kind).recorded and (a.name or a.kind) not in clocks[0].sources
     ]
     if clocks[0].status == FOUND and others:
@@ -188,7 +193,7 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     clocks = [each for each in parameters if each.of is CLOCK]
-    positions = {a.name or a.kind for a in recording.aidings if a.kind == "position"}
+    positions = {a.name or a.kind for a in recording.sources if a.kind == "position"}
     moved = any(each.status == FOUND and positions & set(each.sources) for each in clocks)
     if recording.reference is not None and moved and not imu_clock:
         notes.append(
@@ -205,7 +210,7 @@ def _notes(
         notes += [
             f"{a.name or a.kind} was taken to be in the case of the IMU and turned with it; `mounting` "
             f"of [imu] turns the IMU alone, so turn this source too, by its `axes` or `calibration`"
-            for a in recording.aidings
+            for a in recording.sources
             if find(a.kind).recorded and is_of_the_imu(a)
         ]
     unseen = [each for each in clocks if each.status == NOT_OBSERVABLE]

@@ -11,6 +11,7 @@ import numpy as np
 from ...checks import DataError
 from ...data.calibration_parameters import CLOCK, MOUNTING
 from ...data.recording import Recording
+from ...data.value import Value
 from ...installation.findings import FOUND, Diagnosed, edits, interval, line
 from ...io.description.edits import Edit
 from ...io.description.found import Change
@@ -34,17 +35,17 @@ class CalibratedParameter(Diagnosed):
     the two; its status may be one of UNSURE too."""
 
     by_states: float = np.nan  # the other estimate of the change
-    states_sd: float = np.nan  # and its standard deviation
+    states_std: float = np.nan  # and its standard deviation
 
     @property
     def second(self) -> str:
         """The other estimate of the change, with its standard deviation and unit."""
-        return interval(self.by_states, self.states_sd, self.unit)
+        return interval(self.by_states, self.states_std, self.unit)
 
     @property
     def by_halves(self) -> list[str]:
         """The change by the first and by the second half of the time, the same way."""
-        return [interval(change, sd, self.unit) for change, sd in self.halves]
+        return [interval(change, std, self.unit) for change, std in self.halves]
 
     @property
     def told(self) -> str:
@@ -76,19 +77,41 @@ def _join_names(parameters: Iterable[CalibratedParameter]) -> str:
     return " and ".join(each.name for each in parameters)
 
 
-@dataclass(frozen=True)
-class Installation:
-    """Result of `calibrate_installation`."""
+@dataclass(frozen=True, eq=False)
+class Installation(Value):
+    """Result of `calibrate_installation`.
+
+    Attributes
+    ----------
+    parameters : tuple of CalibratedParameter
+        Each parameter as given and as found.
+    recording : Recording
+        The recording, set up as found.
+    given : Recording
+        The recording as it was.
+    runs : int
+        How often `diagnose` ran the filter.
+    misfit : float
+        Mean of min(NIS, 30) as found, over that of a correct set-up: about 1.
+    notes : tuple of str
+        One line each.
+    imu_clock : bool
+        True: a shared offset is written to the IMU.
+    asking : Asking
+        How the filter was run.
+    written : dict[Path, Path]
+        {file that has it: copy of the old one}: offsets and factors are on top of what that
+        said.
+    """
 
     parameters: tuple[CalibratedParameter, ...]
-    recording: Recording  # set up as found
-    given: Recording  # as it was
-    runs: int  # of `diagnose`
-    misfit: float  # mean of min(NIS, 30) as found, over that of a correct set-up: about 1
-    notes: tuple[str, ...]  # one line each
-    imu_clock: bool  # whether a shared offset is written to the IMU
-    asking: Asking = field(repr=False)  # how the filter was run
-    # {file that has it: copy of the old one}: offsets and factors are on top of what that said
+    recording: Recording
+    given: Recording
+    runs: int
+    misfit: float
+    notes: tuple[str, ...]
+    imu_clock: bool
+    asking: Asking = field(repr=False)
     written: dict[Path, Path] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -106,7 +129,7 @@ class Installation:
         """Edits of recording.toml, with standard deviations; none where something is `unsure`."""
         if self.unsure:
             return []
-        names = [a.name or a.kind for a in self.given.aidings]
+        names = [a.name or a.kind for a in self.given.sources]
         made = edits(
             self.given,
             [
@@ -115,7 +138,7 @@ class Installation:
                     [i for i, name in enumerate(names) if name in each.sources],
                     each.axis,
                     each.change / each.of.factor,
-                    each.sd / each.of.factor,
+                    each.std / each.of.factor,
                 )
                 for each in self.found
             ],
@@ -124,14 +147,14 @@ class Installation:
             return made
         # sources that are late beside the IMU: the IMU is early beside them
         clocks = [
-            Edit(None, CLOCK, (-each.value[0],), each.sd) for each in made if each.of is CLOCK
+            Edit(None, CLOCK, (-each.value[0],), each.std) for each in made if each.of is CLOCK
         ]
         return [*clocks[:1], *(each for each in made if each.of is not CLOCK)]
 
     @property
     def changes(self) -> tuple[str, ...]:
         """Changes to write into recording.toml, a line each, with the digits of the file."""
-        return tuple(line(self.given.aidings, each) for each in self.edits)
+        return tuple(line(self.given.sources, each) for each in self.edits)
 
     @property
     def lines(self) -> list[str]:

@@ -42,7 +42,7 @@ class Settled(NamedTuple):
 
 def settle(recording: Recording, asking: Asking) -> Settled:
     """`diagnose` on the recording, and on what it found, until that has nothing wrong."""
-    known = constants(recording.aidings)
+    known = constants(recording.sources)
     theta, runs = np.zeros(len(known)), 0
     for turn in range(MAX_TURNS):
         before = theta.copy()
@@ -59,13 +59,13 @@ def settle(recording: Recording, asking: Asking) -> Settled:
         theta += theta_of(known, recording, found.found)
         if not found.found:
             break
-    apart = [part for each in sought for part in _apart(each, known, recording, theta)]
+    apart = [part for each in sought for part in _split_clock(each, known, recording, theta)]
     return Settled(known, before, theta, found, tuple(apart), runs)
 
 
 def which(known: Sequence[Constant], recording: Recording, each: Diagnosed) -> list[int]:
     """The constants that an estimate is of."""
-    names = [a.name or a.kind for a in recording.aidings]
+    names = [a.name or a.kind for a in recording.sources]
     return [
         j
         for j, constant in enumerate(known)
@@ -74,14 +74,14 @@ def which(known: Sequence[Constant], recording: Recording, each: Diagnosed) -> l
     ]
 
 
-def _apart(
+def _split_clock(
     each: Diagnosed, known: Sequence[Constant], recording: Recording, theta: Array
 ) -> list[Diagnosed]:
     """A clock of several sources that were changed by different offsets as one of each."""
     own = which(known, recording, each)
     if each.of is not CLOCK or not np.ptp(theta[own]):
         return [each]
-    names = [a.name or a.kind for a in recording.aidings]
+    names = [a.name or a.kind for a in recording.sources]
     owners = [names[known[j].sources[0]] for j in own]
     return [replace(each, name=f"clock of {name}", sources=(name,)) for name in owners]
 

@@ -78,24 +78,24 @@ def _table(found: "Installation") -> str:
         "parameter",
         "unit",
         "change",
-        "sd",
+        "std",
         "as a state",
-        "sd",
+        "std",
         "status",
         "to show it",
     )
 
-    def signed(value: float) -> str:
+    def format_signed(value: float) -> str:
         return f"{value:+.4f}" if np.isfinite(value) else ""
 
     rows = [
         (
             each.name,
             each.unit,
-            signed(each.change),
-            signed(each.sd).lstrip("+"),
-            signed(each.by_states),
-            signed(each.states_sd).lstrip("+"),
+            format_signed(each.change),
+            format_signed(each.std).lstrip("+"),
+            format_signed(each.by_states),
+            format_signed(each.states_std).lstrip("+"),
             each.status,
             each.motion,
         )
@@ -126,7 +126,7 @@ def innovations_figure(solutions: dict[str, Solution]) -> go.Figure:
     size."""
     first = next(iter(solutions.values()))
     sources, names = _sources(first), first.innovations.names
-    drawn, zero = panels([f"{_wrap_name(names[s])} [sd]" for s in sources], 160), origin(first.t)
+    drawn, zero = panels([f"{_wrap_name(names[s])} [std]" for s in sources], 160), origin(first.t)
     for label, solution in solutions.items():
         made = solution.innovations
         assert made.whitened is not None  # as of all that was not read from a file
@@ -185,8 +185,8 @@ def _wrap_name(name: str) -> str:
 def misfit_figure(found: "Installation", each: "CalibratedParameter") -> go.Figure:
     """The sum of min(NIS, 30) of whole runs with one parameter moved, all others as found, over
     the smallest of them."""
-    known = constants(found.given.aidings)
-    values = each.change + np.array(STEPS) * each.sd
+    known = constants(found.given.sources)
+    values = each.change + np.array(STEPS) * each.std
     costs = []
     for value in values:
         theta = theta_of(
@@ -209,8 +209,8 @@ def misfit_figure(found: "Installation", each: "CalibratedParameter") -> go.Figu
     )
     drawn.add_vline(x=each.change, line={"color": COLOURS[1], "width": 1, "dash": "dash"})
     drawn.add_vrect(
-        x0=each.change - 1.96 * each.sd,
-        x1=each.change + 1.96 * each.sd,
+        x0=each.change - 1.96 * each.std,
+        x1=each.change + 1.96 * each.std,
         fillcolor=COLOURS[1],
         opacity=0.12,
         line={"width": 0},

@@ -150,14 +150,14 @@ def hear_of_raised() -> None:
     if getattr(before, "of_kernels", False):
         return
 
-    def heard(raised: Any) -> None:
+    def notice(raised: Any) -> None:
         if "CPUContext" in str(raised.object) and raised.exc_value is not None:
             _raised.setdefault(threading.get_ident(), raised.exc_value)
         else:
             before(raised)
 
-    heard.__dict__["of_kernels"] = True
-    sys.unraisablehook = heard
+    notice.__dict__["of_kernels"] = True
+    sys.unraisablehook = notice
 
 
 def _hand_on() -> None:

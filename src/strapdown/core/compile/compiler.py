@@ -33,7 +33,7 @@ from .records import dtype_of
 from .signatures import Function, Kind, Number, Numbers, Record, Row, Rows, Signature
 
 small: list[bool] = [False]
-"""Whether LLVM alone decides what is inlined, for firmware. Under strict arithmetic that changes no
+"""True where LLVM alone decides what is inlined, for firmware. Under strict arithmetic that changes no
 bit."""
 fixed: dict[str, int] = {}
 """Sizes by name that are constants instead of what C says, for firmware: what they make needless is
@@ -142,7 +142,7 @@ def by_address(signature: Signature) -> bool:
 def c_types(signature: Signature) -> tuple[Any, ...]:
     """numba's types of the C arguments of a kernel."""
 
-    def made(kind: Kind) -> Any:
+    def to_type(kind: Kind) -> Any:
         if isinstance(kind, Numbers):
             return types.CPointer(numba_type(kind.item._replace(lanes=1)))
         if isinstance(kind, Record | Row | Rows):
@@ -150,7 +150,7 @@ def c_types(signature: Signature) -> tuple[Any, ...]:
         return types.int64 if isinstance(kind, Function) else numba_type(kind)
 
     return (
-        *map(made, signature.kinds),
+        *map(to_type, signature.kinds),
         *(types.int64 for _ in signature.sizes),
         *(types.CPointer(types.float64) for _ in range(by_address(signature))),
     )

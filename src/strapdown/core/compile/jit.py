@@ -23,7 +23,7 @@ from .signatures import LANES, Row, Signature
 COMPILED: bool = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() in ("", "0")
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-"""What is compiled keeps the type of the Python function, as its callers see it."""
+"""A compiled function keeps the type of the Python function, as its callers see it."""
 
 _ONE_AT_A_TIME = threading.RLock()
 
@@ -124,7 +124,7 @@ class Kernel:
         """Its part in the machine code of a kernel that calls it by name (`closed_over`)."""
         return "kernel", self.py_func, self.options
 
-    def bound(self, *arguments: Any) -> Callable[[], Any]:
+    def bind(self, *arguments: Any) -> Callable[[], Any]:
         """The call with these arguments, checked once; arrays may change, but not move. Raises
         TypeError where one is of another type or size than declared."""
         if not COMPILED:
@@ -132,8 +132,8 @@ class Kernel:
         return c_calls.kernel_call(self.address, self.signature, arguments)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Once; `bound` is for many calls."""
-        return self.bound(*arguments)()
+        """Once; `bind` is for many calls."""
+        return self.bind(*arguments)()
 
     def for_runs(self, signature: Signature) -> "Kernel":
         """The kernel of the same source for several runs at once, of a signature that `in_lanes`
@@ -157,7 +157,7 @@ def helper(function: Function) -> Function:
     return cast(Any, Helper(function, False)) if COMPILED else function
 
 
-def inlined(function: Function) -> Function:
+def inline(function: Function) -> Function:
     """A helper that is always inlined, so that a constant argument makes loops of constant
     length."""
     return cast(Any, Helper(function, True)) if COMPILED else function
@@ -187,9 +187,9 @@ def compile_kernel(kernel: Any) -> bool:
 
 
 def compile_together(
-    kernels: Iterable[Any], what: str, say: Callable[[str], None] | None = None
+    kernels: Iterable[Any], what: str, notify: Callable[[str], None] | None = None
 ) -> None:
-    """Compile those kernels that are not at hand, on all cores. `say` gets a line where that takes
+    """Compile those kernels that are not at hand, on all cores. `notify` gets a line where that takes
     seconds: how many, as far as this machine has shown it, and the progress. A kernel that does not
     compile is left to whoever calls it."""
     slow = [kernel for kernel in dict.fromkeys(kernels) if not kernel.at_hand]
@@ -205,10 +205,10 @@ def compile_together(
                 if seconds is None
                 else f", about {_round_seconds(seconds)} s{' left' * (done > 0)}"
             )
-            if say and not done:
-                say(f"compiling {first.format(left)}")
-            elif say and done < count:
-                say(f"compiling {what}: {done} of {count} kernels{left}")
+            if notify and not done:
+                notify(f"compiling {first.format(left)}")
+            elif notify and done < count:
+                notify(f"compiling {what}: {done} of {count} kernels{left}")
 
         side_by_side.fill(slow, tell)
 
@@ -234,8 +234,8 @@ def address(kernel: Any) -> int:
 
 
 def bind_kernel(kernel: Any, *arguments: Any) -> Callable[[], Any]:
-    """`Kernel.bound`."""
-    return cast(Callable[[], Any], kernel.bound(*arguments))
+    """`Kernel.bind`."""
+    return cast(Callable[[], Any], kernel.bind(*arguments))
 
 
 class Intrinsic:

@@ -75,7 +75,7 @@ def _model(of: BatchType) -> None:
 
 
 def _of_one(of: BatchType, single: Any, item: Any) -> None:
-    """How one number becomes one for each run."""
+    """Broadcast of one number to all runs."""
 
     def cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
         one = context.cast(builder, value, fromty, item)
@@ -122,7 +122,7 @@ def _operator(
     vectors."""
     names = ("a", "b", "c")[:count]
 
-    def declared(context: Any, *given: Any) -> Any:
+    def declare(context: Any, *given: Any) -> Any:
         def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
             wide = [context.cast(builder, v, t, of) for v, t in zip(values, call.args)]
             return emit(builder, *wide)
@@ -130,7 +130,7 @@ def _operator(
         return result(*given), codegen
 
     listed = ", ".join(names)
-    scope = {"declared": declared, "_both": _both, "of": of}
+    scope = {"declared": declare, "_both": _both, "of": of}
     made = intrinsic(eval(f"lambda typing, {listed}: declared(typing, {listed})", scope))
     scope["made"] = made
     chosen = eval(
@@ -346,4 +346,4 @@ INTRINSICS = {
     "any_of": _over_runs(False),
     "all_of": _over_runs(True),
 }
-"""Of compiled code, by the names that `jit` knows."""
+"""Intrinsics of compiled code, by the names that `jit` knows."""

@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 TABLE = 1 << 16
 """Bytes in front of the code: a whole number of pages on every system."""
 READ, WRITE, RUN = 1, 2, 4
-"""Of mmap and mprotect."""
+"""Flags of mmap and mprotect."""
 PRIVATE, FIXED, ANONYMOUS = 0x02, 0x10, 0x1000 if sys.platform == "darwin" else 0x20
 COMMIT, WINDOWS_READ_WRITE, WINDOWS_READ_RUN = 0x3000, 0x04, 0x20
-"""Of VirtualAlloc and VirtualProtect."""
+"""Flags of VirtualAlloc and VirtualProtect."""
 
 
 class Index(NamedTuple):

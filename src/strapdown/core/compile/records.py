@@ -31,7 +31,7 @@ class Table(Protocol[Named]):
 
     @property
     def size(self) -> int:
-        """How many rows."""
+        """Number of rows."""
 
     @property
     def dtype(self) -> Any:
@@ -106,7 +106,7 @@ def rows(made: type[Any], count: int) -> Any:
 
 
 def place(made: type[Any], name: str) -> int:
-    """How many numbers of a row stand before a field."""
+    """Number of numbers of a row before a field."""
     return int(dtype_of(row_of(made)).fields[name][1]) // 8  # type: ignore[index]
 
 

@@ -23,9 +23,9 @@ def _same(condition: bool) -> bool:
 where: Callable[[Any, Any, Any], Any] = cast(Any, Intrinsic(_where_twin, "where"))
 """(condition, this, that): `this` where the condition holds, else `that`. Both are computed."""
 any_of: Callable[[bool], bool] = cast(Any, Intrinsic(_same, "any_of"))
-"""Whether a condition holds in any lane."""
+"""True where a condition holds in any lane."""
 all_of: Callable[[bool], bool] = cast(Any, Intrinsic(_same, "all_of"))
-"""Whether a condition holds in every lane."""
+"""True where a condition holds in every lane."""
 
 
 def one_or_several(one: Function, several: Function) -> Function:

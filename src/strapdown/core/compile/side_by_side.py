@@ -30,6 +30,8 @@ ENOUGH = 5e5
 TURN = 0.5
 """s after which a Ctrl-C is heard on systems where waiting does not hear it."""
 START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
+TELLING = 0.1
+"""Share of the work that tells the pace: a small kernel takes mostly what a process begins with."""
 PACE = "pace"
 """File beside the kernels: seconds that a unit of `work` took on this machine the last time."""
 
@@ -45,7 +47,7 @@ class Job(NamedTuple):
 
 
 class CompileProgress(NamedTuple):
-    """How far compiling is."""
+    """Progress of compiling."""
 
     done: int
     kernels: int
@@ -53,7 +55,7 @@ class CompileProgress(NamedTuple):
 
 
 def work(kernel: Any) -> float:
-    """How long it takes to compile a kernel, in a unit of the machine: bytes of Python's code of all
+    """Time to compile a kernel, in a unit of the machine: bytes of Python's code of all
     functions that it can call, to the power of 1.5, as was measured."""
     try:
         return float(sum(len(each.__code__.co_code) for each in functions(kernel))) ** 1.5
@@ -72,7 +74,7 @@ def fill(kernels: Sequence[Any], tell: Callable[[CompileProgress], None]) -> Non
     if count < 2:
         spread = []
     with _Workers(count if spread else 0) as workers:
-        # the least first, which tells the pace of the machine
+        # the least first, so that progress shows soon
         workers.take([jobs[kernel] for kernel in (*spread[-1:], *spread[:-1])])
         for kernel in kernels:
             if kernel not in spread:
@@ -83,14 +85,15 @@ def fill(kernels: Sequence[Any], tell: Callable[[CompileProgress], None]) -> Non
                 clock.took(kernel, seconds)
                 tell(clock.now())
         by_path = {job.path: kernel for kernel, job in jobs.items()}
-        for job, seconds in workers.done(len(spread)):
+        for job, seconds in workers.results(len(spread)):
             clock.took(by_path[job.path], seconds)
             tell(clock.now())
     clock.keep()
 
 
 def _job(kernel: Any) -> Job | None:
-    """How another process finds a kernel, or None where none can compile it for this one."""
+    """The words by which another process finds a kernel, or None where none can compile it for this
+    one."""
     path = compiler.cache_of(kernel).path
     module: Any = sys.modules.get(kernel.__module__)
     if path is None or module is None or kernel.__module__ == "__main__" or not _writable(path):
@@ -141,9 +144,9 @@ class _Clock:
 
     def now(self) -> CompileProgress:
         """The longest kernel, or all of them on all cores, less what is done of them."""
-        pace = self._seconds / self._work if self._work else self._before
         whole = self._work + sum(self._left.values())
-        rest = None
+        known = self._work > TELLING * whole
+        pace, rest = self._seconds / self._work if known else self._before, None
         if pace:
             longest = max(self._left.values(), default=0.0)
             at_best = pace * max(longest, whole / self._processes)
@@ -224,7 +227,7 @@ class _Workers:
         for each in (*jobs, *(None for _ in self._processes)):
             self._jobs.put(each)
 
-    def done(self, count: int) -> Any:
+    def results(self, count: int) -> Any:
         """Yield (job, seconds) of those of `count` jobs that were compiled, as they end."""
         running = len(self._processes)
         while count and running:

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 Size: TypeAlias = int | str
-"""Of one dimension of an array: a number, or the name of a size that the call says."""
+"""Size of one dimension of an array: a number, or the name of a size that the call says."""
 
 
 LANES = 8

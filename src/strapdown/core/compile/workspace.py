@@ -99,13 +99,13 @@ class Slots:
         self.closed = True
         return np.zeros(self.size + rest)
 
-    def named(self, workspace: Array) -> dict[str, Any]:
+    def views(self, workspace: Array) -> dict[str, Any]:
         """{name: number, array, matrix, or again such a dictionary of a part}, views of a
         workspace: to look at, and for tests."""
         found: dict[str, Any] = {name: workspace[i] for i, name in enumerate(self.columns)}
         for name, (first, shape) in self.places.items():
             if isinstance(shape, Slots):
-                found[name] = shape.named(workspace[first:])
+                found[name] = shape.views(workspace[first:])
             else:
                 size = workspace.size - first if shape == (-1,) else math.prod(shape)
                 found[name] = workspace[first : first + size].reshape(shape)

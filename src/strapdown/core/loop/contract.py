@@ -55,8 +55,8 @@ __all__ = [
     "Filter",
     "Smoother",
     "Slots",
-    "Measurement",
-    "Source",
+    "MeasurementModel",
+    "SourceLike",
     "Condition",
     "Observe",
     "Predict",
@@ -118,20 +118,41 @@ uncertainty alone goes back to that of the process. "random-walk": no time const
 class InitialState(NamedTuple):
     """Where a filter begins: state and standard deviations, SI and radians. Print it, or
     override a part with `_replace`. What is left open, `()`, is found from the recording or from
-    the first samples of a stream."""
+    the first samples of a stream.
+
+    Attributes
+    ----------
+    t : float
+        Time, s.
+    lla : tuple of float
+        Latitude, rad, longitude, rad, and ellipsoidal height, m.
+    v_n : tuple of float
+        Velocity towards north, east and down, m/s.
+    rph : tuple of float
+        Roll, pitch, heading, rad; NaN, NaN, heading: that alone is known.
+    b_a : tuple of float
+        Accelerometer bias, m/s^2.
+    b_g : tuple of float
+        Gyro bias, rad/s.
+    std : tuple of float
+        15 standard deviations in the order of the error states, then those of the augmented
+        states.
+    note : str
+        How each part was found.
+    motion : tuple of float
+        Angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each,
+        NED, SI) of a start whose position and velocity are those of fixes, and so err with
+        their clock and lever arm; () of any other.
+    """
 
     t: float
-    lla: tuple[float, ...] = ()  # latitude rad, longitude rad, ellipsoidal height m
-    v: tuple[float, ...] = ()  # NED, m/s
-    rph: tuple[float, ...] = ()  # roll, pitch, heading, rad; NaN, NaN, heading: that alone is known
-    ba: tuple[float, ...] = ()  # accelerometer bias, m/s^2
-    bg: tuple[float, ...] = ()  # gyro bias, rad/s
-    # 15 standard deviations in the order of the error states, then those of the augmented states
-    sd: tuple[float, ...] = ()
-    note: str = ""  # how each part was found
-    # angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each, NED, SI) of a
-    # start whose position and velocity are those of fixes, and so err with their clock and lever
-    # arm; () of any other
+    lla: tuple[float, ...] = ()
+    v_n: tuple[float, ...] = ()
+    rph: tuple[float, ...] = ()
+    b_a: tuple[float, ...] = ()
+    b_g: tuple[float, ...] = ()
+    std: tuple[float, ...] = ()
+    note: str = ""
     motion: tuple[float, ...] = ()
 
     def towards(self, q_nb: Vector) -> "InitialState":
@@ -158,20 +179,21 @@ class InitialState(NamedTuple):
         euler_to_matrix(roll, pitch, heading, C)
         return FilterState(
             column(self.lla),
-            column(self.v),
+            column(self.v_n),
             C,
-            column(self.ba),
-            column(self.bg),
-            np.diag(column(self.sd) ** 2),
+            column(self.b_a),
+            column(self.b_g),
+            np.diag(column(self.std) ** 2),
             np.zeros(3),
             np.zeros(3),
             workspace,
-            np.zeros(len(self.sd) - STATES),
+            np.zeros(len(self.std) - STATES),
         )
 
 
-SHARED = ("sd", "noise")
-"""What all runs side by side have in common, beside plain arguments; the rest of these is their own."""
+SHARED = ("std", "noise")
+"""Arguments that all runs side by side have in common, beside plain arguments; the rest of these is
+their own."""
 IN_LANES = {each: in_lanes(each, *SHARED) for each in (OBSERVE, PREDICT, CORRECT)}
 """Signatures of sensors and filters for eight runs at once."""
 
@@ -181,9 +203,9 @@ def side_by_side(kernel: Any) -> Any:
     return kernel.for_runs(IN_LANES[kernel.signature])
 
 
-class Source(Protocol):
-    """A source of measurements, as a filter sees it before a run: an Aiding, which is defined above
-    the kernels. Times in s, y and sd in SI and radians."""
+class SourceLike(Protocol):
+    """A source of measurements, as a filter sees it before a run: a Source, which is defined above
+    the kernels. Times in s, y and std in SI and radians."""
 
     @property
     def kind(self) -> str:
@@ -202,12 +224,12 @@ class Source(Protocol):
         """Measured values (m, components); NaN where not measured."""
 
     @property
-    def sd(self) -> Array:
+    def std(self) -> Array:
         """Standard deviations (m, rows)."""
 
     @property
     def parameters(self) -> Sequence[float]:
-        """As its Measurement says, e.g. a lever arm."""
+        """As its MeasurementModel says, e.g. a lever arm."""
 
 
 Predict: TypeAlias = Callable[[FilterState, Array, float, Noise], None]
@@ -215,12 +237,12 @@ Predict: TypeAlias = Callable[[FilterState, Array, float, Noise], None]
 Correct: TypeAlias = Callable[
     [FilterState, Array, Array, int, Observe, SourceRow, float, Array], float
 ]
-"""(belief, y, sd, kind, observe, source, gate, innovation (12,)) -> NIS: the innovation y -
+"""(belief, y, std, kind, observe, source, gate, innovation (12,)) -> NIS: the innovation y -
 h(belief) e; behind it the same whitened, L^-1 e, N(0, 1) each where the filter is right; behind
 that L by rows (00, 10, 11, 20, 21, 22), L L' its covariance. NaN of what is not measured or has no
 covariance."""
 Configure: TypeAlias = Callable[
-    [dict[str, Any], Sequence[Source]], tuple[dict[str, Any], list[str]]
+    [dict[str, Any], Sequence[SourceLike]], tuple[dict[str, Any], list[str]]
 ]
 """(options, sources that the filter uses) -> (options, notes). Raises ValueError."""
 Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[float, str]]]
@@ -246,7 +268,7 @@ class Filter(NamedTuple):
 
     name: str
     reference: str
-    # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
+    # (InitialState, Noise, **options) -> FilterState; plain Python, refuses bad options
     start: Callable[..., FilterState]
     predict: Predict
     correct: Correct
@@ -256,7 +278,7 @@ class Filter(NamedTuple):
     # without one
     estimates: tuple[int, ...] = tuple(range(STATES))
     slots: Slots = Slots()  # what its workspace holds, output columns first
-    # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in
+    # kinds of measurement that it can use; None: all. Sources of other kinds are left out and named in
     # the notes
     uses: tuple[str, ...] | None = None
     needs: tuple[str, ...] = ()  # kinds without which it cannot run
@@ -305,7 +327,7 @@ class Filter(NamedTuple):
         found = {name: option.default for name, option in own}
         return found | {BIAS: self.bias} if self.bias else found
 
-    def assumed(self, noise: Noise, options: Mapping[str, Any]) -> Noise:
+    def with_bias_model(self, noise: Noise, options: Mapping[str, Any]) -> Noise:
         """`noise` with the bias model of these options. Raises DataError for an unknown one."""
         if not self.bias:
             return noise
@@ -318,7 +340,7 @@ class Filter(NamedTuple):
         """The belief of `start`; its kernels are to be given the noise that is `assumed`. Raises
         RuntimeError where its workspace is smaller than `slots` says, so that kernels would write
         beyond it."""
-        assumed = self.assumed(noise, options)
+        assumed = self.with_bias_model(noise, options)
         if self.bias:
             options.pop(BIAS, None)
         belief = self.start(start, assumed, **options)
@@ -330,8 +352,8 @@ class Filter(NamedTuple):
         return belief
 
 
-class Measurement(NamedTuple):
-    """One kind of aiding: how it is observed, and what the edge must know to read it."""
+class MeasurementModel(NamedTuple):
+    """One kind of measurement: how it is observed, and what the edge must know to read it."""
 
     name: str
     observe: Observe
@@ -349,8 +371,8 @@ class Measurement(NamedTuple):
     reference: str = ""
     # names, with units, of the states that each source of this kind brings along
     states: tuple[str, ...] = ()
-    state_sd: float = 0.0  # their initial standard deviation
+    state_std: float = 0.0  # their initial standard deviation
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)
     # parameters of the installation that its observation knows as states: names of `calibration_parameters`
-    estimable: tuple[str, ...] = ()
+    calibration_parameters: tuple[str, ...] = ()
     lanes: bool = False  # whether its kernel also compiles for eight runs at once

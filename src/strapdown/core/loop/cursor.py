@@ -49,7 +49,7 @@ class LoopState:
     corrected: float
     climb: float
     climb_off: float
-    climb_sd: float
+    climb_std: float
     climb_at: float
     climb_since: float
 
@@ -116,7 +116,7 @@ class Books:
     # what the log says of which
     level: float
     moved: float
-    level_sd: float
+    level_std: float
     level_at: float
     level_since: float
     suspended: int
@@ -129,7 +129,7 @@ class Work:
     part: Annotated[Array, 6]  # of them
     raw: Annotated[Array, 6]  # as they were read
     # of the measurement that is used
-    sd: Annotated[Array, 3]  # standard deviations, with what stages add
+    stds: Annotated[Array, 3]  # standard deviations, with what stages add
     factor: Annotated[Array, 3]  # of an adaptive source, on the stated ones
     gate: float  # bound on the NIS
     innovation: Annotated[Array, 12]  # of the contract

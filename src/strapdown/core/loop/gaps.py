@@ -55,9 +55,9 @@ def _motion_held(
     kernels: Kernels, belief: FilterState, step: float, cursor: Cursor, u: Array
 ) -> None:
     """Increments over `step` s, as the IMU would read them, that hold velocity and attitude."""
-    stationary_increments(belief.lla, belief.v, belief.C, step, u)
+    stationary_increments(belief.lla, belief.v_n, belief.C_nb, step, u)
     for i in range(3):
-        u[i] += belief.bg[i] * step
-        u[3 + i] += belief.ba[i] * step
+        u[i] += belief.b_g[i] * step
+        u[3 + i] += belief.b_a[i] * step
     if kernels.uncorrect_increments != 0:
         step_at(kernels.uncorrect_increments)(belief, u, step, cursor, u[0:0])

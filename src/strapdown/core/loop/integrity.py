@@ -9,12 +9,12 @@ make neighbouring fixes alike. docs/reference/status.md has the rates of false a
 import math
 
 from ...typing import Array
-from ..compile.jit import helper, inlined
+from ..compile.jit import helper, inline
 from ..compile.records import Table
 from ..mathematics.belief import FilterState
 from ..mathematics.source import Kind
 from .cursor import CHANNELS, Axis, Books, Cursor
-from .log import Code, say
+from .log import Code, notify
 from .tables import Fixes
 
 CONFIRM, CONFIRM_AFTER = 3, 1.0
@@ -35,8 +35,8 @@ SELDOM, LONG_SAMPLE = (
 LAST_CHANGES = 16.0  # over which they are averaged
 MAX_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
 MAX_JITTER = 2.0
-"""What samples do not tell of the velocity, over its standard deviation. Recorded cars, aircraft and
-hands stay below 0.5."""
+"""Upper bound on the change of velocity that samples do not show, over its standard deviation.
+Recorded cars, aircraft and hands stay below 0.5."""
 LEARNED = 200  # samples from which the rate of repeated values is known
 STUCK_SAMPLES, STUCK_TIME = 10, 0.2  # an axis is not stuck for fewer, or for less (s)
 STUCK_LIKELIHOOD = 25.0  # -ln of how likely so many repeated values are by chance
@@ -55,7 +55,7 @@ NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
 NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
 
-@inlined
+@inline
 def flag_unreliable(cursor: Cursor, t: float) -> None:
     """Rows are doubtful from here until fixes confirm."""
     cursor.state[0].unconfirmed = CONFIRM
@@ -112,7 +112,7 @@ def recover_attitude(cursor: Cursor, t: float) -> bool:
 # ---- samples
 
 
-@inlined
+@inline
 def plausible(
     dtheta: Array, dv: Array, dt: float, t: float, belief: FilterState, cursor: Cursor
 ) -> int:
@@ -153,10 +153,10 @@ def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, insid
         most = limits.gyro_range if i < 3 else limits.accel_range
         full = limits.gyro_full_scale if i < 3 else limits.accel_full_scale
         if not abs(value) <= most:
-            say(cursor, Code.OUT_OF_RANGE, i, t, value)
+            notify(cursor, Code.OUT_OF_RANGE, i, t, value)
             wrong |= NO_GYRO if i < 3 else NO_ACCEL
         elif inside and abs(value) >= full:
-            say(cursor, Code.FULL_SCALE, i, t, value)
+            notify(cursor, Code.FULL_SCALE, i, t, value)
     return wrong if wrong else 1
 
 
@@ -185,10 +185,10 @@ def _changes(
     uneven = abs(dt - previous[6]) / dt
     axes[0].uneven += (uneven - axes[0].uneven) / LAST_CHANGES
     if axes[0].uneven > MAX_UNEVEN:
-        say(cursor, Code.JITTERED, 0, t, axes[0].uneven)
+        notify(cursor, Code.JITTERED, 0, t, axes[0].uneven)
     known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
     if cursor.state[0].positioned and axes[worst].jitter > MAX_JITTER * MAX_JITTER * known > 0:
-        say(cursor, Code.COARSE, 0, t, 2 * math.sqrt(axes[worst].jitter) / dt)
+        notify(cursor, Code.COARSE, 0, t, 2 * math.sqrt(axes[worst].jitter) / dt)
         flag_unreliable(cursor, t)
 
 
@@ -215,20 +215,20 @@ def _count_stuck_axes(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cur
             and -length * math.log(_usual(axes, i, samples)) > STUCK_LIKELIHOOD
             and _alone(axes, i, samples)
         ):
-            say(cursor, Code.STUCK, i, t, (dtheta[i] if i < 3 else dv[i - 3]) / dt)
+            notify(cursor, Code.STUCK, i, t, (dtheta[i] if i < 3 else dv[i - 3]) / dt)
             found = 1
     cursor.state[0].repeating = repeating
     return found
 
 
-@inlined
+@inline
 def _usual(axes: Table[Axis], i: int, samples: int) -> float:
     """The share of samples that repeated their value on axis `i`, without the present ones."""
     length = axes[i].length
     return (axes[i].repeats - length + 1) / (samples - length + 2)
 
 
-@inlined
+@inline
 def _alone(axes: Table[Axis], i: int, samples: int) -> bool:
     """True where the other axes of the sensor behave as usual, or stopped at the same sample: at
     rest a coarse sensor repeats its values on all axes, but not from one sample on."""
@@ -258,27 +258,27 @@ def length(vector: Array) -> float:
 def is_plausible(fixes: Fixes, k: int, belief: FilterState, cursor: Cursor) -> bool:
     """True where measurement `k` is plausible: not latitude and longitude 0, and within the limits
     of the vehicle. Increases its standard deviations to the `floor` of its source."""
-    s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits[0]
+    s, y, std, t, limits = fixes.source[k], fixes.y[k], fixes.std[k], fixes.t[k], cursor.limits[0]
     floor = cursor.books[s].floor
     for i in range(3):
-        if sd[i] < floor[i]:
-            say(cursor, Code.FLOORED, s, t, sd[i])
-            sd[i] = floor[i]
+        if std[i] < floor[i]:
+            notify(cursor, Code.FLOORED, s, t, std[i])
+            std[i] = floor[i]
     if fixes.sources[s].kind == Kind.POSITION:
         if (
             abs(y[0]) < NULL
             and abs(y[1]) < NULL
             and not (abs(belief.lla[0]) < NEAR_NULL and abs(belief.lla[1]) < NEAR_NULL)
         ):
-            say(cursor, Code.NO_FIX, s, t, 0.0)
+            notify(cursor, Code.NO_FIX, s, t, 0.0)
             return False
         if y[2] < limits.lowest or y[2] > limits.highest:
-            say(cursor, Code.TOO_HIGH, s, t, y[2])
+            notify(cursor, Code.TOO_HIGH, s, t, y[2])
             return False
     elif fixes.sources[s].kind == Kind.VELOCITY:
         speed = length(y)
         if speed > limits.speed:
-            say(cursor, Code.TOO_FAST, s, t, speed)
+            notify(cursor, Code.TOO_FAST, s, t, speed)
             return False
     return True
 
@@ -343,9 +343,9 @@ def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t:
         fails[channel] = 1.0
         mean = min(total / terms[channel] + allowed, most)
         if of_nis:
-            say(cursor, Code.NIS_OFF, s, t, mean)
+            notify(cursor, Code.NIS_OFF, s, t, mean)
         else:
-            say(cursor, Code.MEAN_OFF, 3 * s + channel % 3, t, mean if channel < 3 else -mean)
+            notify(cursor, Code.MEAN_OFF, 3 * s + channel % 3, t, mean if channel < 3 else -mean)
         flag_unreliable(cursor, t)
     else:
         fails[channel] = 0.0

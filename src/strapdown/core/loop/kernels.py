@@ -44,7 +44,7 @@ CORRECT = signature(
     REAL,
     belief=BELIEF,
     y=reals(3),
-    sd=reals(3),
+    std=reals(3),
     kind=WHOLE,
     observe=Function(OBSERVE),
     source=SOURCE,

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from ...typing import Array, Ints
-from ..compile.jit import caller, helper, inlined, kernel
+from ..compile.jit import caller, helper, inline, kernel
 from ..compile.records import Table, rows_of
 from ..compile.selection import any_of, where
 from ..compile.signatures import (
@@ -47,8 +47,8 @@ LEFT, ENDED = 0, 1
 """LaneCursor.left: time from which a run must go alone, and of the sample at which it ended, s; inf
 before."""
 SAMPLE, PART, SEEN, REPEATED, WORK = slice(0, 6), slice(6, 12), slice(12, 24), slice(24, 30), 30
-"""Of LaneCursor.work: increments in use, a part of them, the innovation, and how many samples each
-axis has repeated its value."""
+"""Places in LaneCursor.work: increments in use, a part of them, the innovation, and how many
+samples each axis has repeated its value."""
 
 
 class LaneState:
@@ -114,13 +114,14 @@ KEEP = signature(
     work=reals("work"),
     kept=reals("rows", "numbers"),
 )
-"""What is kept of a belief at row k: `true` is the truth, the same in all runs, `biases` the true ones
-of each (accelerometer, gyro), `work` for the kernel to write in."""
+"""Signature of the kernel that keeps a part of a belief at row k: `true` is the truth, the same in
+all runs, `biases` the true ones of each (accelerometer, gyro), `work` for the kernel to write
+in."""
 KEEP_LANES = in_lanes(KEEP, "true")
 _wide = in_lanes(
     signature("", belief=BELIEF, fixes=FIXES, increments=reals("samples", 6)),
     "t",
-    "sd",
+    "std",
 )
 RUN_LANES = signature(
     "run_lanes",
@@ -174,7 +175,7 @@ def run_lanes(
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[row], dt[row])
         sound = abs(belief.lla[0]) <= LATITUDE_LIMIT
         sound = sound & (belief.P[0, 0] >= 0) & (belief.P[6, 6] >= 0)
-        _mark(ENDED, ~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[row], cursor)
+        _mark(ENDED, ~(sound & (belief.C_nb[0, 0] == belief.C_nb[0, 0])), t[row], cursor)
         if state.condition >= 0:
             _note(belief.workspace[state.condition], t[row], cursor.conditions)
         if row % state.every == state.phase:
@@ -183,7 +184,7 @@ def run_lanes(
     state.row = max(state.row, state.stop)
 
 
-@inlined
+@inline
 def _advance(
     predict: int,
     correct: int,
@@ -216,7 +217,7 @@ def _advance(
     state.t = until
 
 
-@inlined
+@inline
 def _use_fix(
     correct: int,
     observers: Ints,
@@ -238,7 +239,7 @@ def _use_fix(
     nis = correct_at(correct)(
         belief,
         fixes.y[k],
-        fixes.sd[k],
+        fixes.std[k],
         fixes.sources[s].kind,
         observe_at(observers[fixes.sources[s].kind]),
         fixes.sources[s],
@@ -257,7 +258,7 @@ def _use_fix(
     cursor.state[0].fix += 1
 
 
-@inlined
+@inline
 def _may_be_alone(fixes: Fixes, s: int, t: float, cursor: LaneCursor) -> bool:
     """True where the one loop may treat a rejected measurement as one that nothing contradicts, as
     it does with body velocities in dead reckoning."""
@@ -268,14 +269,14 @@ def _may_be_alone(fixes: Fixes, s: int, t: float, cursor: LaneCursor) -> bool:
     return alone
 
 
-@inlined
+@inline
 def _mark(what: int, which: bool, t: float, cursor: LaneCursor) -> None:
     """Mark the runs that leave or end at time t, unless they have before."""
     if any_of(which):
         cursor.left[what] = where(which, min(cursor.left[what], t), cursor.left[what])
 
 
-@inlined
+@inline
 def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
     """Runs of which `core.loop.integrity.plausible` would look at this sample more closely must go
     alone."""
@@ -308,7 +309,7 @@ def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
             cursor.state[0].repeating = 1
 
 
-@inlined
+@inline
 def _look(y: Array, kind: int, belief: FilterState, t: float, cursor: LaneCursor) -> None:
     """Runs whose fix `core.loop.integrity.is_plausible` might not believe must go alone."""
     limits = cursor.limits[0]

@@ -53,7 +53,7 @@ LOG_ROWS, LOG_FULL = 256, 128  # of which the loop stops at the second, so that 
 
 
 @helper
-def say(cursor: "Cursor", code: int, which: int, t: float, value: float) -> None:
+def notify(cursor: "Cursor", code: int, which: int, t: float, value: float) -> None:
     """Write into the log, or into the row of it that says the same of less than FOLD s ago.
 
     Rows are merged as intervals are, so that it does not matter when the log is emptied.

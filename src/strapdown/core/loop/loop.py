@@ -11,13 +11,13 @@ Rules (docs/reference/conventions.md):
 import math
 
 from ...typing import Array
-from ..compile.jit import flatten, helper, inlined, kernel
+from ..compile.jit import flatten, helper, inline, kernel
 from ..compile.signatures import signature
 from ..mathematics.belief import BELIEF, NOISE, FilterState, Noise
 from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
 from ..mathematics.rotation import matrix_to_quaternion
-from ..mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, SD, Q, T, V
+from ..mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, STD, Q, T, V
 from .cursor import CURSOR, Cursor
 from .gaps import (
     BRIDGE,
@@ -32,7 +32,7 @@ from .gaps import (
 )
 from .integrity import NO_ACCEL, NO_GYRO, flag_unreliable, plausible, recover_attitude
 from .kernels import KERNELS, Kernels, predict_at, step_at
-from .log import LOG_FULL, Code, say
+from .log import LOG_FULL, Code, notify
 from .loop_tape import call_step, save_step
 from .measurement import use_next
 from .tables import FIXES, IMU, OUTPUT, Fixes, Imu, Output, Status
@@ -90,7 +90,7 @@ def run(
 # ---- samples
 
 
-@inlined
+@inline
 def _take_sample(
     kernels: Kernels, belief: FilterState, imu: Imu, row: int, noise: Noise, cursor: Cursor
 ) -> Noise:
@@ -122,7 +122,7 @@ def _take_sample(
     return assumed
 
 
-@inlined
+@inline
 def _rest_of_sample(t: float, dt: float, cursor: Cursor) -> float:
     """Leave of the increments those behind the time of the belief; how long they last, s."""
     share = max(t - cursor.state[0].t, 0.0) / dt
@@ -147,7 +147,7 @@ def _bridge_gap(
     short = until - state.t <= BRIDGE
     gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
     wide = wider(noise, gyro, accel)
-    say(cursor, Code.BRIDGED_GAP if short else Code.HELD_GAP, 0, state.t, until - state.t)
+    notify(cursor, Code.BRIDGED_GAP if short else Code.HELD_GAP, 0, state.t, until - state.t)
     grown = state.t + MAX_HOLD
     while min(until, grown) - state.t > SAME_TIME:
         step = min(MAX_STEP, until - state.t)
@@ -164,7 +164,7 @@ def _bridge_gap(
 # ---- going on
 
 
-@inlined
+@inline
 def _advance(
     kernels: Kernels,
     belief: FilterState,
@@ -195,7 +195,7 @@ def _advance(
     state.t = until
 
 
-@inlined
+@inline
 def _predict(
     kernels: Kernels,
     belief: FilterState,
@@ -215,21 +215,21 @@ def _predict(
         call_step(kernels.after_step[i], belief, u, dt, cursor, out.record)
 
 
-@inlined
+@inline
 def _is_sound(belief: FilterState) -> bool:
     """True where the estimate is finite and its latitude within LATITUDE_LIMIT."""
     return (
         abs(belief.lla[0]) <= LATITUDE_LIMIT
         and belief.P[0, 0] >= 0
         and belief.P[6, 6] >= 0
-        and belief.C[0, 0] == belief.C[0, 0]
+        and belief.C_nb[0, 0] == belief.C_nb[0, 0]
     )
 
 
 # ---- results
 
 
-@inlined
+@inline
 def _write(belief: FilterState, t: float, row: int, cursor: Cursor, out: Output) -> None:
     """The row of the solution after IMU row `row`, where it is one that is kept."""
     state = cursor.state[0]
@@ -243,14 +243,14 @@ def _write(belief: FilterState, t: float, row: int, cursor: Cursor, out: Output)
         state.out += 1
 
 
-@inlined
+@inline
 def _row_status(belief: FilterState, cursor: Cursor, t: float) -> int:
     """The status of a row: invalid before doubtful before bridged before valid."""
     state, doubtful = cursor.state[0], False
     if state.condition >= 0:
         condition = int(belief.workspace[state.condition])
         if condition > 0:
-            say(cursor, Code.IN_CONDITION, condition - 1, t, 0.0)
+            notify(cursor, Code.IN_CONDITION, condition - 1, t, 0.0)
             doubtful |= (state.doubtful_conditions >> (condition - 1)) & 1 == 1
     if state.positioned:
         _watch_belief(belief, cursor, t)
@@ -261,34 +261,34 @@ def _row_status(belief: FilterState, cursor: Cursor, t: float) -> int:
     return Status.DOUBTFUL.value
 
 
-@inlined
+@inline
 def _watch_belief(belief: FilterState, cursor: Cursor, t: float) -> None:
     """Doubt a belief that the vehicle cannot be in."""
-    v, limits = belief.v, cursor.limits[0]
+    v, limits = belief.v_n, cursor.limits[0]
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     if square > limits.speed * limits.speed:
-        say(cursor, Code.BELIEF_TOO_FAST, 0, t, math.sqrt(square))
+        notify(cursor, Code.BELIEF_TOO_FAST, 0, t, math.sqrt(square))
         flag_unreliable(cursor, t)
     if belief.lla[2] < limits.lowest or belief.lla[2] > limits.highest:
-        say(cursor, Code.BELIEF_TOO_HIGH, 0, t, belief.lla[2])
+        notify(cursor, Code.BELIEF_TOO_HIGH, 0, t, belief.lla[2])
         flag_unreliable(cursor, t)
 
 
-@inlined
+@inline
 def _write_row(belief: FilterState, t: float, status: int, row: Array) -> None:
     row[T], row[ROW_STATUS] = t, status
     for i in range(3):
-        row[LLA + i], row[V + i] = belief.lla[i], belief.v[i]
-        row[BIASES + i], row[BIASES + 3 + i] = belief.ba[i], belief.bg[i]
-    matrix_to_quaternion(belief.C, row[Q : Q + 4])
-    for i in range(ROW_STATUS - SD):
-        row[SD + i] = math.sqrt(max(belief.P[i, i], 0.0))
-    brought = belief.extra_states.size
+        row[LLA + i], row[V + i] = belief.lla[i], belief.v_n[i]
+        row[BIASES + i], row[BIASES + 3 + i] = belief.b_a[i], belief.b_g[i]
+    matrix_to_quaternion(belief.C_nb, row[Q : Q + 4])
+    for i in range(ROW_STATUS - STD):
+        row[STD + i] = math.sqrt(max(belief.P[i, i], 0.0))
+    brought = belief.augmented.size
     own = row.size - NAV_WIDTH - 2 * brought
     for i in range(own):
         row[NAV_WIDTH + i] = belief.workspace[i]
     for i in range(brought if own >= 0 else 0):
-        row[NAV_WIDTH + own + i] = belief.extra_states[i]
+        row[NAV_WIDTH + own + i] = belief.augmented[i]
         row[NAV_WIDTH + own + brought + i] = math.sqrt(max(belief.P[15 + i, 15 + i], 0.0))
 
 

@@ -16,7 +16,7 @@ Rules of the gate (docs/reference/conventions.md):
 import math
 
 from ...typing import Array
-from ..compile.jit import helper, inlined
+from ..compile.jit import helper, inline
 from ..mathematics.belief import FilterState
 from ..mathematics.source import Kind, SourceRow
 from .cursor import Books, Cursor
@@ -32,7 +32,7 @@ from .integrity import (
     test,
 )
 from .kernels import Kernels, correct_at, observe_at
-from .log import Code, say
+from .log import Code, notify
 from .loop_tape import call_stage, save_step
 from .reacquisition import height_alone, make_room
 from .tables import Fixes, FixRow, Output, Status, Use
@@ -43,7 +43,7 @@ LIFTS = 3  # uses in a row with the gate opened, of sources of neither position 
 ASK_FIRST = -1.0  # the gate with which a filter says what it makes of a measurement, and no more
 
 
-@inlined
+@inline
 def use_next(
     kernels: Kernels, belief: FilterState, fixes: Fixes, cursor: Cursor, out: Output
 ) -> None:
@@ -68,13 +68,13 @@ def use_next(
     state.fix += 1
 
 
-@inlined
+@inline
 def _begin(belief: FilterState, fixes: Fixes, k: int, cursor: Cursor) -> None:
     """Reset the work space before the stages, and propagate the augmented states of the source."""
     s, work = fixes.source[k], cursor.work[0]
     source = fixes.sources[s]
     for i in range(3):
-        work.sd[i], work.factor[i] = fixes.sd[k, i], 1.0
+        work.stds[i], work.factor[i] = fixes.std[k, i], 1.0
     if work.believable == 0:
         for i in range(12):
             work.innovation[i] = math.nan
@@ -92,7 +92,7 @@ def walk(P: Array, source: SourceRow, seconds: float) -> None:
         P[i, i] += source.walk * source.walk * seconds
 
 
-@inlined
+@inline
 def _ask(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, out: Output
 ) -> Use:
@@ -114,7 +114,7 @@ def _ask(
     return _use(source, gate, cursor)
 
 
-@inlined
+@inline
 def _correct(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor, gate: float
 ) -> float:
@@ -124,11 +124,11 @@ def _correct(
         work.innovation[3 + i] = math.nan  # not every filter whitens
     observe = observe_at(kernels.observers[source.kind])
     return correct_at(kernels.correct)(
-        belief, fixes.y[k], work.sd, source.kind, observe, source, gate, work.innovation
+        belief, fixes.y[k], work.stds, source.kind, observe, source, gate, work.innovation
     )
 
 
-@inlined
+@inline
 def _is_due(books: Books, alone: int, t: float) -> bool:
     """True where the gate of a source is to be opened for a measurement beyond it."""
     return (
@@ -149,7 +149,7 @@ def _lift(
     books.rejecting = 1
     flag_unreliable(cursor, t)
     if source.kind == Kind.POSITION and not reachable(belief, work.innovation, s, t, cursor):
-        say(cursor, Code.TOO_FAR, s, t, length(work.innovation))
+        notify(cursor, Code.TOO_FAR, s, t, length(work.innovation))
         work.weight = 0.0
         return False
     vertical = height_alone(source.kind, work.innovation) and (
@@ -160,13 +160,13 @@ def _lift(
             work.weight = 0.0
             return False
     if books.lifted_at == 0:
-        say(cursor, Code.LIFTED, s, t, length(work.innovation))
+        notify(cursor, Code.LIFTED, s, t, length(work.innovation))
     make_room(belief.P, source, vertical, work)
     work.lifted, source.kept = 1, 1.0
     return True
 
 
-@inlined
+@inline
 def _use(source: SourceRow, gate: float, cursor: Cursor) -> Use:
     """Return the use of a measurement, from its NIS and innovation in the cursor."""
     work = cursor.work[0]
@@ -183,7 +183,7 @@ def _use(source: SourceRow, gate: float, cursor: Cursor) -> Use:
     return use
 
 
-@inlined
+@inline
 def _keep_books(
     source: SourceRow, books: Books, s: int, use: Use, t: float, cursor: Cursor
 ) -> None:
@@ -207,7 +207,7 @@ def _keep_books(
         state.status = Status.VALID
 
 
-@inlined
+@inline
 def _beyond(source: SourceRow, books: Books, s: int, t: float, cursor: Cursor) -> None:
     """Count a measurement beyond its gate, and leave its source out where lifting did not help."""
     work = cursor.work[0]
@@ -220,11 +220,11 @@ def _beyond(source: SourceRow, books: Books, s: int, t: float, cursor: Cursor) -
             books.lifts += 1
             books.since = t
     if books.lifts == LIFTS and books.in_a_row == books.lifted_at + REJECTED:
-        say(cursor, Code.LEFT_OUT, s, books.since, 0.0)
+        notify(cursor, Code.LEFT_OUT, s, books.since, 0.0)
         exclude_source(cursor, s)
 
 
-@inlined
+@inline
 def _write(
     belief: FilterState, source: SourceRow, s: int, use: Use, t: float, cursor: Cursor, row: FixRow
 ) -> None:
@@ -233,7 +233,7 @@ def _write(
     row.t, row.source, row.nis, row.use = t - source.delay, s, work.nis, use
     for i in range(3):
         row.innovation[i], row.whitened[i] = work.innovation[i], work.innovation[3 + i]
-        row.factor[i], row.v[i] = work.factor[i], belief.v[i]
+        row.factor[i], row.v[i] = work.factor[i], belief.v_n[i]
     for i in range(6):
         row.root[i] = work.innovation[6 + i]
     used = 1.0 if use > 0 else 0.0

@@ -33,12 +33,24 @@ class Use(IntEnum):
 
 
 class Imu(NamedTuple):
-    """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]]."""
+    """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]].
 
-    t: Array  # s
-    dt: Array  # s
-    dtheta: Array  # (n, 3) integral of the angular rate, body FRD, rad
-    dv: Array  # (n, 3) integral of the specific force, body FRD, m/s
+    Attributes
+    ----------
+    t : array
+        Ends of the intervals, s.
+    dt : array
+        Lengths of the intervals, s.
+    dtheta : (n, 3) array
+        Integral of the angular rate, body FRD, rad.
+    dv : (n, 3) array
+        Integral of the specific force, body FRD, m/s.
+    """
+
+    t: Array
+    dt: Array
+    dtheta: Array
+    dv: Array
 
 
 class Fixes(NamedTuple):
@@ -47,7 +59,7 @@ class Fixes(NamedTuple):
     t: Array  # s
     source: Ints  # int64, row of `sources`
     y: Array  # (m, 3); what a sensor does not measure is NaN
-    sd: Array  # (m, 3) of the rows of the innovation
+    std: Array  # (m, 3) of the rows of the innovation
     sources: Table[SourceRow]
 
 
@@ -84,7 +96,7 @@ FIXES = record(
     t=reals("fixes"),
     source=wholes("fixes"),
     y=reals("fixes", 3),
-    sd=reals("fixes", 3),
+    std=reals("fixes", 3),
     sources=rows_of(SourceRow, "sources"),
 )
 OUTPUT = record(

@@ -1,4 +1,4 @@
-"""How the calls of the error-state filters are undone: what `linearised_step` and `measure` leave
+"""The calls of the error-state filters undone: what `linearised_step` and `measure` leave
 behind, and their adjoints on lam and Lam (core/mathematics/smoother.py).
 
 The transposed transition goes the other way round than the transition: position, velocity,
@@ -9,7 +9,7 @@ trip counts. States beyond the fifteenth stand still.
 from collections.abc import Callable
 
 from ...typing import Array
-from ..compile.jit import flatten, helper, inlined, kernel, matrix
+from ..compile.jit import flatten, helper, inline, kernel, matrix
 from . import error_state
 from .belief import FilterState
 from .error_state import CALL, DV, DX, JACOBIAN, PREDICTED, WORK, turn_half
@@ -98,7 +98,7 @@ def apply_adjoint(call: Array, lam: Array, Lam: Array, work: Array) -> None:
             _adjoint_update(lam.size, call, lam, Lam, work)
 
 
-@inlined
+@inline
 def adjoint_column(
     phi: tuple[tuple[float, ...], ...], keep: tuple[float, float], x: Fifteen
 ) -> Fifteen:
@@ -230,7 +230,7 @@ def adjoint_propagate(step: Array, lam: Array, Lam: Array, work: Array) -> None:
     _taken_back(Lam, work)
 
 
-@inlined
+@inline
 def _beyond(step: Array, Lam: Array, work: Array) -> None:
     """Phi' times the columns of Lam with states beyond the fifteenth, which stand still
     themselves."""
@@ -242,7 +242,7 @@ def _beyond(step: Array, Lam: Array, work: Array) -> None:
             Lam[i, column] = Lam[column, i] = work[COLUMN + 15 + i]
 
 
-@inlined
+@inline
 def _laid_out(Lam: Array, work: Array) -> None:
     """The first fifteen rows and columns of Lam in rows of 16, of which the last number of fifteen
     states belongs to the next row: such copies are fast."""
@@ -259,7 +259,7 @@ def _laid_out(Lam: Array, work: Array) -> None:
                 work[ONE + 16 * i + j] = Lam[i, j]
 
 
-@inlined
+@inline
 def _taken_back(Lam: Array, work: Array) -> None:
     """Lam from the rows of 16 that Phi' was applied to."""
     if Lam.shape[0] == 15:
@@ -275,7 +275,7 @@ def _taken_back(Lam: Array, work: Array) -> None:
                 Lam[i, j] = work[OTHER + 16 * i + j]
 
 
-@inlined
+@inline
 def _adjoint_turn_half(call: Array, lam: Array, Lam: Array) -> None:
     """The adjoint of `turn_half`: lam <- A' lam and Lam <- A' Lam A."""
     theta = call[U + 6 * lam.size :]
@@ -285,7 +285,7 @@ def _adjoint_turn_half(call: Array, lam: Array, Lam: Array) -> None:
     lam[6], lam[7], lam[8] = turned_by(R, lam[6], lam[7], lam[8])
 
 
-@inlined
+@inline
 def _adjoint_update(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `update`, with K H = U' H of whitened rows and their innovations w:
 
@@ -309,7 +309,7 @@ def _adjoint_update(n: int, call: Array, lam: Array, Lam: Array, work: Array) ->
             )
 
 
-@inlined
+@inline
 def _symmetric(n: int, Lam: Array, work: Array) -> None:
     """Lam made symmetric to the last bit, also into the workspace (n, n)."""
     numbers = flatten(Lam)
@@ -320,7 +320,7 @@ def _symmetric(n: int, Lam: Array, work: Array) -> None:
         work[i] = numbers[i]
 
 
-@inlined
+@inline
 def _gain_product(n: int, call: Array, work: Array) -> None:
     """Z = U Lam (3, n), behind Lam in the workspace."""
     Z = n * n
@@ -334,7 +334,7 @@ def _gain_product(n: int, call: Array, work: Array) -> None:
             work[Z + 2 * n + i] += u2 * work[n * j + i]
 
 
-@inlined
+@inline
 def _subtract_half(n: int, call: Array, lam: Array, work: Array) -> None:
     """lam <- lam - H' (U lam + w), and Z <- Z - M H / 2 with M = Z U' + I."""
     H, Z = U + 3 * n, n * n
@@ -355,4 +355,4 @@ def _subtract_half(n: int, call: Array, lam: Array, work: Array) -> None:
 
 
 SMOOTHER = Smoother(width, save_step, adjoint_step)
-"""Of every filter whose calls end in `linearised_step` or `measure`."""
+"""Smoother of every filter whose calls end in `linearised_step` or `measure`."""

@@ -43,7 +43,7 @@ def correct_increments(
         raw[i] = u[i]
     for row in range(coupled.size):
         one = coupled[row]
-        s = belief.extra_states[one.state - STATES]
+        s = belief.augmented[one.state - STATES]
         u[one.into] += sign * s * raw[one.out_of]
 
 
@@ -61,9 +61,9 @@ def couple(
         size = -raw[coupled[row].out_of]
         # the axis at mid-interval: half a turn back
         g0, g1, g2 = (
-            size * (belief.C[0, i] - h * (w[k] * belief.C[0, j] - w[j] * belief.C[0, k])),
-            size * (belief.C[1, i] - h * (w[k] * belief.C[1, j] - w[j] * belief.C[1, k])),
-            size * (belief.C[2, i] - h * (w[k] * belief.C[2, j] - w[j] * belief.C[2, k])),
+            size * (belief.C_nb[0, i] - h * (w[k] * belief.C_nb[0, j] - w[j] * belief.C_nb[0, k])),
+            size * (belief.C_nb[1, i] - h * (w[k] * belief.C_nb[1, j] - w[j] * belief.C_nb[1, k])),
+            size * (belief.C_nb[2, i] - h * (w[k] * belief.C_nb[2, j] - w[j] * belief.C_nb[2, k])),
         )
         _transform_covariance(P, state, first, (g0, g1, g2))
         if record.size > 0:

@@ -35,7 +35,7 @@ LATITUDE_LIMIT = math.radians(89.0)
 """Results hold up to this latitude: beyond it the azimuth of the north axis turns too fast for a
 metre of position error."""
 SINE = tuple((-1) ** (k + 1) / math.factorial(2 * k + 3) for k in range(11))
-"""Of x^3, x^5 ... in the series of the sine, as many as an angle up to pi/2 needs."""
+"""Coefficients of x^3, x^5 ... in the series of the sine, as many as an angle up to pi/2 needs."""
 
 
 @helper

@@ -2,7 +2,7 @@
 
 Each is the same sequence of roundings for a float in plain Python, in compiled code and in each of
 eight lanes, so that all give the same bits, which the C library's functions do not promise. There is
-no `if` on a value: both ways are computed, and `where` chooses (`choosing.py`). Integers are read
+no `if` on a value: both ways are computed, and `where` chooses (`core/compile/selection.py`). Integers are read
 and made by `bits` and `from_bits`, with shifts and masks that never see a sign.
 
 Reduction of arguments: Cody & Waite (1980), "Software manual for the elementary functions".

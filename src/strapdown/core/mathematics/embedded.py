@@ -7,7 +7,7 @@ are given, its own or those of the belief that it is inside of.
 import numpy as np
 
 from ...typing import Array
-from ..compile.jit import inlined, matrix
+from ..compile.jit import inline, matrix
 from ..compile.selection import where
 from ..compile.workspace import Slots
 from .belief import FilterState
@@ -23,8 +23,8 @@ OMEGA = NAVIGATION.array("OMEGA", 3)
 F = NAVIGATION.array("F", 3)
 
 
-@inlined
-def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) -> FilterState:
+@inline
+def navigation(numbers: Array, P: Array, workspace: Array, augmented: Array) -> FilterState:
     """The FilterState whose state is the first of `numbers` (of NAVIGATION)."""
     return FilterState(
         numbers[LLA],
@@ -36,21 +36,21 @@ def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) 
         numbers[OMEGA],
         numbers[F],
         workspace,
-        extra_states,
+        augmented,
     )
 
 
-@inlined
+@inline
 def copy_motion(belief: FilterState, other: FilterState, wanted: bool = True) -> None:
     """Position, velocity, attitude and biases of the belief become those of another, where that is
     wanted."""
     for i in range(3):
         belief.lla[i] = where(wanted, other.lla[i], belief.lla[i])
-        belief.v[i] = where(wanted, other.v[i], belief.v[i])
-        belief.ba[i] = where(wanted, other.ba[i], belief.ba[i])
-        belief.bg[i] = where(wanted, other.bg[i], belief.bg[i])
+        belief.v_n[i] = where(wanted, other.v_n[i], belief.v_n[i])
+        belief.b_a[i] = where(wanted, other.b_a[i], belief.b_a[i])
+        belief.b_g[i] = where(wanted, other.b_g[i], belief.b_g[i])
         for j in range(3):
-            belief.C[i, j] = where(wanted, other.C[i, j], belief.C[i, j])
+            belief.C_nb[i, j] = where(wanted, other.C_nb[i, j], belief.C_nb[i, j])
 
 
 def as_numbers(belief: FilterState) -> Array:

@@ -22,7 +22,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ...typing import Array, Vector
-from ..compile.jit import helper, inlined
+from ..compile.jit import helper, inline
 from .belief import Noise
 from .earth import GRAVITY_NORTH_GRADIENT, gravity_gradient, place, rotation_rates
 from .rotation import Three
@@ -76,7 +76,7 @@ At: TypeAlias = tuple[float, float, float, float]
 """tan L, v_E / (N cos^2 L) in rad/s, M and N in m."""
 
 
-@inlined
+@inline
 def _position_by_position(v: Three, at: At, F: Array) -> None:
     """F_pp = [ -d/M      0         n/M ]
     [ e t/N  -(d + n t)/N  e/N ]
@@ -87,7 +87,7 @@ def _position_by_position(v: Three, at: At, F: Array) -> None:
     F[PP + 3], F[PP + 4], F[PP + 5] = v_e * tan / N, -(v_d + v_n * tan) / N, v_e / N
 
 
-@inlined
+@inline
 def _velocity_by_velocity(v: Three, at: At, ie: tuple[float, float], F: Array) -> None:
     """F_vv = [     d/M      2 (j - e t/N)      n/M     ]
     [ e t/N - 2 j   (n t + d)/N    2 i + e/N ]
@@ -104,7 +104,7 @@ def _velocity_by_velocity(v: Three, at: At, ie: tuple[float, float], F: Array) -
     F[VV + 6], F[VV + 7] = -2 * v_n / M, -2 * (ie_n + v_e / N)
 
 
-@inlined
+@inline
 def _velocity_by_position(v: Three, at: At, ie: tuple[float, float], F: Array) -> None:
     """Without gravity, with the radii held fixed,
 
@@ -123,7 +123,7 @@ def _velocity_by_position(v: Three, at: At, ie: tuple[float, float], F: Array) -
     F[VP + 8] = -(v_n * v_n / (M * M) + v_e * v_e / (N * N))
 
 
-@inlined
+@inline
 def _gravity_by_position(angle: tuple[float, float], h: float, M: float, F: Array) -> None:
     """Add to F the gradient of gravity, g down and -k h sin L cos L north, k
     GRAVITY_NORTH_GRADIENT:
@@ -143,7 +143,7 @@ def _gravity_by_position(angle: tuple[float, float], h: float, M: float, F: Arra
     F[VP + 2] += GRAVITY_NORTH_GRADIENT * sine * cosine
 
 
-@inlined
+@inline
 def _attitude_by_position_and_velocity(v: Three, at: At, ie: tuple[float, float], F: Array) -> None:
     """Minus the derivatives of omega_in_n:
 
@@ -159,7 +159,7 @@ def _attitude_by_position_and_velocity(v: Three, at: At, ie: tuple[float, float]
     F[TV + 1], F[TV + 3], F[TV + 7] = -1 / N, 1 / M, tan / N
 
 
-@inlined
+@inline
 def _attitude_as_printed(v: Three, at: At, ie: tuple[float, float], F: Array) -> None:
     """F_theta_p and F_theta_v as Table II has them: with the opposite signs, and e^2 and n^2 for e
     and n."""

@@ -5,7 +5,7 @@ import math
 
 from ...checks import check_choice
 from ...typing import Array
-from ..compile.jit import flatten, helper, inlined, matrix
+from ..compile.jit import flatten, helper, inline, matrix
 from ..compile.selection import any_of, where
 from ..compile.workspace import MAX_STATES, Slots
 from .belief import ATT, BA, BG, POS, STATES, VEL, FilterState, Noise
@@ -61,7 +61,7 @@ def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Arr
     return workspace
 
 
-@inlined
+@inline
 def linearised_step(
     belief: FilterState, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
 ) -> None:
@@ -78,20 +78,20 @@ def linearised_step(
     velocity, because that is computed with the known one. Also publishes the bias-free rate and
     specific force, decays the biases, and leaves in workspace what a smoother needs.
     """
-    workspace, mid, dv_n, ba, bg = (
+    workspace, mid, dv_n, b_a, b_g = (
         belief.workspace,
         matrix(belief.workspace, MID, 3, 3),
         belief.workspace[DV],
-        belief.ba,
-        belief.bg,
+        belief.b_a,
+        belief.b_g,
     )
-    r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
-    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    r0, r1, r2 = 0.5 * (u[0] - b_g[0] * dt), 0.5 * (u[1] - b_g[1] * dt), 0.5 * (u[2] - b_g[2] * dt)
+    a0, a1, a2 = u[3] - b_a[0] * dt, u[4] - b_a[1] * dt, u[5] - b_a[2] * dt
     turned_on(C, (r0, r1, r2), mid)
     for i in range(3):
         dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
     blocks, transport = workspace[BLOCK], workspace[TRANSPORT]
-    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
+    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v_n, int(workspace[MODEL]), blocks)
     w = w0 * dt, w1 * dt, w2 * dt
     workspace[CALL], workspace[DT] = PREDICTED, dt
     transport[0], transport[1], transport[2] = w
@@ -102,20 +102,20 @@ def linearised_step(
         own = of_estimates(noise)
         propagate_error(workspace[X], blocks, mid, dv_n, w, dt, own, workspace[WORK])
     publish_rates(belief, (2 * r0, 2 * r1, 2 * r2), (a0, a1, a2), dt)
-    decay_biases(ba, bg, dt, noise)
+    decay_biases(b_a, b_g, dt, noise)
 
 
-@inlined
-def bias_free(u: Array, ba: Array, bg: Array, dt: float) -> tuple[Three, Three]:
+@inline
+def bias_free(u: Array, b_a: Array, b_g: Array, dt: float) -> tuple[Three, Three]:
     """Increments u of one sample without the biases, body: rotation vector r = u[0:3] - b_g dt
     (rad) and velocity a = u[3:6] - b_a dt (m/s)."""
     return (
-        (u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt),
-        (u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt),
+        (u[0] - b_g[0] * dt, u[1] - b_g[1] * dt, u[2] - b_g[2] * dt),
+        (u[3] - b_a[0] * dt, u[4] - b_a[1] * dt, u[5] - b_a[2] * dt),
     )
 
 
-@inlined
+@inline
 def publish_rates(belief: FilterState, r: Three, a: Three, dt: float) -> None:
     """The bias-free rate omega_ib_b = r / dt (rad/s) and specific force f_ib_b = a / dt (m/s^2) of
     a sample, from its increments of `bias_free`."""
@@ -125,27 +125,27 @@ def publish_rates(belief: FilterState, r: Three, a: Three, dt: float) -> None:
 
 
 @helper
-def decay_biases(ba: Array, bg: Array, dt: float, noise: Noise) -> None:
+def decay_biases(b_a: Array, b_g: Array, dt: float, noise: Noise) -> None:
     """The estimate of a Gauss-Markov bias over dt, unless it is held; a random walk (decay 0) keeps
     it."""
     own = of_estimates(noise)
     keep_a, keep_g = decay(own.accel_decay * dt), decay(own.gyro_decay * dt)
     for i in range(3):
-        ba[i] *= keep_a
-        bg[i] *= keep_g
+        b_a[i] *= keep_a
+        b_g[i] *= keep_g
 
 
-@inlined
+@inline
 def measure(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     observe: Observe,
     source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
-    """Correct P by one fix y of standard deviations sd, of what `observe` expects of it, and leave
+    """Correct P by one fix y of standard deviations std, of what `observe` expects of it, and leave
     the correction dx of the states in workspace[DX]; equations of `kalman.update`. Returns the NIS.
 
     Unless NIS <= gate, P is left as it was and the correction must not be used.
@@ -154,14 +154,14 @@ def measure(
     H = matrix(belief.workspace, JACOBIAN, 3, n)
     rows = observe_innovation(belief, y, observe, source, innovation, H)
     nis = update(
-        belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK], belief.workspace[DX]
+        belief.P, H, innovation, std, rows, gate, belief.workspace[WORK], belief.workspace[DX]
     )
     used = belief.workspace[WORK.start + used_rows(n)]
     belief.workspace[CALL] = where(nis <= gate, used, 0.0)
     return nis
 
 
-@inlined
+@inline
 def observe_innovation(
     belief: FilterState, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
 ) -> int:
@@ -174,11 +174,11 @@ def observe_innovation(
             H[i, j] = 0.0
     rows = observe(belief, y, source, innovation, H)
     if source.correlation_time > 0:
-        see(belief.extra_states, source, innovation, H)
+        see(belief.augmented, source, innovation, H)
     return rows
 
 
-@inlined
+@inline
 def inject_and_reset(belief: FilterState, dx: Array) -> None:
     """Compose the whole correction into the belief; P becomes that of the errors about it."""
     inject_all(belief, dx)
@@ -204,7 +204,7 @@ def turn_half(P: Array, x: float, y: float, z: float) -> None:
         _turn(P.shape[0], flatten(P), R)
 
 
-@inlined
+@inline
 def _turn(n: int, P: Array, R: NineNumbers) -> None:
     """P <- A P A' of `turn_half`, of the numbers of P."""
     x, y, z = 6 * n, 7 * n, 8 * n
@@ -217,14 +217,14 @@ def _turn(n: int, P: Array, R: NineNumbers) -> None:
             P[n * j + 6 + i] = P[x + n * i + j]
 
 
-@inlined
+@inline
 def inject_all(belief: FilterState, dx: Array) -> None:
     """Inject the whole correction: position, velocity, attitude, biases and augmented states."""
-    inject(belief.lla, belief.v, belief.C, dx)
+    inject(belief.lla, belief.v_n, belief.C_nb, dx)
     inject_biases(belief, dx)
 
 
-@inlined
+@inline
 def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
     is kept: true = estimate (+) error, Hager & Bryne (20) to (26).
@@ -238,7 +238,7 @@ def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
         orthonormalise(C, turned)
 
 
-@inlined
+@inline
 def add_error(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """`inject` into a state that is made anew each time, where rounding cannot add up."""
     p, dv, theta = dx[POS], dx[VEL], dx[ATT]
@@ -249,19 +249,19 @@ def add_error(lla: Array, v: Array, C: Array, dx: Array) -> None:
     rotate_left(theta[0], theta[1], theta[2], C)
 
 
-@inlined
+@inline
 def inject_biases(belief: FilterState, dx: Array) -> None:
-    """Add bias errors to the estimated biases, and the errors of the states that aidings brought
+    """Add bias errors to the estimated biases, and the errors of the states that sources brought
     along to those."""
     a, g = dx[BA], dx[BG]
     for i in range(3):
-        belief.ba[i] += a[i]
-        belief.bg[i] += g[i]
+        belief.b_a[i] += a[i]
+        belief.b_g[i] += g[i]
     inject_tail(belief, dx)
 
 
-@inlined
+@inline
 def inject_tail(belief: FilterState, dx: Array) -> None:
     """Inject the errors of the augmented states."""
-    for i in range(belief.extra_states.size):
-        belief.extra_states[i] += dx[STATES + i]
+    for i in range(belief.augmented.size):
+        belief.augmented[i] += dx[STATES + i]

@@ -3,16 +3,16 @@ in Joseph's form, which holds for any gain. Source: Bucy & Joseph (1968); Gelb (
 """
 
 from ...typing import Array
-from ..compile.jit import helper, inlined, matrix
-from ..compile.selection import any_of
+from ..compile.jit import helper, inline, matrix
+from ..compile.selection import any_of, where
 from ..compile.workspace import MAX_STATES, Slots
-from .belief import Noise
+from .belief import STATES, Noise
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
 from .kalman import WORKSPACE, propagate, update
 from .rotation import rotate_vector, turned_on
 
 JOSEPH = Slots()
-"""What it needs of a workspace."""
+"""Its slots of a workspace."""
 BLOCK = JOSEPH.array("BLOCK", BLOCKS)  # blocks of F
 MID = JOSEPH.matrix("MID", 3, 3)  # C_nb at mid-interval
 WORK = JOSEPH.array("WORK", WORKSPACE)  # of core.mathematics.kalman
@@ -26,7 +26,7 @@ PRODUCT = JOSEPH.matrix("PRODUCT", 3, MAX_STATES)  # of `joseph_update`
 MAX_STEP = 0.05  # s: P need not see each sample, which would cost more than such a filter
 
 
-@inlined
+@inline
 def has_new_noise(own: Array, noise: Noise) -> bool:
     """True where the waiting samples have other white noise, so that P must be propagated before the
     next one."""
@@ -35,7 +35,7 @@ def has_new_noise(own: Array, noise: Noise) -> bool:
     return other and float(own[SECONDS]) > 0
 
 
-@inlined
+@inline
 def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> bool:
     """Let a sample, of bias-free rate and specific force, wait for the next step of P. Returns
     whether that is due."""
@@ -73,11 +73,11 @@ def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
     return dt
 
 
-@inlined
-def test(P: Array, own: Array, H: Array, innovation: Array, sd: Array, rows: int) -> float:
+@inline
+def test(P: Array, own: Array, H: Array, innovation: Array, std: Array, rows: int) -> float:
     """NIS of a fix under P, which stays, NaN without any measured row; the whitened innovation as
     `core.mathematics.kalman.update` writes it."""
-    return update(P, H, innovation, sd, rows, -1.0, own[WORK], own[DX])
+    return update(P, H, innovation, std, rows, -1.0, own[WORK], own[DX])
 
 
 @helper
@@ -104,7 +104,7 @@ def joseph_update(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
             P[j, i] = P[i, j]
 
 
-@inlined
+@inline
 def _product(n: int, B: Array, P: Array, V: Array) -> None:
     """V = B P (3, n)."""
     for i in range(3):
@@ -117,7 +117,7 @@ def _product(n: int, B: Array, P: Array, V: Array) -> None:
                     V[i, j] += b * P[k, j]
 
 
-@inlined
+@inline
 def _half_of_square(n: int, A: Array, B: Array, R: Array, V: Array, S: Array) -> None:
     """V += S A / 2 with S = V B' + R, nine numbers."""
     for i in range(3):
@@ -129,3 +129,22 @@ def _half_of_square(n: int, A: Array, B: Array, R: Array, V: Array, S: Array) ->
         s0, s1, s2 = 0.5 * S[3 * i], 0.5 * S[3 * i + 1], 0.5 * S[3 * i + 2]
         for j in range(n):
             V[i, j] += s0 * A[0, j] + s1 * A[1, j] + s2 * A[2, j]
+
+
+@inline
+def learn_beyond(P: Array, own: Array, x: Array, augmented: Array, n: int, taken: bool) -> None:
+    """Correct the states from the fifteenth to the n-th, for which such a filter has no gains, by what
+    `test` has left of a fix that is taken, with the gain of least variance: P_s <- P_s - U_s' U, and no
+    other."""
+    m = P.shape[0]
+    U = matrix(own, WORK.start, 3, m)
+    for s in range(STATES, n):
+        augmented[s - STATES] += where(taken, x[s], 0.0)
+        for j in range(m):
+            less = U[0, s] * U[0, j] + U[1, s] * U[1, j] + U[2, s] * U[2, j]
+            P[s, j] -= where(taken, less, 0.0)
+    for s in range(STATES, n):
+        for j in range(STATES):
+            P[j, s] = P[s, j]
+        for j in range(n, m):
+            P[j, s] = P[s, j]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from ...typing import Array
-from ..compile.jit import flatten, helper, inlined, matrix
+from ..compile.jit import flatten, helper, inline, matrix
 from ..compile.selection import all_of, any_of, one_or_several, where
 from ..compile.workspace import MAX_STATES
 from .belief import Noise
@@ -55,7 +55,7 @@ Fifteen: TypeAlias = tuple[
 """Those with the errors of the biases."""
 
 
-@inlined
+@inline
 def coefficients(
     blocks: Array, C: Array, dv_n: Array, w: Three, dt: float
 ) -> tuple[tuple[float, ...], ...]:
@@ -103,7 +103,7 @@ def coefficients(
     )
 
 
-@inlined
+@inline
 def column(phi: tuple[tuple[float, ...], ...], errors: Nine, biases: tuple[float, ...]) -> Nine:
     """Phi times a column of fifteen errors: position p (m), velocity v (m/s), attitude theta (rad),
     all in n; biases of the accelerometer a (m/s^2) and gyro g (rad/s), which only decay and are left
@@ -332,7 +332,7 @@ propagate = one_or_several(propagate_by_rows, propagate_in_place)
 """P <- Phi P Phi' + Q_d over dt: see `propagate_by_rows`."""
 
 
-@inlined
+@inline
 def _apply_in_place(
     n: int, P: Array, phi: tuple[tuple[float, ...], ...], keep: tuple[float, ...], work: Array
 ) -> None:
@@ -365,7 +365,7 @@ def _apply_in_place(
             P[j, 9 + i] = x
 
 
-@inlined
+@inline
 def _nine(numbers: Array, k: int) -> Nine:
     """Nine numbers from k on."""
     return (
@@ -381,7 +381,7 @@ def _nine(numbers: Array, k: int) -> Nine:
     )
 
 
-@inlined
+@inline
 def _six(numbers: Array, k: int) -> tuple[float, ...]:
     """Six numbers from k on."""
     return (
@@ -394,14 +394,14 @@ def _six(numbers: Array, k: int) -> tuple[float, ...]:
     )
 
 
-@inlined
+@inline
 def _decays(dt: float, noise: Noise) -> tuple[float, ...]:
     """Return the share of each bias that remains after dt."""
     a, g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     return (a, a, a, g, g, g)
 
 
-@inlined
+@inline
 def _half_noise(dt: float, noise: Noise) -> tuple[float, ...]:
     """Half of Q_d of velocity, attitude and biases."""
     v, t = noise.accel * noise.accel * 0.5 * dt, noise.gyro * noise.gyro * 0.5 * dt
@@ -410,7 +410,7 @@ def _half_noise(dt: float, noise: Noise) -> tuple[float, ...]:
     return (v, v, v, t, t, t, a, a, a, g, g, g)
 
 
-@inlined
+@inline
 def _transpose(product: int, stride: int, work: Array) -> None:
     """The first 8 rows of Phi P transposed."""
     for i in range(15):
@@ -418,7 +418,7 @@ def _transpose(product: int, stride: int, work: Array) -> None:
             work[TRANSPOSED + 8 * i + j] = work[product + stride * j + i]
 
 
-@inlined
+@inline
 def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], work: Array) -> None:
     """P of the first fifteen states from Phi P and Phi (Phi P)'."""
     for i in range(9):
@@ -432,7 +432,7 @@ def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], wo
             P[9 + i, 9 + j] *= keep[i] * keep[j]
 
 
-@inlined
+@inline
 def _widen(P: Array, lanes: int, work: Array) -> None:
     """The first fifteen rows of P in rows of WIDTH. Lanes beyond the states reach into the next row."""
     n, numbers = P.shape[0], flatten(P)
@@ -442,7 +442,7 @@ def _widen(P: Array, lanes: int, work: Array) -> None:
             work[WIDE + WIDTH * i + lane] = row[lane]
 
 
-@inlined
+@inline
 def _write_beyond(P: Array, keep: tuple[float, ...], work: Array) -> None:
     """The covariances with states beyond the fifteenth, which stand still themselves."""
     for column in range(15, P.shape[0]):
@@ -486,7 +486,7 @@ def decay(a: float) -> float:
     return where(long, exponential(-a), left) if any_of(long) else left
 
 
-@inlined
+@inline
 def of_estimates(noise: Noise) -> Noise:
     """`noise` with the decays of the estimates of the biases in place of those of the biases.
 
@@ -505,7 +505,7 @@ def of_estimates(noise: Noise) -> Noise:
     )
 
 
-@inlined
+@inline
 def used_rows(n: int) -> int:
     """Where `update` leaves, in its workspace, what its rows share (from COUNT on); U = L^-1 H P
     (3, n) lies before it, from 0 on."""
@@ -541,12 +541,19 @@ def whiten_rows(H: Array, work: Array, used: int) -> None:
 
 @helper
 def update(
-    P: Array, H: Array, innovation: Array, sd: Array, rows: int, gate: float, work: Array, dx: Array
+    P: Array,
+    H: Array,
+    innovation: Array,
+    std: Array,
+    rows: int,
+    gate: float,
+    work: Array,
+    dx: Array,
 ) -> float:
     """Correct P (n, n) by the first `rows` rows of an innovation e = y - h(x) with Jacobian H
-    (3, n) and independent noise of standard deviations sd; NaN is a row that was not measured.
+    (3, n) and independent noise of standard deviations std; NaN is a row that was not measured.
 
-        S   = H P H' + R = L L',  R = diag(sd^2)
+        S   = H P H' + R = L L',  R = diag(std^2)
         U   = L^-1 H P,  w = L^-1 e         row by row, the later ones less what the first have said
         NIS = e' S^-1 e = w' w
         dx  = K e = P H' S^-1 e = U' w
@@ -561,25 +568,32 @@ def update(
     taken one after the other.
     """
     if P.shape[0] == 15:  # the same code with constant lengths
-        return _update(15, P, H, innovation, sd, rows, gate, work, dx)
-    return _update(P.shape[0], P, H, innovation, sd, rows, gate, work, dx)
+        return _update(15, P, H, innovation, std, rows, gate, work, dx)
+    return _update(P.shape[0], P, H, innovation, std, rows, gate, work, dx)
 
 
 @helper
 def update_fifteen(
-    P: Array, H: Array, innovation: Array, sd: Array, rows: int, gate: float, work: Array, dx: Array
+    P: Array,
+    H: Array,
+    innovation: Array,
+    std: Array,
+    rows: int,
+    gate: float,
+    work: Array,
+    dx: Array,
 ) -> float:
-    """`update` where no aiding brings states along."""
-    return _update(15, P, H, innovation, sd, rows, gate, work, dx)
+    """`update` where no source brings states along."""
+    return _update(15, P, H, innovation, std, rows, gate, work, dx)
 
 
-@inlined
+@inline
 def _update(
     n: int,
     P: Array,
     H: Array,
     innovation: Array,
-    sd: Array,
+    std: Array,
     rows: int,
     gate: float,
     work: Array,
@@ -594,7 +608,7 @@ def _update(
         missing = math.isnan(innovation[i])
         if all_of(missing):
             continue
-        w = _whiten_row(n, i, m, P, H[i], innovation[i], sd[i], U, shared)
+        w = _whiten_row(n, i, m, P, H[i], innovation[i], std[i], U, shared)
         _write_whitened(i, m, w, shared, innovation)
         shared[COUNT] += where(missing, 0.0, 1.0)
         nis += w * w
@@ -613,15 +627,15 @@ def _update(
     return nis
 
 
-@inlined
+@inline
 def _whiten_row(
-    n: int, i: int, m: int, P: Array, h: Array, e: float, sd: float, U: Array, shared: Array
+    n: int, i: int, m: int, P: Array, h: Array, e: float, std: float, U: Array, shared: Array
 ) -> float:
     """Row i of H, with innovation e, as the m-th that is used: its row of U and its numbers in
     `shared`. Returns its innovation by L^-1, 0 where it is missing.
 
     u = P h' less the overlap l_k = h U_k' with each row before it, e less l_k w_k; then both by
-    1/sqrt(h u + r), with r = sd^2.
+    1/sqrt(h u + r), with r = std^2.
     """
     u, missing = U[m], math.isnan(e)
     terms, first, last = _project_row(n, P, h, u)
@@ -631,7 +645,7 @@ def _whiten_row(
         e -= overlap * shared[WHITENED + k]
         for j in range(n):
             u[j] -= overlap * U[k, j]
-    scale = 1 / math.sqrt(_along(h, u, first, last) + max(sd * sd, MIN_NOISE * terms))
+    scale = 1 / math.sqrt(_along(h, u, first, last) + max(std * std, MIN_NOISE * terms))
     for j in range(n):
         u[j] = where(missing, 0.0, u[j] * scale)
     w = where(missing, 0.0, e * scale)
@@ -639,7 +653,7 @@ def _whiten_row(
     return w
 
 
-@inlined
+@inline
 def _project_row(n: int, P: Array, h: Array, u: Array) -> tuple[float, int, int]:
     """u += P h'. Returns the variance of h x without the correlations of x, and the range of the
     columns where h is not zero."""
@@ -653,7 +667,7 @@ def _project_row(n: int, P: Array, h: Array, u: Array) -> tuple[float, int, int]
     return terms, first, last
 
 
-@inlined
+@inline
 def _along(h: Array, u: Array, first: int, last: int) -> float:
     """h u, of the columns in a range."""
     total = 0.0
@@ -662,7 +676,7 @@ def _along(h: Array, u: Array, first: int, last: int) -> float:
     return total
 
 
-@inlined
+@inline
 def _write_whitened(i: int, m: int, w: float, shared: Array, innovation: Array) -> None:
     """Whitened innovation and row of L of row i, the m-th used, behind the innovation."""
     missing = math.isnan(innovation[i])
@@ -678,7 +692,7 @@ def _write_whitened(i: int, m: int, w: float, shared: Array, innovation: Array) 
         innovation[root + i] = where(missing, math.nan, 1 / shared[SCALE + m])
 
 
-@inlined
+@inline
 def _reduce(n: int, P: Array, U: Array) -> None:
     """P <- P - U' U, of which one half is computed and written twice."""
     u, v, w = U[0], U[1], U[2]

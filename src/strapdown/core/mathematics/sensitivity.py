@@ -13,7 +13,7 @@ Trans. Automatic Control 14(4).
 """
 
 from ...typing import Array
-from ..compile.jit import helper, inlined, kernel, matrix
+from ..compile.jit import helper, inline, kernel, matrix
 from ..compile.signatures import WHOLE, reals, signature
 from ..compile.workspace import MAX_STATES
 from .adjoint import (
@@ -78,12 +78,12 @@ def save_step(belief: FilterState, record: Array) -> None:
     dx, at = workspace[DX], record.size - BEHIND
     x, y, z = -share * dx[6], -share * dx[7], -share * dx[8]
     for i in range(3):
-        record[at + i], record[at + 12 + i] = belief.v[i] - share * dx[3 + i], belief.omega[i]
-        record[at + 15 + i] = belief.ba[i] - share * dx[9 + i]
+        record[at + i], record[at + 12 + i] = belief.v_n[i] - share * dx[3 + i], belief.omega[i]
+        record[at + 15 + i] = belief.b_a[i] - share * dx[9 + i]
         for j in range(3):
             record[at + INVERSE + 3 * i + j] = 1.0 if i == j else 0.0
     for j in range(3):
-        a, b, c = belief.C[0, j], belief.C[1, j], belief.C[2, j]
+        a, b, c = belief.C_nb[0, j], belief.C_nb[1, j], belief.C_nb[2, j]
         record[at + 3 + j] = a + y * c - z * b
         record[at + 6 + j] = b + z * a - x * c
         record[at + 9 + j] = c + x * b - y * a
@@ -117,7 +117,7 @@ def _fade_correlated(V: Array, call: Array) -> None:
             V[LANES * k + j] *= call[1]
 
 
-@inlined
+@inline
 def _correct_sensitivity(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
     """J = L^-1 (H V + h) of a fix and, where it was used, V <- A (V - U' J), A as of
     `error_state.turn_half`."""
@@ -133,7 +133,7 @@ def _correct_sensitivity(n: int, V: Array, call: Array, h: Array, J: Array) -> N
         _turn_attitude(n, V, call)
 
 
-@inlined
+@inline
 def _whiten_rows(n: int, rows: int, V: Array, call: Array, h: Array, J: Array) -> None:
     """J = L^-1 h + (L^-1 H) V of the rows of a fix."""
     H, inverse = U + 3 * n, call.size - BEHIND + INVERSE
@@ -151,7 +151,7 @@ def _whiten_rows(n: int, rows: int, V: Array, call: Array, h: Array, J: Array) -
                     J[i, j] += factor * V[LANES * k + j]
 
 
-@inlined
+@inline
 def _turn_attitude(n: int, V: Array, call: Array) -> None:
     """Half of the correction theta turns the attitude errors: v <- v + theta x v / 2."""
     first = U + 6 * n

@@ -17,12 +17,12 @@ Kalman Filtering, section 6.2.
 import math
 
 from ...typing import Array, Ints
-from ..compile.jit import caller, flatten, helper, inlined, kernel
+from ..compile.jit import caller, flatten, helper, inline, kernel
 from ..compile.signatures import WHOLE, reals, signature, wholes
 from .coupling import COUPLED, uncouple
 from .earth import displace
 from .rotation import turn_quaternion
-from .solution_row import BIASES, LLA, SD, Q, V
+from .solution_row import BIASES, LLA, STD, Q, V
 from .tape import ADJOINT_STEP
 from .time_correlated import FADED, unfade
 
@@ -81,7 +81,7 @@ def run_back(
         call -= 1
 
 
-@inlined
+@inline
 def _undo(adjoint_step: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of a call of the filter, or of what the loop did beside it."""
     if call[0] == COUPLED:
@@ -109,7 +109,7 @@ def _smooth_row(P: Array, estimated: Ints, lam: Array, Lam: Array, work: Array, 
     _compose(error, row)
 
 
-@inlined
+@inline
 def _smooth_state(
     k: int, P: Array, estimated: Ints, lam: Array, Lam: Array, work: Array, error: Array, row: Array
 ) -> None:
@@ -128,15 +128,15 @@ def _smooth_state(
         work[diagonal + j] = math.sqrt(max(work[(k + 1) * j] + work[diagonal + j], 0.0))
     if k == 15 and error.size == 15:
         for i in range(15):
-            error[i], row[SD + i] = work[change + i], work[diagonal + i]
+            error[i], row[STD + i] = work[change + i], work[diagonal + i]
     else:
         for i in range(k):
             state = estimated[i]
             error[state] = work[change + i]
-            row[SD + state if state < 15 else row.size - error.size + state] = work[diagonal + i]
+            row[STD + state if state < 15 else row.size - error.size + state] = work[diagonal + i]
 
 
-@inlined
+@inline
 def _gather_covariance(k: int, P: Array, estimated: Ints, work: Array) -> None:
     """P in the estimated states, rows of k, into the workspace."""
     if k == P.shape[0]:
@@ -149,7 +149,7 @@ def _gather_covariance(k: int, P: Array, estimated: Ints, work: Array) -> None:
                 work[k * i + j] = P[estimated[i], estimated[j]]
 
 
-@inlined
+@inline
 def _products_of_columns(k: int, lam: Array, work: Array) -> None:
     """Behind P and Lam P in the workspace, each of `_lanes`: the diagonal of - P Lam P, and
     - P lam."""
@@ -171,14 +171,14 @@ def _products_of_columns(k: int, lam: Array, work: Array) -> None:
             work[change + j] -= lam[m] * work[k * m + j]
 
 
-@inlined
+@inline
 def _lanes(k: int) -> int:
     """Lanes that a row of k numbers is worked on with: beyond k they reach into the next row,
     which does no harm."""
     return 16 if k == 15 else (8 if k == 6 else k)
 
 
-@inlined
+@inline
 def _product(k: int, A: Array, source: int, stride: int, target: int, work: Array) -> None:
     """A times the matrix at `source` with rows of `stride`, row by row; for 15 and 6 states
     written out, because then the compiler makes vector code."""

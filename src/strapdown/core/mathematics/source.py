@@ -48,7 +48,7 @@ class SourceRow:
 
     kind: int  # a Kind, or the number of another kind
     gate: float  # bound on the NIS; inf switches gating off
-    # the source's own, as its Measurement says: a lever arm, m, body
+    # the source's own, as its MeasurementModel says: a lever arm, m, body
     parameters: Annotated[Array, PARAMETERS]
     of_kind: int  # which of the sources of its kind it is, from 0
 
@@ -80,7 +80,7 @@ class SourceRow:
 
     slip: float  # side slip of a constraint, rad per m/s^2
     correlation_time: float  # s, of first-order Gauss-Markov errors of its rows; 0: none
-    correlated_sd: Annotated[Array, 3]  # their stationary standard deviations, SI
+    correlated_std: Annotated[Array, 3]  # their stationary standard deviations, SI
     correlated_state: Annotated[Ints, 3]  # those that are states
     kept: float  # share of them left of the measurement before: exp(-dt / correlation_time)
     robust: int  # 1: a heavy-tailed likelihood stands in place of the gate

@@ -21,7 +21,7 @@ states that the filter estimates and the tail."""
 
 
 class Smoother(NamedTuple):
-    """How the calls of a filter are undone, last one first."""
+    """The kernels that undo the calls of a filter, last one first."""
 
     width: Callable[[int], int]  # n -> numbers of a record of one call, with n states
     save_step: SaveStep

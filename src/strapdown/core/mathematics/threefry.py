@@ -17,7 +17,7 @@ from ..compile.signatures import WHOLE, reals, signature
 from .elementary import ONE_BITS, logarithm_of_normal, sine_cosine_of_turns
 
 KEY, COUNTER, STREAM = 0, 2, 3
-"""Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
+"""Places in a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
 drawn (exact below 2^53), its size."""
 MAX_SEED = 2**53 - 1
 MASK, PARITY = 0xFFFFFFFF, 0x1BD11BDA

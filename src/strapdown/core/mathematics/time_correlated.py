@@ -29,7 +29,7 @@ def fade(P: Array, states: Array, source: SourceRow, seconds: float, record: Arr
     if record.size > 0:
         record[0], record[1] = FADED, keep
     for i in range(3):
-        k, sd = source.correlated_state[i], source.correlated_sd[i]
+        k, std = source.correlated_state[i], source.correlated_std[i]
         if record.size > 0:
             record[2 + i] = k
         if k > 0:
@@ -37,7 +37,7 @@ def fade(P: Array, states: Array, source: SourceRow, seconds: float, record: Arr
             for j in range(P.shape[0]):
                 P[k, j] *= keep
                 P[j, k] *= keep
-            P[k, k] += sd * sd * (1 - keep * keep)
+            P[k, k] += std * std * (1 - keep * keep)
 
 
 @helper
@@ -64,8 +64,8 @@ def see(states: Array, source: SourceRow, innovation: Array, H: Array) -> None:
 
 
 @helper
-def widen(sd: Array, source: SourceRow) -> None:
+def widen(std: Array, source: SourceRow) -> None:
     """Add to the standard deviations those of the correlated errors that are no states."""
     for i in range(3):
-        more = source.correlated_sd[i] if source.correlated_state[i] == 0 else 0.0
-        sd[i] = math.hypot(sd[i], more)
+        more = source.correlated_std[i] if source.correlated_state[i] == 0 else 0.0
+        std[i] = math.hypot(std[i], more)

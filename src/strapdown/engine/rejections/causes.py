@@ -56,7 +56,7 @@ class Window(NamedTuple):
     t: Array  # (m,) s
     innovation: Array  # (m, 3); NaN where not measured
     root: Array  # (m, 3, 3) L, unit diagonal where not measured
-    sd: Array  # (m, 3) stated
+    std: Array  # (m, 3) stated
     used: Mask  # (m,)
     passed: Mask  # (m,) used, and not only because a gate was opened
     velocity: Array  # (m, 3) of the filter, NED, m/s
@@ -232,7 +232,7 @@ def _whitened_errors(window: Window, shapes: list[_Shape]) -> Array:
     """(m, 3, p) of all parameters of the shapes what an innovation shows, the filter having followed
     the error so far, whitened."""
     variance = (window.root**2).sum(axis=2)
-    gain = np.clip(1 - window.sd**2 / variance, 0.0, 1.0)
+    gain = np.clip(1 - window.std**2 / variance, 0.0, 1.0)
     gain[~window.used] = 0.0
     errors = np.concatenate([shape.basis for shape in shapes], axis=2)
     widths = [shape.basis.shape[2] for shape in shapes]

@@ -1,11 +1,12 @@
-"""How often right fixes look wrong, in closed form: scipy.special would take 0.15 s to load in every
-run that rejects a fix. Source: Abramowitz & Stegun (1964), 26.4.4, 26.4.5 and 26.4.21."""
+"""Probabilities that correct fixes look wrong, in closed form: scipy.special would take 0.15 s to
+load in every run that rejects a fix. Source: Abramowitz & Stegun (1964), 26.4.4, 26.4.5 and
+26.4.21."""
 
 import math
 
 
 def farther(rows: int, nis: float) -> float:
-    """How often the NIS of an innovation of 1, 2 or 3 rows is above `nis`: of the chi-square
+    """Probability that the NIS of an innovation of 1, 2 or 3 rows is above `nis`: of the chi-square
     distribution; 0 of no rows."""
     half = 0.5 * nis
     if rows == 0:
@@ -17,7 +18,7 @@ def farther(rows: int, nis: float) -> float:
 
 
 def as_many(count: int, expected: float) -> float:
-    """How often `count` or more events happen where `expected` do on average: of the Poisson
+    """Probability that `count` or more events happen where `expected` do on average: of the Poisson
     distribution."""
     if expected == 0:
         return float(count <= 0)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ...core.loop.log import FOLD
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...typing import Ints, Mask
 from ...units.constants import SETTLING
 from . import causes
@@ -26,14 +26,14 @@ UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
 INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
 MAX_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
 WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
-"""What can explain rejections with good fixes between them."""
+"""Causes that can explain rejections with good fixes between them."""
 
 
-def find(fixes: WindowFixes, aidings: Sequence[Aiding]) -> list[RejectedRun]:
+def find(fixes: WindowFixes, sources: Sequence[Source]) -> list[RejectedRun]:
     """The runs of all sources, in the order of their beginning; what is chance is left out."""
     runs: list[RejectedRun] = []
     for s in np.unique(fixes.rows["source"][fixes.rejected].astype(int)).tolist():
-        runs += _of_source(s, fixes.of(s), fixes, aidings[s].kind)
+        runs += _of_source(s, fixes.of(s), fixes, sources[s].kind)
     return assign_blame(sorted(runs, key=lambda run: (run.start, run.source)))
 
 
@@ -55,7 +55,7 @@ def join_runs(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list
 
 def _of_source(s: int, own: WindowFixes, every: WindowFixes, kind: str) -> list[RejectedRun]:
     found, single = list[RejectedRun](), list[int]()
-    chains = _apart(own, np.flatnonzero(own.rejected), CHAIN)
+    chains = _distant_rejections(own, np.flatnonzero(own.rejected), CHAIN)
     whole = _together(own, every, kind, chains)
     if whole is not None:
         return [_run(s, own, np.concatenate(chains), whole)]
@@ -125,7 +125,7 @@ def _mark_start_error(run: RejectedRun, begin: float) -> RejectedRun:
     return run._replace(found=run.found._replace(shape=causes.START))
 
 
-def _apart(own: WindowFixes, bad: Ints, seconds: float) -> list[Ints]:
+def _distant_rejections(own: WindowFixes, bad: Ints, seconds: float) -> list[Ints]:
     """Rejections that are further than that from each other."""
     return np.split(bad, np.flatnonzero(np.diff(own.t[bad]) > seconds) + 1)
 
@@ -133,7 +133,7 @@ def _apart(own: WindowFixes, bad: Ints, seconds: float) -> list[Ints]:
 def _parts(own: WindowFixes, bad: Ints) -> Iterator[Ints]:
     """Rejections that belong together."""
     rejected = own.rejected
-    for part in _apart(own, bad, FOLD):
+    for part in _distant_rejections(own, bad, FOLD):
         for first, last in _split(rejected, int(part[0]), int(part[-1])):
             yield bad[(bad >= first) & (bad <= last)]
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ... import aiding
-from ...data.solution import Aiding, Rejected
+from ...data.solution import Rejected, Source
 from ...typing import Array
 from ...units import quantities
 from .causes import (
@@ -29,20 +29,20 @@ REMEDIES = {
     JUMP: "see which is right, they or what was before, and leave the others out",
     DRIFT: "leave them out from there on if another source contradicts them too",
     CLOCK: "run `strapdown diagnose`, which finds its `time.offset`",
-    NOISE: "give it a larger sd, or run `strapdown tune`",
+    NOISE: "give it a larger std, or run `strapdown tune`",
     DISAGREE: "run `strapdown inspect` and `strapdown diagnose`",
     OUTLIERS: "nothing to do for a few; of many, ask why the receiver makes them",
     UNKNOWN: "look at these times in the report",
 }
 
 
-def rejection_texts(runs: Sequence[RejectedRun], aidings: Sequence[Aiding]) -> list[Rejected]:
+def rejection_texts(runs: Sequence[RejectedRun], sources: Sequence[Source]) -> list[Rejected]:
     """The runs in words."""
-    names = [a.name or a.kind for a in aidings]
-    return [_rejection_text(run, aidings[run.source], names) for run in runs]
+    names = [a.name or a.kind for a in sources]
+    return [_rejection_text(run, sources[run.source], names) for run in runs]
 
 
-def _rejection_text(run: RejectedRun, source: Aiding, names: Sequence[str]) -> Rejected:
+def _rejection_text(run: RejectedRun, source: Source, names: Sequence[str]) -> Rejected:
     shape = run.found.shape
     cause = DISAGREE if shape in (OFFSET, SCALE, ALWAYS) else UNKNOWN if shape == START else shape
     seen = _error_text(run, source)
@@ -54,7 +54,7 @@ def _rejection_text(run: RejectedRun, source: Aiding, names: Sequence[str]) -> R
     return Rejected(names[run.source], *span, cause, seen, REMEDIES[cause])
 
 
-def _error_text(run: RejectedRun, source: Aiding) -> str:
+def _error_text(run: RejectedRun, source: Source) -> str:
     found, size = run.found, run.found.size
     if found.shape == JUMP:
         lasted = found.until - found.since
@@ -80,7 +80,7 @@ def _error_text(run: RejectedRun, source: Aiding) -> str:
     }.get(found.shape, "")
 
 
-def _amount(size: Array, source: Aiding, per: str = "") -> str:
+def _amount(size: Array, source: Source, per: str = "") -> str:
     """A vector or a number with its unit and direction."""
     sensor = aiding.find(source.kind)
     unit, shown = quantities.shown_unit(sensor.quantities[0])

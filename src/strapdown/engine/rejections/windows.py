@@ -18,14 +18,14 @@ class WindowFixes(NamedTuple):
     """Fixes as the loop wrote them, in their order."""
 
     rows: Any  # (m,) a table of FixRow
-    sd: Array  # (m, 3) stated
+    std: Array  # (m, 3) stated
     after: Array  # (sources,) s: rejections up to then are known already
     begin: Array  # (sources,) s: the first that was tested, kept or not
 
     def of(self, s: int) -> "WindowFixes":
         """Those of a source that were tested."""
         own = (self.rows["source"] == s) & np.isfinite(self.rows["nis"])
-        return self._replace(rows=self.rows[own], sd=self.sd[own])
+        return self._replace(rows=self.rows[own], std=self.std[own])
 
     @property
     def t(self) -> Array:
@@ -67,13 +67,13 @@ def window(
     end = int(np.searchsorted(own.t, own.t[stop] + AFTER, "right"))
     rows = own.rows[begin : min(end, stop + 1 + MAX_AFTER)]
     t, use = rows["t"], rows["use"]
-    sd = own.sd[begin : begin + len(rows)]
+    std = own.std[begin : begin + len(rows)]
     used = use != Use.REJECTED
     return Window(
         t,
         rows["innovation"],
-        _root(rows, sd),
-        np.nan_to_num(sd),
+        _root(rows, std),
+        np.nan_to_num(std),
         used,
         used & (use != Use.REACQUIRED),
         np.nan_to_num(rows["v"]),
@@ -87,13 +87,13 @@ def window(
     )
 
 
-def _root(rows: Any, sd: Array) -> Array:
+def _root(rows: Any, std: Array) -> Array:
     """(m, 3, 3) L of the innovations; where a filter gives none, of the stated deviations, and with
     unit diagonals where nothing was measured."""
     root = np.zeros((len(rows), 3, 3))
     root[:, *np.tril_indices(3)] = rows["root"]
     diagonal = root[:, range(3), range(3)]
-    stated = np.where(sd > 0, sd, 1.0)
+    stated = np.where(std > 0, std, 1.0)
     diagonal = np.where(diagonal > 0, diagonal, stated)
     root = np.nan_to_num(root)
     root[:, range(3), range(3)] = diagonal

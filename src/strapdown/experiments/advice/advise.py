@@ -18,11 +18,12 @@ import numpy as np
 import pandas as pd
 
 from ...checks import DataError, check_choice, check_number
+from ...data.value import Value
 from ...engine.options import takes
 from ...evaluation.consistency import Interval
 from ...fileio.files import replacing, together, write_table
 from ...progress import listener, with_bar
-from ...sensor_models.imu import ImuSpec, grade
+from ...sensor_models.imu import ImuSpec, imu as imu_spec
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress
 from ..monte_carlo.campaign import Campaign, make_folder
@@ -52,7 +53,7 @@ QUICK_INTERVALS = (60, 600)
 RUNS, QUICK_RUNS, MAP_RUNS = 40, 36, 10
 """35 runs without a loss are the fewest that show a survival of 90 % (Wilson's interval)."""
 GRADES = ("consumer", "industrial", "tactical", "navigation")
-"""Of the map, beside the user's own."""
+"""Grades of the map, beside the user's own."""
 MAP_FILTERS = (CLOSED, OPEN, f"{RESET}60")
 STORED_ROWS = 400
 """Stored rows of a run, about."""
@@ -60,11 +61,11 @@ STEP_TIME, CELL_TIME = 1.2e-6, 0.3
 """s of one core per filter step, and beside that per scenario and IMU, about: measured, see
 docs/how-to/advise.md."""
 GIVEN, MOVING = "given", "moving"
-"""How the attitude at the start is known: as the scenario says, or by an alignment in motion."""
+"""Sources of the attitude at the start: as the scenario says, or by an alignment in motion."""
 
 
-@dataclass(frozen=True)
-class Advice:
+@dataclass(frozen=True, eq=False)
+class Advice(Value):
     """The answer for an IMU and a mission with all it rests on; `print` shows it in a few lines,
     `save` writes the folder."""
 
@@ -136,8 +137,8 @@ class Advice:
             "duration_s": self.scenario.duration,
             "imu_rate_hz": self.scenario.rate,
             "alignment": self.alignment,
-            "start_attitude_sd_deg": np.degrees(
-                np.array(self.scenario.start_sd[6:9], float)
+            "start_attitude_std_deg": np.degrees(
+                np.array(self.scenario.start_std[6:9], float)
             ).tolist(),
             "seed": self.seed,
             **decision(self.decision),
@@ -218,7 +219,7 @@ def advise(
         raise DataError("quick makes no map (--quick, --map): leave out one of the two")
     map = not quick if map is None else map
     check_choice(alignment, "alignment", (GIVEN, MOVING))
-    spec, length = grade(imu), seconds(duration)
+    spec, length = imu_spec(imu), seconds(duration)
     scenario = mission(flight, length, rate)
     if alignment == MOVING:
         scenario = aligned_in_motion(scenario, spec)
@@ -231,8 +232,8 @@ def advise(
     check_number(how.get("workers", 0), "workers", least=0, whole=True)
     # what is refused is refused before anything is said
     begun = [Campaign.begin(parts[name], folder / "runs" / name) for name in parts if folder]
-    how["say"] = say = how.get("say") or (lambda text: None)
-    say(_cost(study, maps, _missing_steps(begun) if folder else steps))
+    how["notify"] = notify = how.get("notify") or (lambda text: None)
+    notify(_cost(study, maps, _missing_steps(begun) if folder else steps))
     clocks, tell = (perf_counter(), process_time()), listener(progress)
 
     def run(part: Study, name: str, first: int) -> Campaign:
@@ -246,7 +247,7 @@ def advise(
     made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed), alignment)
     if folder:
         made.save(folder)
-    say(
+    notify(
         f"it took {perf_counter() - clocks[0]:.3g} s, with {process_time() - clocks[1]:.3g} s of "
         f"processor time in this process"
     )
@@ -278,7 +279,7 @@ def _missing_steps(campaigns: list[Campaign]) -> int:
     found = 0
     for campaign in campaigns:
         assert campaign.study is not None  # it began this campaign
-        found += sum(map(campaign.study.steps, campaign.missing()))
+        found += sum(map(campaign.study.steps, campaign.missing_chunks()))
     return found
 
 
@@ -388,7 +389,7 @@ def _map_scenarios(scenario: Scenario) -> tuple[Scenario, ...]:
         name: getattr(scenario, name)
         for name in (
             "gnss",
-            "start_sd",
+            "start_std",
             "accel_offset",
             "offset_decays",
             "biases_known",
@@ -408,7 +409,7 @@ def _map_scenarios(scenario: Scenario) -> tuple[Scenario, ...]:
 
 def _map_imus(spec: ImuSpec) -> tuple[ImuSpec, ...]:
     """The grades and the user's own IMU, which is not shown twice."""
-    shipped = tuple(grade(name) for name in GRADES)
+    shipped = tuple(imu_spec(name) for name in GRADES)
     if spec in shipped:
         return shipped
     return (*shipped, replace(spec, name=f"own {spec.name}") if spec.name in GRADES else spec)

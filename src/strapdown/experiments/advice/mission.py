@@ -116,13 +116,13 @@ def aligned_in_motion(made: Scenario, spec: ImuSpec) -> Scenario:
     seconds, simulated once with this IMU. Raises DataError where that finds no heading."""
     beginning = made.replace(duration=min(made.duration, ALIGNING))
     start = align(simulate(beginning, imu=spec, seed=0), spec)
-    if start.sd[8] > UNKNOWN_HEADING:
+    if start.std[8] > UNKNOWN_HEADING:
         raise DataError(
             f"an alignment in motion finds no heading in the first {beginning.duration:g} s of "
             f"{made.name!r} ({start.note}): choose a flight that moves, or leave out "
             f"--alignment moving"
         )
-    return made.replace(start_sd=(*made.start_sd[:6], *start.sd[6:9], *made.start_sd[9:]))
+    return made.replace(start_std=(*made.start_std[:6], *start.std[6:9], *made.start_std[9:]))
 
 
 def _table(flight: File) -> tuple[dict[str, Any], Path]:

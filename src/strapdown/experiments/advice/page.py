@@ -103,7 +103,7 @@ def imu_name(advice: Advice) -> str:
 
 def _condition(advice: Advice) -> str:
     """Return the condition of the answer: how well the attitude is known at the start."""
-    north, east, down = np.degrees(np.array(advice.scenario.start_sd[6:9], float))
+    north, east, down = np.degrees(np.array(advice.scenario.start_std[6:9], float))
     known = f"roll and pitch are known to {max(north, east):.2g} deg and heading to {down:.2g} deg"
     how = "after an alignment in motion" if advice.alignment == "moving" else "at the start"
     return f"If {how} {known}:"
@@ -133,7 +133,7 @@ def _headline(advice: Advice) -> str:
 
 
 def _runs(needed: int) -> str:
-    """How many runs would decide, in words; two digits, for it is a guess."""
+    """The number of runs that would decide, in words; two digits, for it is a guess."""
     if needed >= MAX_RUNS:
         return f"more than {MAX_RUNS} runs: it is on the boundary"
     step = 10 ** max(len(str(needed)) - 2, 0)
@@ -143,22 +143,22 @@ def _runs(needed: int) -> str:
 def _about(advice: Advice) -> str:
     scenario, gnss = advice.scenario, advice.scenario.gnss
 
-    def axes(sd: ArrayLike) -> str:
-        return " ".join(f"{value:g}" for value in np.atleast_1d(np.asarray(sd, float)))
+    def axes(std: ArrayLike) -> str:
+        return " ".join(f"{value:g}" for value in np.atleast_1d(np.asarray(std, float)))
 
-    def lasting(correlated: Correlated | None, unit: str) -> str:
+    def correlation_text(correlated: Correlated | None, unit: str) -> str:
         if correlated is None:
             return ""
-        return f", and {axes(correlated.sd)} {unit} correlated over {correlated.time:g} s"
+        return f", and {axes(correlated.std)} {unit} correlated over {correlated.time:g} s"
 
     receiver = (
-        ("position", gnss.position_sd, gnss.position_correlated, "m"),
-        ("velocity", gnss.velocity_sd, gnss.velocity_correlated, "m/s"),
+        ("position", gnss.position_std, gnss.position_correlated, "m"),
+        ("velocity", gnss.velocity_std, gnss.velocity_correlated, "m/s"),
     )
     measured = [
-        f"{what} (sd {axes(sd)} {unit} NED{lasting(correlated, unit)})"
-        for what, sd, correlated, unit in receiver
-        if sd is not None
+        f"{what} (std {axes(std)} {unit} NED{correlation_text(correlated, unit)})"
+        for what, std, correlated, unit in receiver
+        if std is not None
     ]
     return (
         f"{imu_name(advice)}, {flight(advice)}, {duration_text(scenario.duration)}, simulated at "
@@ -241,7 +241,7 @@ def _not_estimated(advice: Advice) -> list[str]:
 
 
 def _sure(advice: Advice) -> str:
-    """How much hangs on the thresholds and on the number of runs."""
+    """The influence of the thresholds and on the number of runs."""
     own = (advice.decision.answer, advice.decision.filter)
 
     def text(d: Decision) -> str:
@@ -274,7 +274,7 @@ def _sure(advice: Advice) -> str:
 
 
 def _shorter(advice: Advice) -> list[str]:
-    """How long the open loop would do on this mission, by the estimates."""
+    """The time for which the open loop would do on this mission, by the estimates."""
     if advice.answer in ("open", "undecided"):
         return []
     served = [t for t, d in takewhile(lambda each: each[1].answer == "open", advice.through)]
@@ -315,6 +315,7 @@ def summary_table(advice: Advice) -> pd.DataFrame:
 
 def page(advice: Advice) -> Page:
     """The Page of an Advice."""
+    from ..monte_carlo import figures as study_figures
     from . import figures
 
     document = Document(
@@ -323,17 +324,17 @@ def page(advice: Advice) -> Page:
         _facts(advice),
         FOOTER,
     )
-    place = document.place
+    place, drawn = document.place, figures.curves_of(advice)
     document.add("Why", _why(advice))
     document.add(
         "Error and stated uncertainty",
-        place(figures.rmse(advice), "Position error over time", ERRORS_CAPTION),
-        place(figures.heading(advice), "Heading error over time", "The same for the heading."),
+        place(study_figures.position(drawn), "Position error over time", ERRORS_CAPTION),
+        place(study_figures.heading(drawn), "Heading error over time", "The same for the heading."),
     )
     document.add(
         "Can it be believed",
-        place(figures.nees(advice), "NEES per state over time", NEES),
-        place(figures.survival(advice), "Survival", SURVIVAL),
+        place(study_figures.nees(drawn, advice.rules.belief), "NEES per state over time", NEES),
+        place(study_figures.survival(drawn, advice.rules.survival), "Survival", SURVIVAL),
     )
     document.add("Shorter missions", _through(advice))
     loops = "Which loop, for which IMU, duration and dynamics"

@@ -122,15 +122,15 @@ class Runs(NamedTuple):
             squares = np.square(error[..., POS].astype(float)).sum(axis=-1)
         squares = np.where(alive & (squares < limit), squares, limit)
 
-        def masked(values: NDArray[Any]) -> Array:
+        def mask_dead(values: NDArray[Any]) -> Array:
             return np.where(alive, values.astype(float), np.nan)
 
         return cls(
             tuple(campaign.manifest["filters"]),
             t,
             squares,
-            masked(nees) / STATES,
-            masked(error[..., 8]),
+            mask_dead(nees) / STATES,
+            mask_dead(error[..., 8]),
             lasted,
         )
 
@@ -256,11 +256,11 @@ def _runs_needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
     count, share = found.count, found.survived.value
     sizes = np.unique(np.geomspace(count + 1, MAX_RUNS, 400).astype(int))
 
-    def decided(n: int) -> bool:
+    def is_decided(n: int) -> bool:
         p = proportion(round(share * n), int(n))
         return p.low >= rules.survival or p.high < rules.survival
 
-    survival = next((int(n) for n in sizes if decided(n)), int(sizes[-1]))
+    survival = next((int(n) for n in sizes if is_decided(n)), int(sizes[-1]))
     return (
         survival,
         _shrunk(found.nees, (1 / rules.belief, rules.belief), count),

@@ -13,7 +13,7 @@ from ...evaluation.nees import normalised_error
 from ...typing import Array
 from .scoring import Epochs
 
-ERROR, SD, NEES, RPH, NUMBERS = (
+ERROR, STD, NEES, RPH, NUMBERS = (
     slice(0, STATES),
     slice(STATES, 2 * STATES),
     2 * STATES,
@@ -39,8 +39,8 @@ def keep_errors(
     belief: FilterState, k: int, true: Array, biases: Array, work: Array, kept: Array
 ) -> None:
     """Row k of errors, standard deviations and NEES."""
-    given, row, lla, C, P = true[k], kept[k], belief.lla, belief.C, belief.P
-    error, sd, rph = row[ERROR], row[SD], row[RPH]
+    given, row, lla, C, P = true[k], kept[k], belief.lla, belief.C_nb, belief.P
+    error, std, rph = row[ERROR], row[STD], row[RPH]
     lat, h = 0.5 * (given[0] + lla[0]), 0.5 * (given[2] + lla[2])
     R_M, R_N = radii(lat)
     error[0] = (given[0] - lla[0]) * (R_M + h)
@@ -51,11 +51,11 @@ def keep_errors(
         C, (T[0], T[1], T[2], T[3], T[4], T[5], T[6], T[7], T[8])
     )
     for i in range(3):
-        error[3 + i] = given[TRUE_V][i] - belief.v[i]
-        error[9 + i] = biases[k, i] - belief.ba[i]
-        error[12 + i] = biases[k, 3 + i] - belief.bg[i]
+        error[3 + i] = given[TRUE_V][i] - belief.v_n[i]
+        error[9 + i] = biases[k, i] - belief.b_a[i]
+        error[12 + i] = biases[k, 3 + i] - belief.b_g[i]
     for i in range(STATES):
-        sd[i] = math.sqrt(max(P[i, i], 0.0))
+        std[i] = math.sqrt(max(P[i, i], 0.0))
     row[NEES] = normalised_error(error, P, matrix(work, 0, STATES + 2, STATES))
     horizontal = math.sqrt(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0])
     rph[0] = wrap(given[TRUE_RPH][0] - math.atan2(C[2, 1], C[2, 2]))

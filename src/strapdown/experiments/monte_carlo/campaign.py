@@ -13,12 +13,11 @@ import json
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -30,6 +29,7 @@ from ...core.compile.closure_values import NoWords
 from ...core.compile.jit import COMPILED, Kernel
 from ...core.compile.kernel_cache import closure_digest, code_digest
 from ...core.compile.library import processor
+from ...data.value import read_only
 from ...fileio.file_access import json_of, settings_text
 from ...fileio.files import netcdf, replacing, together, write_table
 from ...fileio.limits import LimitError, regular
@@ -44,12 +44,14 @@ from .scoring import ERROR_STATE_NAMES
 from .summaries import run_rows, summary_row
 
 if TYPE_CHECKING:
+    import plotly.graph_objects as go
     import xarray
 
     from .study import Study
 
+Made = TypeVar("Made")
 CAMPAIGN_FORMAT = 1
-"""Of manifest and chunk files."""
+"""Version of the format of manifest and chunk files."""
 SHOWN = {
     **{name: name for name in ("scenario", "imu", "filter", "runs", "survived")},
     "rmse_position_m": "RMSE position [m]",
@@ -70,7 +72,7 @@ class Campaign:
         """Those that made the chunks, and how they compare, once it is finished; see
         `processors`."""
         self._whole: set[Path] = set()  # chunk files whose checksum was looked at
-        self._kept: dict[str, tuple[Any, Arrays]] = {}  # see _last_of
+        self._kept: dict[str, tuple[Any, Any]] = {}  # see _made_once
 
     @classmethod
     def begin(cls, study: Study, out: File | None = None) -> Campaign:
@@ -84,7 +86,7 @@ class Campaign:
         else:
             campaign = cls(out, manifest, study)
         make_folder(campaign.folder)
-        with campaign.locked():
+        with campaign.lock():
             campaign._settle()
         return campaign
 
@@ -113,7 +115,7 @@ class Campaign:
         return cls(folder, _manifest(Path(folder)))
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def lock(self) -> Iterator[None]:
         """Hold the folder: a second process that wants to write there is refused."""
         try:
             held = open(self.folder / "lock", "wb")
@@ -150,7 +152,7 @@ class Campaign:
         """Names of the cells, SCENARIO--IMU."""
         return [cell["name"] for cell in self.manifest["cells"]]
 
-    def missing(self) -> list[Chunk]:
+    def missing_chunks(self) -> list[Chunk]:
         """Chunks without a file."""
         assert self.study is not None  # one that was opened to be read asks for none
         return [chunk for chunk in self.study.chunks() if not self.path(chunk).exists()]
@@ -216,25 +218,35 @@ class Campaign:
     def _last_of(self, what: str, cell: str, make: Callable[[], Arrays]) -> Arrays:
         """Return the result of `make` for a cell, kept until another cell is asked for or a file
         has changed: tables ask for it once for each filter."""
-        stats = [path.stat() for path in self._files(cell)]
-        key = (cell, *((stat.st_ino, stat.st_mtime_ns, stat.st_size) for stat in stats))
-        if self._kept.get(what, (None, {}))[0] != key:
+
+        def build() -> Arrays:
+            return {name: read_only(values) for name, values in make().items()}
+
+        return dict(self._made_once(what, [cell], build))
+
+    def _made_once(self, what: str, cells: Sequence[str], make: Callable[[], Made]) -> Made:
+        """Return the result of `make`, made again where it is of other cells than the last one or
+        one of their files has changed."""
+        stats = [path.stat() for cell in cells for path in self._files(cell)]
+        key = (*cells, *((stat.st_ino, stat.st_mtime_ns, stat.st_size) for stat in stats))
+        if self._kept.get(what, (None, None))[0] != key:
             self._kept[what] = key, make()
-        return dict(self._kept[what][1])
+        kept: Made = self._kept[what][1]
+        return kept
 
     def numbers(self, cell: str) -> Arrays:
         """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square"
         (ERROR_GROUPS) and "coverage" (1, 2, 3 sigma); of a wrong installation PARAMETER_SCALARS,
-        "parameter_error" and "parameter_sd" (`parameters`)."""
+        "parameter_error" and "parameter_std" (`parameters`)."""
 
-        def made() -> Arrays:
+        def build() -> Arrays:
             more = OF_INSTALLATION if self.manifest.get("installation") else ()
             parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *more))
             return {
                 name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]
             }
 
-        return self._last_of("numbers", cell, made)
+        return self._last_of("numbers", cell, build)
 
     def parameters(self, cell: str) -> list[str]:
         """The parameters of the installation that were drawn wrong, with their units."""
@@ -244,7 +256,7 @@ class Campaign:
 
     def curves(self, cell: str) -> Arrays:
         """{name: array} over the stored epochs of a cell, from sums over the runs that were
-        alive: "t" s, and per filter "rmse" and "sd" (the root of the mean stated variance)
+        alive: "t" s, and per filter "rmse" and "std" (the root of the mean stated variance)
         (filter, epoch, state), "nees" (mean / 15), "alive" (filter, epoch); "bound" (epoch,
         state), the Cramer-Rao standard deviation."""
         return self._last_of("curves", cell, lambda: self._curves(cell))
@@ -261,7 +273,7 @@ class Campaign:
             return {
                 "t": parts[0]["t"],
                 "rmse": np.sqrt(total("squares") / alive[..., None]),
-                "sd": np.sqrt(total("variances") / alive[..., None]),
+                "std": np.sqrt(total("variances") / alive[..., None]),
                 "nees": total("nees_sum") / alive / len(ERROR_STATE_NAMES),
                 "alive": alive,
                 "bound": np.sqrt(parts[0].get("bound", np.full_like(alive[0], np.nan))),
@@ -284,24 +296,52 @@ class Campaign:
         filters = self.manifest["filters"]
         return labelled_dataset(self._files(cell), load, filters, self.parameters(cell))
 
-    @cached_property
+    @property
     def summary(self) -> pd.DataFrame:
         """pandas DataFrame with a row per cell and filter; see `summaries.summary_row` for its
         columns."""
-        return pd.DataFrame(
-            [
-                summary_row(self, number, place)
-                for number in range(len(self.cells))
-                for place in range(len(self.manifest["filters"]))
-            ]
-        )
 
-    @cached_property
+        def build() -> pd.DataFrame:
+            return pd.DataFrame(
+                [
+                    summary_row(self, number, place)
+                    for number in range(len(self.cells))
+                    for place in range(len(self.manifest["filters"]))
+                ]
+            )
+
+        return self._made_once("summary", self.cells, build).copy()
+
+    @property
     def runs(self) -> pd.DataFrame:
         """pandas DataFrame with a row per cell, filter and run."""
-        return pd.concat(
-            [run_rows(self, number) for number in range(len(self.cells))], ignore_index=True
-        )
+
+        def build() -> pd.DataFrame:
+            cells = [run_rows(self, number) for number in range(len(self.cells))]
+            return pd.concat(cells, ignore_index=True)
+
+        return self._made_once("runs", self.cells, build).copy()
+
+    def plot(self, what: str = "position", cell: str | None = None) -> go.Figure:
+        """Return a figure over time as a plotly Figure, which can be changed.
+
+        Parameters
+        ----------
+        what : {"position", "velocity", "attitude", "heading", "nees", "survival"}
+            RMSE of the runs that are alive with the standard deviation that each filter states
+            (dashed) and the Cramer-Rao bound; NEES per state with the band of a consistent filter;
+            or the share of runs alive.
+        cell : str, optional
+            One of `cells`; by default the first.
+
+        Raises
+        ------
+        DataError
+            Where there is no such figure or cell, or no finished run of it.
+        """
+        from .figures import figure_of_name
+
+        return figure_of_name(self, what, cell)
 
     def __reduce__(self) -> tuple[type[Campaign], tuple[Path, dict[str, Any], Study | None]]:
         return Campaign, (self.folder, self.manifest, self.study)

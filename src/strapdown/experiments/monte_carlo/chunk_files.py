@@ -28,7 +28,7 @@ def _number(axes: str, least: float = 0.0, optional: bool = False) -> Column:
 COLUMNS = {
     "t": Column("t", rising=True),
     "error": _number("filter run t state", -np.inf),
-    "sd": _number("filter run t state"),
+    "std": _number("filter run t state"),
     "nees_rows": _number("filter run t"),
     "bias": _number("run t bias_axis", -np.inf),
     "squares": _number("filter t state"),
@@ -44,22 +44,22 @@ COLUMNS = {
     # of a study with a wrong installation
     **dict.fromkeys(PARAMETER_SCALARS, _number("filter run", -np.inf, optional=True)),
     "parameter_error": _number("filter run parameter", -np.inf, optional=True),
-    "parameter_sd": _number("filter run parameter", optional=True),
+    "parameter_std": _number("filter run parameter", optional=True),
 }
 """The numbers of a chunk file, by name. Their axes are its dimensions."""
 LABELS = "parameter"
 """Names of the parameters of a wrong installation."""
-OF_INSTALLATION = (*PARAMETER_SCALARS, "parameter_error", "parameter_sd")
+OF_INSTALLATION = (*PARAMETER_SCALARS, "parameter_error", "parameter_std")
 """Those of a study with a wrong installation."""
 ABOUT = {
     "t": "s",
     "error": "true - estimate, m, m/s, rad, m/s^2, rad/s",
-    "sd": "as the filter states it, units of error",
+    "std": "as the filter states it, units of error",
     "bias": "true biases, m/s^2, rad/s",
     "bound": "variances of the Cramer-Rao bound, units of error squared",
     "nees_rows": "of 15 states",
     "parameter_error": "true - estimate at the end, in the units of the names",
-    "parameter_sd": "as the filter states it at the end; NaN of what is no state",
+    "parameter_std": "as the filter states it at the end; NaN of what is no state",
     "lasted": "s",
     "left_model": "s",
     "censored": "mean squared position error, m^2",

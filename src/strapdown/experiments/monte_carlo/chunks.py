@@ -25,11 +25,11 @@ from ...engine.installation import StateParameter
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao
 from ...plugins import Plugin
-from ...sensor_models.imu import ImuSpec, grade
+from ...sensor_models.imu import ImuSpec, imu as imu_spec
 from ...sensor_models.streams import RandomStream
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
-from ...typing import Array, Say
+from ...typing import Array, Notify
 from ...units.quantities import REGISTRY as QUANTITIES
 from ..filter_label import Labelled, parse_label
 from .run_batch import Lanes, kernels_in_lanes
@@ -92,13 +92,13 @@ def cells(
 ) -> tuple[Cell, ...]:
     """All scenarios with all IMUs; no IMU stands for each scenario's own."""
     known = [s if isinstance(s, Scenario) else scenario(s) for s in scenarios]
-    return tuple(Cell(s, grade(imu)) for s in known for imu in (imus or (s.imu,)))
+    return tuple(Cell(s, imu_spec(imu)) for s in known for imu in (imus or (s.imu,)))
 
 
 def seeds(study: Study, cell: Cell, run: int) -> RandomStream:
     """The random stream of a run: the same for every IMU and every set of filters, its own for
     every scenario."""
-    return RandomStream.of(study.seed).named(cell.scenario.name).numbered(run)
+    return RandomStream.of(study.seed).child(cell.scenario.name).numbered_child(run)
 
 
 _simulators: dict[tuple[Any, ...], tuple[threading.Lock, list[Simulator]]] = {}
@@ -144,7 +144,7 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
         for i, record in enumerate(records):
             place = record.run - chunk.first
             for number, label in enumerate(wanted):
-                _keep(arrays, number, place, scores[number][i] or record.scored(label))
+                _keep(arrays, number, place, scores[number][i] or record.score(label))
             own = record.biases if biases is None else biases[i]
             arrays["bias"][place] = own[arrays["kept"]]
     if chunk.first == 0:
@@ -168,7 +168,7 @@ class RunRecord:
             return installed, start, self._at
         reference = installed.recording.reference
         assert reference is not None
-        truth = reference.taking(self._at.rows + 1)
+        truth = reference.take(self._at.rows + 1)
         return installed, start_of(installed, start), self._at._replace(truth=truth)
 
     @cached_property
@@ -177,7 +177,7 @@ class RunRecord:
         meta = self._drawn[0].recording.meta
         return np.c_[meta["b_a"][self._at.rows], meta["b_g"][self._at.rows]]
 
-    def scored(self, label: Labelled) -> Scored:
+    def score(self, label: Labelled) -> Scored:
         """Scored of a filter on it."""
         installed, start, at = self._drawn
         filter, options, _ = label
@@ -210,7 +210,7 @@ def wrongly_installed(study: Study, cell: Cell, run: int, recording: Recording) 
     for every IMU and every set of filters."""
     if not study.installation:
         return Installed(recording, (), np.empty(0))
-    stream = seeds(study, cell, run).named("installation")
+    stream = seeds(study, cell, run).child("installation")
     return draw_installation(recording, study.installation, stream)
 
 
@@ -221,7 +221,7 @@ def _cramer_rao_bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
         return (
             cramer_rao(
                 made.ideal_recording(), made.exact_start(cell.imu), cell.imu.noise(), every=at.every
-            ).sd
+            ).std
             ** 2
         )
     except DataError:
@@ -253,14 +253,14 @@ def _empty(study: Study, chunk: Chunk, at: Epochs, parameters: Sequence[StatePar
         numbers |= {name: np.full((M, N), np.nan) for name in PARAMETER_SCALARS}
         numbers |= {
             name: np.full((M, N, len(parameters)), np.nan)
-            for name in ("parameter_error", "parameter_sd")
+            for name in ("parameter_error", "parameter_std")
         }
         numbers["parameter"] = np.array([each.name for each in parameters], object)
     return {
         "t": at.truth.t[kept],
         "kept": kept,
         "error": small(M, N, n, STATES),
-        "sd": small(M, N, n, STATES),
+        "std": small(M, N, n, STATES),
         "nees_rows": small(M, N, n),
         "bias": small(N, n, 6),
         **sums,
@@ -271,14 +271,14 @@ def _empty(study: Study, chunk: Chunk, at: Epochs, parameters: Sequence[StatePar
 def _keep(arrays: Arrays, number: int, place: int, scored: Scored) -> None:
     kept = arrays["kept"]
     alive = kept < scored.rows
-    error, sd, nees = scored.error[kept], scored.sd[kept], scored.nees[kept]
+    error, std, nees = scored.error[kept], scored.std[kept], scored.nees[kept]
     (
         arrays["error"][number, place],
-        arrays["sd"][number, place],
+        arrays["std"][number, place],
         arrays["nees_rows"][number, place],
-    ) = error, sd, nees
+    ) = error, std, nees
     arrays["squares"][number, alive] += error[alive] ** 2
-    arrays["variances"][number, alive] += sd[alive] ** 2
+    arrays["variances"][number, alive] += std[alive] ** 2
     arrays["nees_sum"][number, alive] += nees[alive]
     arrays["alive"][number] += alive
     for name, value in scored.numbers.items():
@@ -297,19 +297,19 @@ def plugins_of(study: Study) -> list[Plugin]:
 
 
 def _kinds(study: Study) -> list[str]:
-    """Kinds of aiding that its recordings can have."""
+    """Kinds of measurement that its recordings can have."""
     sensors = [sensor for cell in study.cells for sensor in cell.scenario.sensors]
     return list(dict.fromkeys([*aiding.own_names(), *(sensor.kind for sensor in sensors)]))
 
 
-def compile_for(study: Study, say: Say | None = None) -> None:
+def compile_for(study: Study, notify: Notify | None = None) -> None:
     """Compile the kernels that a study needs, before several threads want them."""
     kinds = _kinds(study)
     for label in study.filters:
         filter = parse_label(label)[0]
-        prepare(filter, kinds, say)
+        prepare(filter, kinds, notify)
         if study.side_by_side and filter.lanes:
             wide = kernels_in_lanes(filter, kinds)
-            compile_together(wide, f"{filter.name} for eight runs at once", say)
+            compile_together(wide, f"{filter.name} for eight runs at once", notify)
             for kernel in wide:
                 compile_kernel(kernel)

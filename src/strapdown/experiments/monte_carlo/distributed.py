@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...checks import DataError
 from ...plugins import SESSION, require
-from ...typing import Say
+from ...typing import Notify
 from .chunks import Chunk, compile_for, plugins_of, run_chunk
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def run(
     missing: list[Chunk],
     workers: int,
     scheduler: str | None,
-    say: Say | None = None,
+    notify: Notify | None = None,
 ) -> Iterator[Chunk]:
     """Run the missing chunks of a campaign on `workers` processes, or on the cluster of
     `scheduler`; yield each when its file is there."""
@@ -46,7 +46,7 @@ def run(
     assert study is not None  # it began this campaign
     needed = _needed_plugins(study)
     if not scheduler:
-        compile_for(study, say)  # once, into the cache that the workers load from
+        compile_for(study, notify)  # once, into the cache that the workers load from
     with _client(workers, scheduler) as client:
         from dask.distributed import as_completed
 
@@ -68,7 +68,7 @@ def run(
                 needed,
                 campaign,
                 chunk,
-                _killers(client, needed, study, chunk, tried[chunk], say),
+                _killers(client, needed, study, chunk, tried[chunk], notify),
                 **options,
             )
             futures[again] = chunk
@@ -109,7 +109,7 @@ def _killers(
     study: Study,
     chunk: Chunk,
     times: int,
-    say: Say | None,
+    notify: Notify | None,
 ) -> tuple[int, ...]:
     """Runs of a chunk that kill their worker when they are alone, found one after the other so
     that none dies for another. Raises DataError."""
@@ -125,8 +125,8 @@ def _killers(
             alone.result()
             continue
         killers.append(number)
-        if say:
-            say(
+        if notify:
+            notify(
                 f"{cell.name}: run {number} kills its worker; it is quarantined (seed {study.seed}, "
                 f"run {number})"
             )

@@ -39,13 +39,13 @@ def _difference(campaign: Campaign, chunk: Chunk) -> str:
     standard deviations of the states as stored."""
     assert campaign.study is not None
     here = run_chunk(campaign.study, chunk._replace(stop=chunk.first + 1))
-    stored = campaign.chunk(chunk, ("error", "sd"))
-    error, sd = stored["error"][:, 0], stored["sd"][:, 0]
+    stored = campaign.chunk(chunk, ("error", "std"))
+    error, std = stored["error"][:, 0], stored["std"][:, 0]
     mine = here["error"][:, 0]
     if np.array_equal(mine, error, equal_nan=True):
         return SAME
     if (np.isnan(mine) != np.isnan(error)).any():
         return "a filter that ends elsewhere"
     with np.errstate(all="ignore"):
-        most = float(np.nanmax(np.abs(mine - error) / sd))
+        most = float(np.nanmax(np.abs(mine - error) / std))
     return f"up to {most:.1g} standard deviations"

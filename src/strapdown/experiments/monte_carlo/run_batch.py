@@ -45,7 +45,7 @@ class Lanes:
         limits: LossLimits,
     ) -> None:
         self.wanted, self.made, self.imu, self.at, self.limits = wanted, made, imu, at, limits
-        self._shared = imu.shared(made.felt(imu))
+        self._shared = imu.shared_errors(made.ideal_samples(imu))
         self._true = batch_scoring.truth_array(at)
         self._first: list[Run | None] = []  # by filter, without numbers of its own; None: no lanes
 
@@ -60,11 +60,13 @@ class Lanes:
             for stream, (b_a, b_g) in zip(full, simulated.first_biases())
         ]
         starts = [
-            self.made.start(stream.named(OF_START), self.imu, recording)
+            self.made.start(stream.child(OF_START), self.imu, recording)
             for stream, recording in zip(full, recordings)
         ]
         if not self._first:
-            self._first = [self._begun(label, recordings[0], starts[0]) for label in self.wanted]
+            self._first = [
+                self._begin_lane(label, recordings[0], starts[0]) for label in self.wanted
+            ]
         sides = [
             first
             and RunBatch(
@@ -91,7 +93,7 @@ class Lanes:
         ]
         return scores, np.moveaxis(simulated.biases[..., :runs], 2, 0)
 
-    def _begun(self, label: Labelled, recording: Recording, start: InitialState) -> Run | None:
+    def _begin_lane(self, label: Labelled, recording: Recording, start: InitialState) -> Run | None:
         filter, options, estimate = label
         if not filter.lanes or estimate is not None:
             return None
@@ -130,7 +132,7 @@ class SimulatedSamples:
         self._at, self._rows = at, np.zeros(2, np.int64)
         self._count = len(shared.dt)
         self._offset = np.broadcast_to(made.offset(imu), (self._count, 3))
-        drawn = [imu.drawn(stream.named(OF_IMU)) for stream in streams]
+        drawn = [imu.draw_constants(stream.child(OF_IMU)) for stream in streams]
         self._own = Own(*(alongside(parts) for parts in zip(*drawn)))
         self._next = bind_kernel(
             simulate_errors_in_lanes,
@@ -175,7 +177,7 @@ def _score_lanes(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> l
     rows = ScoredRows(
         kept[..., batch_scoring.ERROR],
         kept[..., batch_scoring.RPH],
-        kept[..., batch_scoring.SD],
+        kept[..., batch_scoring.STD],
         kept[..., batch_scoring.NEES],
     )
     fixes = FixRows(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.loop.contract import ATT, BA, BG, POS, STATES, VEL
-from ...data.solution import SD_COLUMNS, Solution, Trajectory
+from ...data.solution import STD_COLUMNS, Solution, Trajectory
 from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows
 from ...filters.ins.open_loop import LEFT_MODEL
@@ -16,7 +16,7 @@ from ...geometry.geodesy import displacement, wrap
 from ...geometry.rotation_products import turns_between
 from ...typing import Array, Ints, Mask
 
-ERROR_STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
+ERROR_STATE_NAMES = tuple(name.removeprefix("std_") for name in STD_COLUMNS)
 """Names of the 15 error states: position m NED, velocity m/s NED, rotation rad NED, biases m/s^2
 and rad/s body."""
 ERROR_GROUPS = (
@@ -29,7 +29,7 @@ ERROR_GROUPS = (
     "accel_bias",
     "gyro_bias",
 )
-"""What a mean square is kept of: the squared lengths of vectors, and three angles."""
+"""Quantities whose mean square is kept: the squared lengths of vectors, and three angles."""
 QUARANTINED = len(consistency.REASONS)
 """Reason code of a run that killed its worker."""
 RUN_REASONS = (*consistency.REASONS, "quarantined")
@@ -45,7 +45,7 @@ class Scored(NamedTuple):
     """A run at the scored epochs and in numbers; NaN from where the filter stopped."""
 
     error: Array  # (n, 15) true - estimate, SI, radians
-    sd: Array  # (n, 15) as the filter states them
+    std: Array  # (n, 15) as the filter states them
     nees: Array  # (n,) of all 15 states
     rows: int  # epochs before the abort; n where there was none
     numbers: dict[str, float | Array]  # scalars of the run, and "mean_square" (len(ERROR_GROUPS),)
@@ -65,7 +65,7 @@ def epochs(truth: Trajectory, every: int) -> Epochs:
     samples = len(truth) - 1
     rows = np.arange((samples - 1) % every, samples, every)
 
-    return Epochs(truth.taking(rows + 1), every, rows)
+    return Epochs(truth.take(rows + 1), every, rows)
 
 
 class ScoredRows(NamedTuple):
@@ -74,7 +74,7 @@ class ScoredRows(NamedTuple):
 
     error: Array  # (runs, n, 15) true - estimate, SI, radians
     rph: Array  # (runs, n, 3) errors of roll, pitch and heading, rad
-    sd: Array  # (runs, n, 15) as the filter states them
+    std: Array  # (runs, n, 15) as the filter states them
     nees: Array  # (runs, n) of all 15 states
 
 
@@ -96,11 +96,11 @@ def score(
     the true biases there."""
     n, kept = len(at.rows), len(solution.t)
     rows = ScoredRows(*(np.full((1, n, *of), np.nan) for of in ((STATES,), (3,), (STATES,), ())))
-    error, rph, sd, nees = (part[0, :kept] for part in rows)
+    error, rph, std, nees = (part[0, :kept] for part in rows)
     with np.errstate(all="ignore"):  # a filter that diverged may have any number
         error[:], rph[:] = _errors(solution, at, b_a, b_g)
-        assert solution.trajectory.sd is not None and solution.covariance is not None
-        sd[:] = solution.trajectory.sd
+        assert solution.trajectory.std is not None and solution.covariance is not None
+        std[:] = solution.trajectory.std
         normalised_rows(error, solution.covariance, np.zeros((STATES + 2, STATES)), nees)
     seen = solution.innovations
     each = (seen.innovation[None], seen.nis[None], seen.accepted[None])
@@ -135,7 +135,7 @@ def score_runs(
                 **{name: values[run] for name, values in means.items()},
                 **_fixes(fixes, run, t[end - 1] if end else -np.inf),
             }
-            parts = rows.error[run], rows.sd[run], rows.nees[run]
+            parts = rows.error[run], rows.std[run], rows.nees[run]
             found.append(Scored(*parts, end, numbers))
     return found
 
@@ -145,11 +145,11 @@ def score_parameters(
 ) -> dict[str, float | Array]:
     """Score the parameters of the installation, {column of a Solution: true error of the given
     value}: "parameter_error" (m,) true - estimate at the end, or as given where it is no state,
-    "parameter_sd" (m,), NaN there, both in the units of the columns, and PARAMETER_SCALARS."""
-    left, sd = np.array(list(true.values())), np.full(len(true), np.nan)
+    "parameter_std" (m,), NaN there, both in the units of the columns, and PARAMETER_SCALARS."""
+    left, std = np.array(list(true.values())), np.full(len(true), np.nan)
     numbers: dict[str, float | Array] = {
         "parameter_error": left,
-        "parameter_sd": sd,
+        "parameter_std": std,
         **dict.fromkeys(PARAMETER_SCALARS, np.nan),
     }
     states = {name: value for name, value in true.items() if name in solution.columns}
@@ -158,7 +158,7 @@ def score_parameters(
     for k, name in enumerate(true):
         if name in states:
             left[k] -= solution.columns[name][-1]
-            sd[k] = solution.columns[f"sd of {name}"][-1]
+            std[k] = solution.columns[f"std of {name}"][-1]
     P = solution.covariance
     assert P is not None
     places, errors = consistency.errors_beyond(solution, states)
@@ -200,7 +200,7 @@ def _left_model(solution: Solution) -> float:
 def _means(rows: ScoredRows, alive: Mask) -> dict[str, Array]:
     """{name: (runs, ...)} over the epochs `alive` (runs, n) before the abort; NaN where there is
     none."""
-    error, rph, sd, nees = rows
+    error, rph, std, nees = rows
 
     def mean(values: NDArray[Any], which: Mask) -> Array:
         """(runs, k) of values (runs, n, k)."""
@@ -212,7 +212,7 @@ def _means(rows: ScoredRows, alive: Mask) -> dict[str, Array]:
     biases = [_square(error[..., each])[..., None] for each in (BA, BG)]
     low, high = consistency.band(STATES)
     inside = (nees >= low) & (nees <= high)
-    normal = np.abs(error[..., POS]) / sd[..., POS]
+    normal = np.abs(error[..., POS]) / std[..., POS]
     within = np.stack([(normal <= sigma).mean(axis=-1) for sigma in (1, 2, 3)], axis=-1)
     return {
         "mean_square": mean(np.concatenate([*squares, rph**2, *biases], axis=-1), alive),

@@ -2,7 +2,7 @@
 function can reach, the data files beside them, and the versions of the packages that they use.
 
 Imports are followed as they stand in the files, those inside functions too. Of a package that looks
-for its modules by itself (filters, kinds of aiding) all count. Docstrings, comments and annotations
+for its modules by itself (filters, kinds of measurement) all count. Docstrings, comments and annotations
 do not, as in `core.compile.kernel_cache`.
 """
 
@@ -29,7 +29,7 @@ NO_NUMBERS = {"h5netcdf", "h5py", "pandas", "pydantic", "pydantic_core", "fcntl"
 NO_DATA = {".py", ".pyc", ".pyi", ".md", ".typed"}
 """Endings of files that no function opens."""
 WITH_NUMBA = "llvmlite"
-"""What makes numba's machine code, which imports itself."""
+"""Package that makes numba's machine code, which imports itself."""
 
 
 def versions() -> dict[str, str]:

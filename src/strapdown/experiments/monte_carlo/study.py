@@ -8,13 +8,13 @@ stream, so neither workers nor order nor an interruption changes a result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, field
-from os import cpu_count
-from typing import TypedDict, Unpack
+from dataclasses import dataclass
+from os import PathLike, cpu_count
+from typing import Any, TypedDict, Unpack
 
-from ...checks import DataError, check_number
+from ...checks import DataError, brief, check_number
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import COMPILED, Filter
 from ...engine.options import OPTIONS, Option, takes
@@ -22,7 +22,7 @@ from ...evaluation.consistency import LossLimits
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario
-from ...typing import File, Progress, Say
+from ...typing import File, Notify, Progress
 from ..filter_label import parse_label
 from . import distributed
 from .campaign import Campaign
@@ -37,12 +37,12 @@ MANY_STEPS = 400_000
 
 
 class CampaignOptions(TypedDict, total=False):
-    """How the runs of a study are made."""
+    """Options by which the runs of a study are made."""
 
     threads: int | None
     workers: int
     scheduler: str | None
-    say: Say | None
+    notify: Notify | None
 
 
 CAMPAIGN_OPTIONS = {
@@ -51,47 +51,90 @@ CAMPAIGN_OPTIONS = {
     "scheduler": Option(
         None, "str", "Address of a Dask scheduler whose workers see the same folder."
     ),
-    "say": OPTIONS["say"],
+    "notify": OPTIONS["notify"],
 }
 """Defaults and meanings, by name."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Study:
-    """A study: scenarios, the filters that run on them, and the number of runs. Raises DataError.
+    """A study: scenarios, the filters that run on them, and the number of runs.
 
-    scenarios: Scenario values, built-in names or TOML files; filters: names, with options as
-    "periodic-reset:interval=60"; imus: grades, files or ImuSpec, each with every scenario (default:
-    the scenario's own); installation: of parameters as `fuse(estimate=)` names them, SI, see
-    `wrong_installation.installed_wrong`. A filter estimates them where its label says so, as
-    "closed-loop:estimate=clock+lever-arm", with these standard deviations as its priors.
+    Parameters
+    ----------
+    scenarios : str, Scenario or several
+        Scenario values, built-in names or TOML files; as an attribute a tuple, as filters and imus.
+    filters : str or several
+        Names, with options as "periodic-reset:interval=60".
+    imus : str, ImuSpec or several
+        Grades, files or ImuSpec, each with every scenario; default: the scenario's own.
+    runs : int
+        Of each filter in each cell, a scenario with an IMU.
+    seed : int
+        Of all chance.
+    epoch : float
+        s between scored rows.
+    keep : int
+        Every keep-th scored row is stored and part of the curves.
+    limits : LossLimits
+        Bounds beyond which a run is lost.
+    chunk_steps : int
+        Filter steps in a chunk, about: seconds of work, which is what an interruption loses.
+    installation : dict
+        {parameter: standard deviation} from which each run draws what is wrong with it, SI, as
+        `fuse(estimate=)` names them. A filter estimates them where its label says so, as
+        "closed-loop:estimate=clock+lever-arm", with these standard deviations as its priors.
+
+    Raises
+    ------
+    DataError
+        Where anything given is out of range or not known.
     """
 
     scenarios: tuple[str | Scenario, ...]
-    filters: tuple[str, ...] = ("closed-loop", "open-loop")
-    imus: tuple[str | ImuSpec, ...] = ()
-    runs: int = 50
-    seed: int = 0
-    epoch: float = 1.0  # s between scored rows
-    keep: int = 5  # every keep-th scored row is stored and part of the curves
-    limits: LossLimits = field(default_factory=LossLimits)
-    # filter steps in a chunk, about: seconds of work, which is what an interruption loses
-    chunk_steps: int = 3_000_000
-    # {parameter: standard deviation}, from which each run draws what is wrong with it
-    installation: Installation = field(default_factory=dict)
+    filters: tuple[str, ...]
+    imus: tuple[str | ImuSpec, ...]
+    runs: int
+    seed: int
+    epoch: float
+    keep: int
+    limits: LossLimits
+    chunk_steps: int
+    installation: Installation
 
-    def __post_init__(self) -> None:
-        for name in ("scenarios", "filters", "imus"):
-            value = getattr(self, name)
-            object.__setattr__(
-                self,
-                name,
-                (value,) if isinstance(value, (str, Scenario, ImuSpec)) else tuple(value),
-            )
+    def __init__(
+        self,
+        scenarios: str | Scenario | Iterable[str | Scenario],
+        filters: str | Iterable[str] = ("closed-loop", "open-loop"),
+        imus: str | ImuSpec | Iterable[str | ImuSpec] = (),
+        runs: int = 50,
+        seed: int = 0,
+        epoch: float = 1.0,
+        keep: int = 5,
+        limits: LossLimits | None = None,
+        chunk_steps: int = 3_000_000,
+        installation: Installation | None = None,
+    ) -> None:
+        vars(self).update(
+            scenarios=_several(scenarios, "scenarios", Scenario),
+            filters=_several(filters, "filters", str),
+            imus=_several(imus, "imus", ImuSpec),
+            runs=runs,
+            seed=seed,
+            epoch=epoch,
+            keep=keep,
+            limits=LossLimits() if limits is None else limits,
+            chunk_steps=chunk_steps,
+            installation={} if installation is None else installation,
+        )
+        self._check()
+
+    def _check(self) -> None:
+        """Raise DataError where a value is out of range or a name is not known."""
         for name, least in (("runs", 1), ("keep", 1), ("seed", 0), ("chunk_steps", 1)):
             check_number(getattr(self, name), f"study: {name}", least=least, whole=True)
         check_number(self.epoch, "study: epoch", "s", above=0)
-        object.__setattr__(self, "installation", check_installation(self.installation))
+        vars(self)["installation"] = check_installation(self.installation)
         if not self.scenarios or not self.filters:
             raise DataError("study: it needs a scenario and a filter at least")
         for label in self.filters:
@@ -183,7 +226,7 @@ class Study:
             Where the folder is of another study, or an option is out of range.
         """
         threads, workers = how.get("threads"), how.get("workers", 0)
-        scheduler, say = how.get("scheduler"), how.get("say")
+        scheduler, notify = how.get("scheduler"), how.get("notify")
         check_number(threads or 0, "threads", least=0, whole=True)
         check_number(workers, "workers", least=0, whole=True)
         if scheduler is not None and (workers or not scheduler.strip()):
@@ -195,14 +238,14 @@ class Study:
             raise DataError(f"scheduler is {scheduler!r}{remedy}")
         tell = listener(progress)
         campaign = Campaign.begin(self, out)
-        with campaign.locked():
+        with campaign.lock():
             campaign.check()
-            missing = campaign.missing()
+            missing = campaign.missing_chunks()
             done, total = self.steps() - sum(map(self.steps, missing)), self.steps()
             results = (
-                distributed.run(campaign, missing, workers, scheduler, say)
+                distributed.run(campaign, missing, workers, scheduler, notify)
                 if workers or scheduler
-                else _run_threads(campaign, missing, threads, say)
+                else _run_threads(campaign, missing, threads, notify)
             )
             for chunk in results:
                 done += self.steps(chunk)
@@ -211,14 +254,27 @@ class Study:
         return campaign
 
 
+def _several(given: Any, name: str, kind: type) -> tuple[Any, ...]:
+    """One value or several as a tuple. Raises DataError where one is neither text, a path nor a
+    `kind`."""
+    fitting = (str, PathLike, kind)
+    values = (given,) if isinstance(given, fitting) or not isinstance(given, Iterable) else given
+    known = tuple(values)
+    for value in known:
+        if not isinstance(value, fitting):
+            wanted = "a name" if kind is str else f"a name or a {kind.__name__}"
+            raise DataError(f"study: {name} has {brief(value)}; each must be {wanted}")
+    return known
+
+
 def _run_threads(
-    campaign: Campaign, missing: list[Chunk], threads: int | None, say: Say | None
+    campaign: Campaign, missing: list[Chunk], threads: int | None, notify: Notify | None
 ) -> Iterator[Chunk]:
     """Run chunks on threads of this process, yielding each when its file is there."""
     if not missing:
         return
     assert campaign.study is not None  # it began this campaign
-    compile_for(campaign.study, say)
+    compile_for(campaign.study, notify)
     pool = ThreadPoolExecutor(threads or cpu_count())
     try:
         waiting = {pool.submit(campaign.work, chunk): chunk for chunk in missing}

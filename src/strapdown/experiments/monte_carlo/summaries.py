@@ -48,7 +48,7 @@ GROUP_UNITS = {
     "accel_bias": "m/s^2",
     "gyro_bias": "deg/h",
 }
-"""Of the mean squares' roots in tables."""
+"""Units of the root mean squares in tables."""
 
 
 def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
@@ -125,8 +125,8 @@ def _of_parameters(numbers: Arrays, names: list[str], ran: NDArray[np.bool_]) ->
         "anees_parameters": mean_of_known(numbers["nees_parameters"][ran]),
     }
     for k, name in enumerate(names):
-        error, sd = numbers["parameter_error"][ran, k], numbers["parameter_sd"][ran, k]
-        held = (np.abs(error) <= NORMAL_95 * sd)[np.isfinite(sd)]
+        error, std = numbers["parameter_error"][ran, k], numbers["parameter_std"][ran, k]
+        held = (np.abs(error) <= NORMAL_95 * std)[np.isfinite(std)]
         row |= {
             f"rmse {name}": float(np.sqrt(mean_of_known(error**2))),
             f"bias {name}": mean_of_known(error),
@@ -151,7 +151,7 @@ def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
 
 def _parameters_of_runs(own: Arrays, names: list[str]) -> dict[str, Array]:
     columns = {name: own["parameter_error"][:, k] for k, name in enumerate(names)}
-    columns |= {f"sd of {name}": own["parameter_sd"][:, k] for k, name in enumerate(names)}
+    columns |= {f"std of {name}": own["parameter_std"][:, k] for k, name in enumerate(names)}
     more = {"anees_all": "nees_all", "anees_parameters": "nees_parameters"}
     return columns | {column: own[name] for column, name in more.items() if name in own}
 

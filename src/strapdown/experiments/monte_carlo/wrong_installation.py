@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ...checks import DataError, located
+from ...checks import DataError, locate_errors
 from ...core.loop.contract import InitialState
 from ...data.calibration_parameters import (
     ACCEL_MISALIGNMENT,
@@ -24,7 +24,7 @@ from ...data.calibration_parameters import (
     prior,
 )
 from ...data.recording import Recording
-from ...data.solution import Aiding, Trajectory
+from ...data.solution import Source, Trajectory
 from ...engine.installation import Prior, StateParameter, parameters, with_estimates
 from ...preprocessing.rotated_imu import with_the_imu
 from ...sensor_models.streams import RandomStream, SeedLike
@@ -60,7 +60,7 @@ def check_installation(installation: object) -> dict[str, tuple[float, ...]]:
         )
     found = {}
     for name, given in installation.items():
-        with located("installation"):
+        with locate_errors("installation"):
             found[name] = prior(check_parameter(name), given)
     return found
 
@@ -68,7 +68,7 @@ def check_installation(installation: object) -> dict[str, tuple[float, ...]]:
 def parameters_of(recording: Recording, installation: Installation) -> tuple[StateParameter, ...]:
     """The parameters that `estimate=installation` makes states of. Raises DataError."""
     wanted = with_estimates(recording, installation)
-    return tuple(parameters(wanted.aidings, wanted.meta.get("estimate", {})))
+    return tuple(parameters(wanted.sources, wanted.meta.get("estimate", {})))
 
 
 def draw_installation(
@@ -80,7 +80,7 @@ def draw_installation(
     return installed_wrong(
         recording,
         found,
-        np.array([each.sd for each in found]) * RandomStream.of(seed).standard_normal(len(found)),
+        np.array([each.std for each in found]) * RandomStream.of(seed).standard_normal(len(found)),
     )
 
 
@@ -92,7 +92,7 @@ def installed_wrong(
     A clock, a lever arm and a scale change their sources. A mounting and what is wrong with the
     axes of the IMU change its samples; the true attitude and biases are those of its own axes then.
     """
-    aidings = list(recording.aidings)
+    sources = list(recording.sources)
     vectors: dict[str, Array] = {}
     for parameter, value in zip(found, error):
         of = parameter.of
@@ -100,14 +100,14 @@ def installed_wrong(
             vectors.setdefault(of.name, np.zeros(len(of.components)))[parameter.component] = value
             continue
         for i in parameter.sources:
-            aidings[i] = _given_wrong(aidings[i], of, parameter.component, float(value))
+            sources[i] = _given_wrong(sources[i], of, parameter.component, float(value))
     start, stop = recording.span
-    changed = replace(recording, aidings=tuple(a.between(start, stop + 1e-9) for a in aidings))
+    changed = replace(recording, sources=tuple(a.between(start, stop + 1e-9) for a in sources))
     return Installed(_samples_wrong(changed, vectors), tuple(found), np.asarray(error, float))
 
 
 def start_of(installed: Installed, start: InitialState) -> InitialState:
-    """A Start of the right recording, with the same error, in the axes as described."""
+    """An InitialState of the right recording, with the same error, in the axes as described."""
     from scipy.spatial.transform import Rotation
 
     turn = np.zeros(3)
@@ -118,15 +118,15 @@ def start_of(installed: Installed, start: InitialState) -> InitialState:
         return start
     own = Rotation.from_rotvec(turn)
     heading, pitch, roll = (Rotation.from_euler("ZYX", start.rph[::-1]) * own).as_euler("ZYX")
-    b_a, b_g = (own.inv().apply(bias) for bias in (start.ba, start.bg))
+    b_a, b_g = (own.inv().apply(bias) for bias in (start.b_a, start.b_g))
     return start._replace(
         rph=(float(roll), float(pitch), float(heading % (2 * np.pi))),
-        ba=tuple(map(float, b_a)),
-        bg=tuple(map(float, b_g)),
+        b_a=tuple(map(float, b_a)),
+        b_g=tuple(map(float, b_g)),
     )
 
 
-def _given_wrong(a: Aiding, of: CalibrationParameter, component: int, error: float) -> Aiding:
+def _given_wrong(a: Source, of: CalibrationParameter, component: int, error: float) -> Source:
     if of is CLOCK:
         return replace(a, t=a.t - error)
     if of is SCALE:
@@ -141,23 +141,25 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
     from scipy.spatial.transform import Rotation
 
     imu, reference = recording.imu, recording.reference
-    aidings = recording.aidings
+    sources = recording.sources
     back = Rotation.from_rotvec(-vectors[MOUNTING.name]) if MOUNTING.name in vectors else None
     rates, forces = imu.dtheta, imu.dv
     if back is not None:
-        rates, forces = back.apply(rates), back.apply(forces)
+        rates, forces = back.apply(rates.copy()), back.apply(forces.copy())
         if "b_a" in recording.meta:
             b_a, b_g = recording.meta["b_a"], recording.meta["b_g"]
-            recording = recording.knowing(b_a=back.apply(b_a), b_g=back.apply(b_g))
+            recording = recording.with_meta(
+                b_a=back.apply(np.array(b_a)), b_g=back.apply(np.array(b_g))
+            )
         reference = _rotate_reference(reference, back.inv())
-        aidings = tuple(with_the_imu(a, back) for a in aidings)
+        sources = tuple(with_the_imu(a, back) for a in sources)
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
     accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
     return replace(
         recording,
         imu=imu._replace(dtheta=rates @ gyro.T, dv=forces @ accel.T),
         reference=reference,
-        aidings=aidings,
+        sources=sources,
     )
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 from ... import aiding, filters
 from ...checks import DataError, check_number
 from ...core.loop.contract import Filter, InitialState, Noise
-from ...data.recording import Recording
+from ...data.recording import Recording, check_recording
 from ...data.solution import Trajectory
 from ...engine.heading_hypotheses import align_start
 from ...engine.installation import with_estimates
@@ -32,14 +32,14 @@ from .runs import Common, Entrant, FilterWay, Result, through
 from .scores import known_reference, outages_of
 
 WITHHELD_KINDS = "position", "velocity"
-"""Kinds of aiding that an outage of GNSS withholds."""
+"""Kinds of measurement that an outage of GNSS withholds."""
 NUMBER_IN_TEXT = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 """A number in the text of an event."""
 SLOW_FILTERS = ("pkf",)
 """Filters of hundreds of components, which take minutes where the others take a second: they run
 only where they are named."""
 HERE = re.compile(r",? (?:first|from) here\b")
-"""What the text of an event refers to its time by."""
+"""Words by which the text of an event refers to its time."""
 
 
 @takes(SourceOptions)
@@ -77,13 +77,18 @@ def compare(
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
+    Returns
+    -------
+    Comparison
+        Scores of every filter in every outage, and what they say together.
+
     Raises
     ------
     DataError
         For bad input, and where no filter can run.
     """
     asked = run_options(**shared)
-    start, noise, say = asked["start"], asked["noise"], asked["say"]
+    start, noise, notify = asked["start"], asked["noise"], asked["notify"]
     _check(recording, threads, start, noise)
     entrants, kinds = _entrants(filters), _kinds(kinds)
     recording = with_weights(
@@ -96,12 +101,12 @@ def compare(
     end = min(recording.span[1], float(reference.t[-1]))
 
     @cache
-    def whole() -> InitialState:
+    def start_of_all() -> InitialState:
         return start or _aligned_start(recording, spec, asked)
 
-    made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
+    made = protocol(outages, recording.span, end, lambda: start_of_all().t + SETTLING)
     # without the fixes of an early outage an alignment would wait, or begin with less
-    before_start(made, whole())
+    before_start(made, start_of_all())
     hidden = recording.hidden(made.windows, kinds)
     begin = start or _hidden_start(hidden, spec, asked)
     before_start(made, begin)
@@ -111,7 +116,7 @@ def compare(
     given: RunOptions = {**asked, "start": begin, "robust": None, "adaptive": None}
     common = Common(recording, hidden, made.sweep, scenes, kinds, given)
     for entrant in entrants:
-        prepare(entrant.filter, [a.kind for a in recording.aidings], say)
+        prepare(entrant.filter, [a.kind for a in recording.sources], notify)
     ways, results = through(common, entrants, threads or cpu_count(), listener(progress))
     return _comparison(common, made, Ran(entrants, ways, results), notes, reference, spec)
 
@@ -168,7 +173,7 @@ def _pair(each: object) -> tuple[str, dict[str, Any]]:
 
 
 def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
-    """Kinds of aiding to withhold, as a tuple. Raises DataError."""
+    """Kinds of measurement to withhold, as a tuple. Raises DataError."""
     named = (kinds,) if isinstance(kinds, str) or not isinstance(kinds, Iterable) else tuple(kinds)
     if not named:
         raise DataError(
@@ -186,8 +191,7 @@ def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
 
 def _check(recording: object, threads: int | None, start: object, noise: object) -> None:
     """Refuse what is of another type. Raises DataError."""
-    if not isinstance(recording, Recording):
-        raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
+    check_recording(recording)
     if threads is not None:
         check_number(threads, "threads", least=1, whole=True)
     if start is not None and not isinstance(start, InitialState):
@@ -206,7 +210,7 @@ def _check_ahrs(ahrs: str | Filter | None) -> None:
 
 def _aligned_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
     assert spec is not None  # it is, where there is no start
-    return align_start(recording, spec, noise=asked["noise"], say=asked["say"])
+    return align_start(recording, spec, noise=asked["noise"], notify=asked["notify"])
 
 
 def _hidden_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
@@ -299,7 +303,7 @@ def _settings(
             a.name or a.kind: a.kind
             for _, run in ran
             if run
-            for a in run.recording.aidings
+            for a in run.recording.sources
             if a.kind not in common.kinds
         },
         "options": {
@@ -307,7 +311,7 @@ def _settings(
             for e, run in ran
         },
         "sources": {
-            e.label: [a.name or a.kind for a in run.recording.aidings] if run else []
+            e.label: [a.name or a.kind for a in run.recording.sources] if run else []
             for e, run in ran
         },
         "reference": {e.label: e.filter.reference for e, _ in ran},
@@ -324,7 +328,7 @@ def _withheld_counts(common: Common) -> dict[str, int]:
     """{source: fixes withheld in the outages}, each fix once, also where outages overlap."""
     found: Counter[str] = Counter()
     hidden = common.recording.hidden([each[:2] for each in common.outages], common.kinds)
-    for whole, left in zip(common.recording.aidings, hidden.aidings):
+    for whole, left in zip(common.recording.sources, hidden.sources):
         if whole.kind in common.kinds:
             found[whole.name or whole.kind] += len(whole.t) - len(left.t)
     return dict(found)

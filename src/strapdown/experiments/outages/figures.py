@@ -22,7 +22,7 @@ from ...pages.drawing import (
     COLOURS,
     GREY,
     corners,
-    even,
+    even_indices,
     finish,
     ground,
     line,
@@ -60,7 +60,7 @@ MARKER_SYMBOLS = (
 )
 DASHES = ("solid", "dash", "dot")
 OUTAGE_COLOUR = "rgba(59,125,216,0.35)"
-"""Of the stretches of the track whose fixes were withheld."""
+"""Colour of the stretches of the track whose fixes were withheld."""
 GAUSS = (68.27, 95.45, 99.73)
 """Percent of a normal error within 1, 2 and 3 standard deviations."""
 REACH = 100.0
@@ -74,14 +74,14 @@ SHARES = {
 """{column of the scores: (panel, place in GAUSS)} of the errors within standard deviations."""
 SINCE = "time since the outage began [s]"
 LINE_POINTS = 250
-"""Of a line over one outage at most."""
+"""Points of a line over one outage at most."""
 MIDDLING = 5.0
 """Multiple of the largest error of the middle filter that the frame of a single outage shows, where
 others go twice as far."""
 
 
 class Style(NamedTuple):
-    """How a filter is drawn."""
+    """Colour, symbol and dash of a filter."""
 
     colour: str
     symbol: str
@@ -91,14 +91,14 @@ class Style(NamedTuple):
 def styles(filters: Iterable[str]) -> dict[str, Style]:
     """{filter: Style} in their order; ten colours, then again with other dashes."""
 
-    def chosen(i: int) -> Style:
+    def style_at(i: int) -> Style:
         return Style(
             PALETTE[i % len(PALETTE)],
             MARKER_SYMBOLS[i % len(MARKER_SYMBOLS)],
             DASHES[i // len(PALETTE) % len(DASHES)],
         )
 
-    return {name: chosen(i) for i, name in enumerate(filters)}
+    return {name: style_at(i) for i, name in enumerate(filters)}
 
 
 def paired_ratios(comparison: Comparison, base: str, length: float) -> go.Figure | None:
@@ -239,7 +239,7 @@ def _ribbon(
     """A `ribbon` where both lines are known, thinned."""
     known = np.flatnonzero(np.isfinite(low) & np.isfinite(high) & (low > 0))
     if len(known) > 1:
-        keep = known[even(len(known), LINE_POINTS)]
+        keep = known[even_indices(len(known), LINE_POINTS)]
         ribbon(figure, x[keep], low[keep], high[keep], colour, opacity, name, row=row, col=1)
 
 
@@ -328,7 +328,7 @@ def course(comparison: Comparison, outage: int) -> go.Figure | None:
     for rank, (name, style) in reversed(list(enumerate(styles(comparison.filters).items()))):
         if (track := comparison.tracks[name][outage]) is None:
             continue
-        keep = even(len(track.since), LINE_POINTS)
+        keep = even_indices(len(track.since), LINE_POINTS)
         largest[name] = np.abs(track.error).max(axis=0)
         since, dash = track.since[keep], style.dash
         for row, error in enumerate(track.error[keep].T, 1):
@@ -403,7 +403,9 @@ def track(comparison: Comparison) -> go.Figure | None:
     t, lla = reference.t[known], reference.lla[known]
     path = ground(lla, lla[0])
     figure = finish(go.Figure(), 640)
-    draw_path(figure, path[even(len(path))], "reference", line={"color": GREY, "width": 1.5})
+    draw_path(
+        figure, path[even_indices(len(path))], "reference", line={"color": GREY, "width": 1.5}
+    )
     hidden = np.zeros(len(t), bool)
     for start, stop in comparison.windows:
         hidden |= (t >= start) & (t <= stop)
@@ -493,7 +495,7 @@ def _breaks(hidden: Mask) -> Ints:
     beside it to break the line."""
     wanted = np.flatnonzero(hidden)
     edges = np.flatnonzero(np.diff(hidden))
-    return np.unique(np.r_[wanted[even(len(wanted))], edges, edges + 1])
+    return np.unique(np.r_[wanted[even_indices(len(wanted))], edges, edges + 1])
 
 
 def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> None:
@@ -503,7 +505,7 @@ def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array)
         parts = []
         for (start, _), track in zip(comparison.windows, comparison.tracks[name]):
             if track is not None:
-                keep = even(len(track.since), LINE_POINTS)
+                keep = even_indices(len(track.since), LINE_POINTS)
                 true = np.column_stack(
                     [np.interp(start + track.since[keep], t, axis) for axis in path.T]
                 )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import pandas as pd
 
 from ...data.solution import Trajectory
+from ...data.value import Value
 from ...data.verdict import Verdict
 from ...evaluation.metrics import NED_AXES
 from ...fileio.files import together, write_table
@@ -30,29 +31,58 @@ UNITS = {"_m_s": "m/s", "_percent": "percent", "_deg": "degree", "_m": "m", "_s"
 """{how the name of a score ends: its unit}; others are numbers."""
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, eq=False)
+class Comparison(Value):
     """Filters on the same outages of one recording. Errors are true - estimate, against the
     reference in its own geodetic frame, not aligned.
 
     What a filter did not get to is NaN, and `said` tells why.
+
+    Attributes
+    ----------
+    name : str
+        Name of the recording.
+    protocol : str
+        Protocol of the outages, as it was asked for.
+    words : str
+        The protocol in words.
+    sweep : bool
+        Each outage is a run of its own, and they may overlap; else all are in one run.
+    filters : tuple of str
+        Labels, in the order they were given.
+    windows : tuple of Window
+        Outages (start, stop), s.
+    kinds : tuple of str
+        Kinds of the fixes withheld.
+    scores : DataFrame
+        A row per filter and outage; units in the names of its columns.
+    tracks : dict[str, list[ErrorTrack or None]]
+        {label: a track per outage, None where it was not reached}.
+    reference : Trajectory
+        Rows whose position is known.
+    span : Window
+        (start of the filters, end of the recording), s.
+    settings : dict[str, Any]
+        Imu, noise, start, kinds, withheld, kept, and per filter options, sources.
+    notes : tuple of str
+        What else a user must know, a line each.
+    verdicts : dict[str, Verdict]
+        Of each filter that could run: on its whole run, in a sweep that with all fixes.
     """
 
-    name: str  # of the recording
-    protocol: str  # as it was asked for
-    words: str  # the same for people
-    sweep: bool  # each outage is a run of its own, and they may overlap; else all are in one run
-    filters: tuple[str, ...]  # labels, in the order they were given
-    windows: tuple[Window, ...]  # ((start, stop), ...) s, outages 1, 2, ...
-    kinds: tuple[str, ...]  # of the fixes withheld
-    scores: pd.DataFrame  # a row per filter and outage; units in the names of its columns
-    tracks: dict[str, list[ErrorTrack | None]]  # {label: [scores.Track or None per outage]}
-    reference: Trajectory  # rows whose position is known
-    span: Window  # (start of the filters, end of the recording), s
-    # imu, noise, start, kinds, withheld, kept, and per filter options, sources
+    name: str
+    protocol: str
+    words: str
+    sweep: bool
+    filters: tuple[str, ...]
+    windows: tuple[Window, ...]
+    kinds: tuple[str, ...]
+    scores: pd.DataFrame
+    tracks: dict[str, list[ErrorTrack | None]]
+    reference: Trajectory
+    span: Window
     settings: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    # of each filter that could run: on its whole run, in a sweep that with all fixes
     verdicts: dict[str, Verdict] = field(default_factory=dict)
 
     @cached_property

@@ -17,7 +17,7 @@ from ...checks import DataError
 from ...core.loop import loop
 from ...core.loop.contract import DOUBTFUL, Cursor, Filter, FilterState, Imu, InitialState
 from ...data.recording import Recording
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...data.verdict import Verdict
 from ...engine.batch import begin
 from ...engine.events import Events
@@ -66,7 +66,7 @@ class Entrant(NamedTuple):
 
 
 class FilterWay(NamedTuple):
-    """How one filter came to the outages."""
+    """The run of one filter up to the outages."""
 
     run: Run | None  # that it made; None where it cannot run at all
     stands: dict[int, Stand]  # {IMU row: (Belief, Cursor) before it}
@@ -145,7 +145,7 @@ def _judge_run(run: Run) -> tuple[Verdict | None, float]:
     return made.verdict, made.seconds(DOUBTFUL)
 
 
-def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
+def _fed_alike(common: Common, entrant: Entrant, fed: list[Source]) -> bool:
     """True where the AHRS attitudes `fed` to a filter stay the same in a run without the fixes of
     any outage."""
     try:
@@ -157,19 +157,19 @@ def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
     return len(fed) == len(other) and all(
         np.array_equal(getattr(a, part), getattr(b, part), equal_nan=True)
         for a, b in zip(fed, other)
-        for part in ("t", "y", "sd")
+        for part in ("t", "y", "std")
     )
 
 
-def _ahrs_sources(run: Run, recording: Recording) -> list[Aiding]:
+def _ahrs_sources(run: Run, recording: Recording) -> list[Source]:
     """The sources of a Run that are none of the recording's: the attitude of an AHRS that ran
     first."""
-    return [a for a in run.recording.aidings if not _is_of(a, recording)]
+    return [a for a in run.recording.sources if not _is_of(a, recording)]
 
 
-def _is_of(a: Aiding, recording: Recording) -> bool:
+def _is_of(a: Source, recording: Recording) -> bool:
     """True where the source is one of the recording's, perhaps with other parameters as states."""
-    return any(a.y is own.y for own in recording.aidings)
+    return any(a.y is own.y for own in recording.sources)
 
 
 def _copy_stand(belief: FilterState, cursor: Cursor) -> Stand:
@@ -228,7 +228,7 @@ def _withheld_sources(common: Common, run: Run) -> list[int]:
     whole, of such a kind."""
     return [
         s
-        for s, a in enumerate(run.recording.aidings)
+        for s, a in enumerate(run.recording.sources)
         if a.kind in common.kinds and _is_of(a, common.recording)
     ]
 
@@ -252,7 +252,7 @@ def _run_branch(run: Run, stand: Stand, outage: ScoredOutage, sources: list[int]
         t=t[keep],
         source=source[keep],
         y=fixes.y[near][keep],
-        sd=fixes.sd[near][keep],
+        std=fixes.std[near][keep],
         sources=fixes.sources.copy(),  # the loop writes there, and outages run at a time
     )
     state, unscored = cursor.state[0], outage.first - outage.branch
@@ -260,7 +260,7 @@ def _run_branch(run: Run, stand: Stand, outage: ScoredOutage, sources: list[int]
     state.fixes, state.every, state.phase = keep.sum(), 1, -1
     out = new_output(run.filter, belief, len(samples.t) - unscored, False, len(fixes.t))
     start = run.start._replace(t=float(cursor.state[0].t))
-    events = Events(run.filter, run.recording.aidings, run.events.vehicle)
+    events = Events(run.filter, run.recording.sources, run.events.vehicle)
     branched = run._replace(
         samples=samples,
         start=start,

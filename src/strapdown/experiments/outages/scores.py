@@ -28,7 +28,7 @@ HARDLY = 10.0
 MOSTLY = 0.95
 """Share of the rows of an outage at which the reference is known that goes without saying."""
 NEAR_END = 0.02
-"""Of the length of an outage: so far before its end, or one IMU sample, the reference must be
+"""Share of the length of an outage: so far before its end, or one IMU sample, the reference must be
 known for errors at the end."""
 COARSE = 5, 1.0
 """A reference of fewer rows in an outage, or of longer steps (s), is noted."""
@@ -64,7 +64,7 @@ class ErrorTrack(NamedTuple):
 
     since: Array  # (k,) s since its start
     error: Array  # (k, 3) true - estimate, m NED
-    sd: Array | None  # (k, 3) claimed standard deviations, m; None where the filter claims none
+    std: Array | None  # (k, 3) claimed standard deviations, m; None where the filter claims none
 
 
 def known_reference(recording: Recording) -> Trajectory:
@@ -87,7 +87,7 @@ def known_reference(recording: Recording) -> Trajectory:
             f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to "
             f"{end:.10g} s; check its clock"
         )
-    return replace(reference.taking(known), sd=None)
+    return replace(reference.take(known), std=None)
 
 
 class _Scene(NamedTuple):
@@ -158,7 +158,7 @@ def _scene(
             )
         ] = True
     times = np.sort(
-        np.concatenate([a.t for a in recording.aidings if a.kind in kinds] or [np.empty(0)])
+        np.concatenate([a.t for a in recording.sources if a.kind in kinds] or [np.empty(0)])
     )
     least = int(np.searchsorted(t, start.t + SAME_TIME, side="right"))
     steps = float(np.median(recording.imu.dt)), float(np.median(np.diff(reference.t)))
@@ -199,7 +199,7 @@ def _outage(window: Window, scene: _Scene) -> ScoredOutage:
             f"window"
         )
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
-    truth = scene.truth.taking(slice(at, at + last - first))
+    truth = scene.truth.take(slice(at, at + last - first))
     known = np.isfinite(truth.lla).all(axis=1)
     if not known.any():
         raise DataError(
@@ -263,16 +263,16 @@ def score_outage(solution: Solution, outage: ScoredOutage) -> tuple[dict[str, fl
         raise DataError("diverged: its position is no number")
     known = np.isfinite(truth.lla).all(axis=1)
     p = displacement(truth.lla[known], estimate.lla[known])
-    sd = np.full_like(p, np.nan) if estimate.sd is None else estimate.sd[known, :3]
+    std = np.full_like(p, np.nan) if estimate.std is None else estimate.std[known, :3]
     row = (
         _position_scores(p, outage)
         | _velocity_scores(estimate, outage)
         | _attitude_scores(estimate, truth)
-        | _coverage(p, sd)
+        | _coverage(p, std)
     )
     at = np.unique(np.linspace(0, len(p) - 1, min(len(p), DRAWN)).round().astype(int))
-    claimed = estimate.sd is not None and np.isfinite(estimate.sd[:, :3]).any()
-    return row, ErrorTrack(truth.t[known][at] - outage.start, p[at], sd[at] if claimed else None)
+    claimed = estimate.std is not None and np.isfinite(estimate.std[:, :3]).any()
+    return row, ErrorTrack(truth.t[known][at] - outage.start, p[at], std[at] if claimed else None)
 
 
 def _rms(values: Array) -> float:
@@ -321,10 +321,10 @@ def _attitude_scores(estimate: Trajectory, truth: Trajectory) -> dict[str, float
     return {f"{name}_rmse_deg": float(np.degrees(_rms(rph[:, i]))) for i, name in enumerate(EULER)}
 
 
-def _coverage(p: Array, sd: Array) -> dict[str, float]:
+def _coverage(p: Array, std: Array) -> dict[str, float]:
     """Share of the errors within 1, 2 and 3 claimed standard deviations: north and east
     together, and down."""
-    share = coverage(p, sd)
+    share = coverage(p, std)
     return {f"coverage_{k}": float(share[k - 1, :2].mean()) for k in (1, 2, 3)} | {
         f"down_coverage_{k}": float(share[k - 1, 2]) for k in (1, 2, 3)
     }

@@ -207,8 +207,11 @@ def _options(options: dict[str, Any]) -> str:
 
 def _start(start: dict[str, Any]) -> str:
     (lat, lon), heading = np.degrees(start["lla"][:2]), np.degrees(start["rph"][2]) % 360
-    place, sd = f"{lat:.5f} deg, {lon:.5f} deg, {start['lla'][2]:.1f} m", np.degrees(start["sd"][8])
-    return f"at {start['t']:.2f} s, {place}, heading {heading:.1f} deg (sd {sd:.2g} deg)" + (
+    place, std = (
+        f"{lat:.5f} deg, {lon:.5f} deg, {start['lla'][2]:.1f} m",
+        np.degrees(start["std"][8]),
+    )
+    return f"at {start['t']:.2f} s, {place}, heading {heading:.1f} deg (std {std:.2g} deg)" + (
         f"; {start['note']}" if start["note"] else ""
     )
 

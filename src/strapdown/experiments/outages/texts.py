@@ -18,7 +18,7 @@ HEIGHTS = "altitude", "pressure", "zero-sea-level"
 
 
 class ErrorRatio(NamedTuple):
-    """How much larger one filter's RMSE is than another's on the same outages."""
+    """Ratio of one filter's RMSE to another's on the same outages."""
 
     value: float  # geometric mean of the ratios
     low: float  # 95 % interval, NaN with fewer than two blocks
@@ -117,7 +117,7 @@ def _answer(comparison: Comparison, length: float) -> str:
 
 
 def _times(best: str, found: dict[str, ErrorRatio], names: Iterable[str]) -> str:
-    """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as
+    """The RMSE of `best` beside that of each other: "best's horizontal RMSE is 0.5 times as
     large as worse's (95 %: 0.45 to 0.56)".
 
     found: {name: Ratio to it}.

@@ -77,7 +77,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         _doubt_rates(belief, pitch, heading, mid, cosine, dt)
         add_angles(belief, roll, pitch, heading)
     else:
-        rotate_right(belief.C, r0, r1, r2)
+        rotate_right(belief.C_nb, r0, r1, r2)
         read_angles(belief)
         belief.workspace[BEYOND] += dt
 
@@ -139,7 +139,7 @@ def along(c: float, s: float, xx: float, xy: float, yy: float) -> tuple[float, f
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -148,10 +148,10 @@ def correct(
 ) -> float:
     """Correct P and the states. A measured attitude also is the known one from now on."""
     fade_shared(belief, source)
-    inflate_attitude_noise(belief, sd, kind)
+    inflate_attitude_noise(belief, std, kind)
     nis = correct_angles(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
-        learn_from_fix(belief, y, sd, kind)
+        learn_from_fix(belief, y, std, kind)
     return nis
 
 

@@ -55,9 +55,9 @@ def start(start: InitialState, noise: Noise) -> FilterState:
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
     workspace = belief.workspace
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
-    linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[DX], workspace[HEIGHT])
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
+    linearised_step(belief, belief.C_nb, 1.0, u, dt, noise, False)
+    mechanize(belief.lla, belief.v_n, belief.C_nb, r, a, dt, workspace[DX], workspace[HEIGHT])
     r0, r1, r2 = rate_of_body(belief, r[0], r[1], r[2])
     if gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         integrate_angles(belief, r0, r1, r2)
@@ -87,7 +87,7 @@ def integrate_angles(belief: FilterState, r0: float, r1: float, r2: float) -> No
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -95,7 +95,7 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct P and the states; P is turned by half of the correction, as in a closed loop."""
-    nis = correct_angles(belief, y, sd, observe, source, gate, innovation)
+    nis = correct_angles(belief, y, std, observe, source, gate, innovation)
     if nis <= gate:
         theta = belief.workspace[DX][ATT]
         turn_half(belief.P, theta[0], theta[1], theta[2])

@@ -47,7 +47,7 @@ from ...core.mathematics.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
 
 POLES = Slots()
-"""Of an axis, 1/s. A pair is (a, b, complex): a and b, or a +- jb."""
+"""Poles of an axis, 1/s. A pair is (a, b, complex): a and b, or a +- jb."""
 THIRD = POLES.number("THIRD")  # of positions, a pole and a pair
 PAIR = POLES.array("PAIR", 3)
 VELOCITY_PAIR = POLES.array("VELOCITY_PAIR", 3)
@@ -156,10 +156,10 @@ def _check(
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, since = belief.workspace, belief.workspace[SINCE]
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
     if has_new_noise(workspace[OWN], noise):
         _step(belief)
-    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[FORCE])
+    mechanize(belief.lla, belief.v_n, belief.C_nb, r, a, dt, workspace[FORCE])
     for i in range(6):
         since[i] += dt
     workspace[SINCE_TILT] += dt
@@ -174,14 +174,14 @@ def _step(belief: FilterState) -> None:
     """P over the samples since its last step."""
     own = belief.workspace[OWN]
     if own[SECONDS] > 0:
-        carry(belief.P, own, belief.lla, belief.v, belief.C)
+        carry(belief.P, own, belief.lla, belief.v_n, belief.C_nb)
 
 
 @kernel(CORRECT)
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -190,16 +190,16 @@ def correct(
 ) -> float:
     """Take over an attitude; pull position, velocity and bias to any other fix, unless it is
     further off than the covariance allows. Returns the NIS."""
-    workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
+    workspace, C, n = belief.workspace, belief.C_nb, belief.P.shape[0]
     H, own, change = matrix(workspace, JACOBIAN, 3, n), workspace[OWN], workspace[CHANGE]
     _step(belief)
     rows = observe_innovation(belief, y, observe, source, innovation, H)
-    nis = test(belief.P, own, H, innovation, sd, rows)
+    nis = test(belief.P, own, H, innovation, std, rows)
     if not nis <= gate:
         return nis
     if kind == Kind.ATTITUDE:
         if not math.isnan(innovation[0]):
-            _renew(belief, y, sd)
+            _renew(belief, y, std)
             euler_to_matrix(y[0], y[1], measured_heading(y, C), C)
         return nis
     K = workspace[GAIN]
@@ -211,11 +211,11 @@ def correct(
             _pull(workspace, axis, 0 if kind != Kind.VELOCITY else 3, K)
             for i in range(3):
                 change[3 * i + axis] = K[3 * i + axis] * innovation[row]
-    _account(belief, sd, kind, innovation, H)
+    _account(belief, std, kind, innovation, H)
     displace(belief.lla, change[0], change[1], change[2])
     for i in range(3):
-        belief.v[i] += change[3 + i]
-        belief.ba[i] -= C[0, i] * change[6] + C[1, i] * change[7] + C[2, i] * change[8]
+        belief.v_n[i] += change[3 + i]
+        belief.b_a[i] -= C[0, i] * change[6] + C[1, i] * change[7] + C[2, i] * change[8]
     return nis
 
 
@@ -227,9 +227,9 @@ def _clear(workspace: Array) -> None:
 
 
 @helper
-def _account(belief: FilterState, sd: Array, kind: int, innovation: Array, H: Array) -> None:
+def _account(belief: FilterState, std: Array, kind: int, innovation: Array, H: Array) -> None:
     """P by the gains of the rows of this fix that were measured."""
-    workspace, C = belief.workspace, belief.C
+    workspace, C = belief.workspace, belief.C_nb
     a, b, r, K = (
         matrix(workspace, A, 3, STATES),
         matrix(workspace, B, 3, STATES),
@@ -241,7 +241,7 @@ def _account(belief: FilterState, sd: Array, kind: int, innovation: Array, H: Ar
         axis = 2 if kind == Kind.ALTITUDE else row
         if math.isnan(innovation[row]):
             continue
-        r[row, row], a[row, axis], a[row, 3 + axis] = sd[row] * sd[row], -K[axis], -K[3 + axis]
+        r[row, row], a[row, axis], a[row, 3 + axis] = std[row] * std[row], -K[axis], -K[3 + axis]
         for j in range(3):
             a[row, 9 + j] = C[axis, j] * K[6 + axis]
         for j in range(STATES):
@@ -250,17 +250,17 @@ def _account(belief: FilterState, sd: Array, kind: int, innovation: Array, H: Ar
 
 
 @helper
-def _renew(belief: FilterState, y: Array, sd: Array) -> None:
+def _renew(belief: FilterState, y: Array, std: Array) -> None:
     """P by an attitude (rad) that is taken over: its error is new but for what is alike in that of
     the last one; that of a heading which it lacks goes on."""
-    workspace, heading = belief.workspace, measured_heading(y, belief.C)
+    workspace, heading = belief.workspace, measured_heading(y, belief.C_nb)
     a, b, r = (
         matrix(workspace, A, 3, STATES),
         matrix(workspace, B, 3, STATES),
         matrix(workspace, R, 3, 3),
     )
     _clear(workspace)
-    ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
+    ch, sh, forward, right = math.cos(heading), math.sin(heading), std[0] * std[0], std[1] * std[1]
     more, new = _renew_error(workspace, SINCE_TILT)
     r[0, 0], r[1, 1] = (
         more * (ch * ch * forward + sh * sh * right),
@@ -271,7 +271,7 @@ def _renew(belief: FilterState, y: Array, sd: Array) -> None:
     b[0, 6] = b[1, 7] = b[2, 8] = 1.0
     if not math.isnan(y[2]):
         more, new = _renew_error(workspace, SINCE_HEADING)
-        a[2, 8], r[2, 2] = -new, more * sd[2] * sd[2]
+        a[2, 8], r[2, 2] = -new, more * std[2] * std[2]
     joseph_update(belief.P, workspace[OWN], a, b, r)
 
 

@@ -42,15 +42,15 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
     w = belief.workspace[TRANSPORT]
-    rotate_right(belief.C, r0, r1, r2)
-    rotate_left(-w[0], -w[1], -w[2], belief.C)
+    rotate_right(belief.C_nb, r0, r1, r2)
+    rotate_left(-w[0], -w[1], -w[2], belief.C_nb)
 
 
 @kernel(CORRECT)
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -60,11 +60,11 @@ def correct(
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known
     one from now on."""
     fade_shared(belief, source)
-    inflate_attitude_noise(belief, sd, kind)
+    inflate_attitude_noise(belief, std, kind)
     nis = measure(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         inject_all(belief, belief.workspace[DX])
-        learn_from_fix(belief, y, sd, kind)
+        learn_from_fix(belief, y, std, kind)
     return nis
 
 

@@ -68,9 +68,9 @@ def start(
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, the raw INS and the error beside it: velocity with the known attitude,
     attitudes with corrected gyros."""
-    workspace, bg = belief.workspace, belief.bg
+    workspace, b_g = belief.workspace, belief.b_g
     x, b, attitude = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
+    r0, r1, r2 = u[0] - b_g[0] * dt, u[1] - b_g[1] * dt, u[2] - b_g[2] * dt
     linearised_step(belief, matrix(workspace, KNOWN, 3, 3), 0.0, u, dt, noise, True)
     products(x, workspace[BLOCK], belief.lla[0], False, dt)
     move(
@@ -95,7 +95,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -105,14 +105,14 @@ def correct(
     """Correct P and the error beside the INS. A measured attitude also is the known one from now
     on."""
     fade_shared(belief, source)
-    inflate_attitude_noise(belief, sd, kind)
+    inflate_attitude_noise(belief, std, kind)
     nis = correct_beside(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         x, attitude = belief.workspace[X], matrix(belief.workspace, C, 3, 3)
         rotate_left(x[6], x[7], x[8], attitude)
         orthonormalise(attitude)
         x[6] = x[7] = x[8] = 0.0
-        learn_from_fix(belief, y, sd, kind)
+        learn_from_fix(belief, y, std, kind)
     return nis
 
 

@@ -63,7 +63,7 @@ from ...typing import Array
 from ..ins.open_loop import BESIDE
 
 KNOWN_ATTITUDE = Slots(after=BESIDE)
-"""Of every filter here, with what an open loop keeps."""
+"""Slots of every filter here, with what an open loop keeps."""
 ANGLES = KNOWN_ATTITUDE.array("ANGLES", 3)  # Euler angles, rad
 KNOWN = KNOWN_ATTITUDE.matrix("KNOWN", 3, 3)  # the known attitude C_nb
 # covariance of its errors in n without those of the gyro biases, rad^2
@@ -86,9 +86,9 @@ STEEP_PITCH = math.radians(85.0)
 times as fast as the body, and ever faster."""
 MIN_RECORD_INTERVAL = 1e-3  # s between two attitude records
 ATTITUDE_ERRORS = {"considered": 1.0, "neglected": 0.0}
-"""What the errors of the known attitude do to the velocity: names of the option, and CONSIDERED."""
+"""Effects of the errors of the known attitude on the velocity: names of the option, and CONSIDERED."""
 WITH_ANGLES = Slots(after=KNOWN_ATTITUDE)
-"""Of those that integrate Euler angles."""
+"""Slots of those that integrate Euler angles."""
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 BEYOND = WITH_ANGLES.output(BEYOND_COLUMN)  # with the pitch beyond STEEP_PITCH
 
@@ -101,8 +101,8 @@ def know(belief: FilterState, correlation: float, attitude_error: str) -> Filter
     """
     check_number(correlation, "correlation", "s", least=0)
     considered = ATTITUDE_ERRORS[check_choice(attitude_error, "attitude_error", ATTITUDE_ERRORS)]
-    P, slots = belief.P, KNOWN_ATTITUDE.named(belief.workspace)
-    slots["KNOWN"][:], belief.workspace[CORRELATION] = belief.C, correlation
+    P, slots = belief.P, KNOWN_ATTITUDE.views(belief.workspace)
+    slots["KNOWN"][:], belief.workspace[CORRELATION] = belief.C_nb, correlation
     belief.workspace[CONSIDERED] = considered
     for k, i, j in ((ERROR_NN, 6, 6), (ERROR_NE, 6, 7), (ERROR_EE, 7, 7), (ERROR_DD, 8, 8)):
         belief.workspace[k] = considered * P[i, j]
@@ -116,13 +116,13 @@ def with_angles(belief: FilterState, start: InitialState) -> FilterState:
 
 
 @helper
-def take_attitude(belief: FilterState, y: Array, sd: Array) -> None:
+def take_attitude(belief: FilterState, y: Array, std: Array) -> None:
     """The measured attitude is the known one from now on, its errors new; a heading that it
     lacks is the belief's, whose error goes on."""
-    workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C)
+    workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C_nb)
     S = matrix(workspace, SHARED, CONSIDER, n)
     euler_to_matrix(y[0], y[1], heading, matrix(workspace, KNOWN, 3, 3))
-    ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
+    ch, sh, forward, right = math.cos(heading), math.sin(heading), std[0] * std[0], std[1] * std[1]
     workspace[ERROR_NN], workspace[ERROR_NE] = (
         ch * ch * forward + sh * sh * right,
         ch * sh * (forward - right),
@@ -132,7 +132,7 @@ def take_attitude(belief: FilterState, y: Array, sd: Array) -> None:
     if math.isnan(y[2]):
         keep = _go_on(workspace, belief.P[8, 8])
     else:
-        workspace[ERROR_DD] = sd[2] * sd[2]
+        workspace[ERROR_DD] = std[2] * std[2]
         workspace[SINCE_HEADING] = workspace[DRIFT_HEADING] = 0.0
     for k in (ERROR_NN, ERROR_NE, ERROR_EE, ERROR_DD):
         workspace[k] *= workspace[CONSIDERED]
@@ -168,7 +168,7 @@ def fade_shared(belief: FilterState, source: SourceRow) -> None:
 
 
 @helper
-def inflate_attitude_noise(belief: FilterState, sd: Array, kind: int) -> None:
+def inflate_attitude_noise(belief: FilterState, std: Array, kind: int) -> None:
     """Write the standard deviations to use of a fix into workspace[DV], which is free between
     predictions: those given.
 
@@ -184,16 +184,16 @@ def inflate_attitude_noise(belief: FilterState, sd: Array, kind: int) -> None:
             )
         )
     for i in range(3):
-        used[i] = scale * sd[i]
+        used[i] = scale * std[i]
 
 
 @helper
 def predict_fed(belief: FilterState, u: Array, dt: float, noise: Noise) -> Three:
     """Advance P, position, velocity and the known attitude with bias-corrected increments.
     Returns the rotation vector of the body, rad."""
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
     linearised_step(belief, matrix(belief.workspace, KNOWN, 3, 3), 0.0, u, dt, noise, False)
-    move(belief, belief.lla, belief.v, r, a, dt, noise)
+    move(belief, belief.lla, belief.v_n, r, a, dt, noise)
     return r
 
 
@@ -368,12 +368,12 @@ def tilt_variances(workspace: Array) -> tuple[float, float, float]:
 
 
 @helper
-def learn_from_fix(belief: FilterState, y: Array, sd: Array, kind: int) -> None:
+def learn_from_fix(belief: FilterState, y: Array, std: Array, kind: int) -> None:
     """After a fix that was used: what it tells of the known attitude; a measured attitude is
     that one from now on."""
     learn(belief)
     if kind == Kind.ATTITUDE:
-        take_attitude(belief, y, sd)
+        take_attitude(belief, y, std)
 
 
 @helper
@@ -433,21 +433,21 @@ def add_angles(belief: FilterState, d0: float, d1: float, d2: float) -> None:
     """Add to the Euler angles and make the belief's attitude of them."""
     angles = belief.workspace[ANGLES]
     angles[0], angles[1], angles[2] = wrap(angles[0] + d0), angles[1] + d1, wrap(angles[2] + d2)
-    euler_to_matrix(angles[0], angles[1], angles[2], belief.C)
+    euler_to_matrix(angles[0], angles[1], angles[2], belief.C_nb)
 
 
 @helper
 def read_angles(belief: FilterState) -> None:
     """The Euler angles are those of the belief's attitude."""
     angles = belief.workspace[ANGLES]
-    angles[0], angles[1], angles[2] = matrix_to_euler(belief.C)
+    angles[0], angles[1], angles[2] = matrix_to_euler(belief.C_nb)
 
 
 @helper
 def correct_angles(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     observe: Observe,
     source: SourceRow,
     gate: float,
@@ -455,7 +455,7 @@ def correct_angles(
 ) -> float:
     """Correct P and the belief by one fix: angles by angles, unless they are steep. Returns the
     NIS."""
-    nis = measure(belief, y, sd, observe, source, gate, innovation)
+    nis = measure(belief, y, std, observe, source, gate, innovation)
     if nis <= gate:
         dx = belief.workspace[DX]
         inject_all(belief, dx)

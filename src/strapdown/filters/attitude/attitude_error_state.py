@@ -7,7 +7,7 @@ covariance, whose other rows stay zero.
 
 import math
 
-from ...core.compile.jit import helper, inlined
+from ...core.compile.jit import helper, inline
 from ...core.loop.contract import FilterState, Noise, Slots
 from ...core.mathematics.kalman import MIN_NOISE, decay
 from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, rotate_vector
@@ -16,23 +16,23 @@ from ...typing import Array
 SIX = (6, 7, 8, 12, 13, 14)
 """Places of attitude and gyro bias among the error states."""
 RECORD = Slots()
-"""What a scalar measurement leaves for the smoother."""
+"""Slots that a scalar measurement leaves for the smoother."""
 GAIN = RECORD.array("GAIN", 6)
 ROW = RECORD.array("ROW", 3)  # of H, on the attitude
 INVERSE = RECORD.number("INVERSE")  # 1/variance of the innovation; 0 where nothing was used
 SEEN = RECORD.number("SEEN")  # the innovation
 TRANSITION = Slots()
-"""What a prediction leaves for it."""
+"""Slots that a prediction leaves for it."""
 TURNED = TRANSITION.matrix("TURNED", 3, 3)  # C dt, s
 NORTH, DOWN = TRANSITION.numbers("NORTH", "DOWN")  # rotation of n, rad
 KEEP = TRANSITION.number("KEEP")  # what the decay leaves of the bias
 UNAIDED = "no magnetic field and no heading: heading and the gyro bias about the vertical are not observed and drift"
-"""What to say where nothing measures the heading."""
+"""Warning where nothing measures the heading."""
 FREE_FALL_FORCE = 0.5
 """m/s^2: a specific force below it (free fall) has no direction."""
 
 
-@inlined
+@inline
 def _six(i: int) -> int:
     """SIX[i], as arithmetic: looking it up where a loop is not unrolled takes longer than the sum."""
     return 6 + i if i < 3 else 9 + i
@@ -44,7 +44,7 @@ def turn(
 ) -> None:
     """Turn the attitude by the rotation vector r (body, rad) and the navigation frame by (w0, 0,
     w2) (rad); publish the rate."""
-    C, omega = belief.C, belief.omega
+    C, omega = belief.C_nb, belief.omega
     rotate_right(C, r0, r1, r2)
     rotate_left(-w0, 0.0, -w2, C)
     if dt > 0:
@@ -168,7 +168,7 @@ def propagate(P: Array, C: Array, w0: float, w2: float, q: float, dt: float, noi
         P[12 + i, 12 + i] += walk
 
 
-@inlined
+@inline
 def scalar_update(
     P: Array,
     h0: float,
@@ -238,10 +238,10 @@ def gain_update(P: Array, K: Array, h0: float, h1: float, h2: float, variance: f
 def inject(belief: FilterState, dx: Array) -> None:
     """Compose the correction dx (attitude in n, rad; gyro bias, rad/s) into the belief, and make
     it zero."""
-    rotate_left(dx[0], dx[1], dx[2], belief.C)
-    orthonormalise(belief.C)
+    rotate_left(dx[0], dx[1], dx[2], belief.C_nb)
+    orthonormalise(belief.C_nb)
     for i in range(3):
-        belief.bg[i] += dx[3 + i]
+        belief.b_g[i] += dx[3 + i]
         dx[i] = dx[3 + i] = 0.0
 
 

@@ -65,7 +65,7 @@ from .attitude_error_state import (
 )
 
 CALL = Slots()
-"""What the smoother needs of the last call."""
+"""Slots of the last call that the smoother needs."""
 LAST_CALL = CALL.number("LAST_CALL")  # PREDICTED or FIX
 STEP = CALL.part("STEP", TRANSITION)
 # (6, 6): what accelerometer biases make of P after it
@@ -74,7 +74,7 @@ CONSIDERED = CALL.matrix("CONSIDERED", 6, 6)
 FIRST_RECORD = CALL.part("FIRST_RECORD", RECORD)
 SECOND_RECORD = CALL.part("SECOND_RECORD", RECORD)
 ATTITUDE = Slots(after=ERROR_STATE)
-"""Of every filter with this attitude."""
+"""Slots of every filter with this attitude."""
 LAST = ATTITUDE.part("LAST", CALL)
 EARTH_N, EARTH_D = ATTITUDE.numbers("EARTH_N", "EARTH_D")  # Earth rate, rad/s
 # the options, as numbers
@@ -128,7 +128,7 @@ REFERENCE_TIME = 20.0
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
 STRENGTH_ALLOWED, DIP_ALLOWED = 0.15, math.radians(8.0)
-"""Of the known strength, and rad: what a field may be off by besides its noise and the tilt's
+"""Share of the known strength, and rad, by which a field may be off besides its noise and the tilt's
 uncertainty. A room bends it by as much (the BROAD trials without a magnet: 12 % and 8 deg)."""
 STUCK_TURN = 0.5
 """rad: a body cannot turn so far while its field stays the same number by number."""
@@ -219,7 +219,7 @@ def begin(
     )
     workspace[GRAVITY] = gravity(math.sin(lat), belief.lla[2])
     if disturbance > 0:
-        workspace[BIAS_VARIANCE] = np.square(start.sd[9:12])
+        workspace[BIAS_VARIANCE] = np.square(start.std[9:12])
     workspace[SPIN] = (4 * STILL) ** 2  # not at rest until it is seen
     workspace[CLOCK] = workspace[SEEN_AT] = GONE  # so that at 0 nothing is used
     return belief
@@ -235,26 +235,26 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 @helper
 def predict_attitude(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """The step of `predict`, for every filter with this attitude."""
-    workspace, bg = belief.workspace, belief.bg
+    workspace, b_g = belief.workspace, belief.b_g
     if dt <= 0:
         _write_nothing(workspace)
         return
     sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
     count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], -1.0)
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
+    r0, r1, r2 = u[0] - b_g[0] * dt, u[1] - b_g[1] * dt, u[2] - b_g[2] * dt
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
     keep = decay(noise.gyro_decay * dt)
-    _write_step(workspace, belief.C, w0, w2, keep, dt)
+    _write_step(workspace, belief.C_nb, w0, w2, keep, dt)
     turned_square = r0 * r0 + r1 * r1 + r2 * r2
     q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * turned_square / dt
     q += attitude_noise_growth(workspace) * dt
-    propagate(belief.P, belief.C, w0, w2, q, dt, noise)
+    propagate(belief.P, belief.C_nb, w0, w2, q, dt, noise)
     keep = decay(of_estimates(noise).gyro_decay * dt)
-    carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
+    carry_bias(sensitivity, belief.C_nb, w0, w2, keep, dt)
     count_time(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
-        bg[i] *= keep
+        b_g[i] *= keep
     workspace[SINCE] += dt
     made_up = noise.accel > workspace[TOLD]  # the loop adds noise in a gap
     workspace[SECONDS] = low_passed(
@@ -274,7 +274,7 @@ def count_time(belief: FilterState, r0: float, r1: float, r2: float, dt: float) 
     taken in n, where noise and swings to and fro cancel; corrections of the attitude are no
     turns."""
     belief.workspace[CLOCK] += dt
-    total, part = belief.workspace[TURN], rotate_vector(belief.C, r0, r1, r2)
+    total, part = belief.workspace[TURN], rotate_vector(belief.C_nb, r0, r1, r2)
     for i in range(3):
         total[i] += part[i]
 
@@ -314,7 +314,7 @@ def _level(belief: FilterState, dt: float, q: float) -> None:
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if size < FREE_FALL_FORCE:
         return
-    north, east = off_vertical(belief.C, f)
+    north, east = off_vertical(belief.C_nb, f)
     density = level_density(belief, size, north, east, dt, q)
     variance = density / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
     for i in range(6):
@@ -330,7 +330,7 @@ def _level(belief: FilterState, dt: float, q: float) -> None:
 @helper
 def level_bias(belief: FilterState, K_north: Array, K_east: Array) -> None:
     """Update the sensitivity to accelerometer biases for a levelling with these gains (6,)."""
-    C, g = belief.C, GRAVITY_EQUATOR
+    C, g = belief.C_nb, GRAVITY_EQUATOR
     sensitivity = matrix(belief.workspace, SENSITIVITY, 6, 3)
     about_north = (-C[1, 0] / g, -C[1, 1] / g, -C[1, 2] / g)
     about_east = (C[0, 0] / g, C[0, 1] / g, C[0, 2] / g)
@@ -366,13 +366,13 @@ def level_density(
     white = workspace[ACCELERATION] / LEAN_TIME  # of both means
     shown = g * g * (n * n + e * e - P[6, 6] - P[7, 7]) - white
     excess = abs(workspace[EXCESS])
-    least = max(2 * g * (excess - SIZE_ERROR), _unseen(workspace, q))
+    least = max(2 * g * (excess - SIZE_ERROR), _hidden_acceleration(workspace, q))
     square = min(max(shown, least), 2 * g * (excess + SIZE_ERROR))
     return workspace[ACCELERATION] + 2 * workspace[DISTURBANCE] * square
 
 
 @helper
-def _unseen(workspace: Array, q: float) -> float:
+def _hidden_acceleration(workspace: Array, q: float) -> float:
     """Square of the acceleration that a body may have had since the start without showing it,
     (m/s^2)^2; 0 once it was at rest, when its level was seen.
 
@@ -420,7 +420,7 @@ def active_condition(belief: FilterState) -> float:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -431,10 +431,10 @@ def correct(
     (rad), or by a heading."""
     workspace, n = belief.workspace, belief.P.shape[0]
     if kind == Kind.MAGNETIC_FIELD:
-        return _field(belief, y, sd, source, gate, innovation)
+        return _field(belief, y, std, source, gate, innovation)
     H = matrix(workspace, JACOBIAN, 3, n)
     observe_innovation(belief, y, observe, source, innovation, H)
-    nis = _update_row(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
+    nis = _update_row(belief, H[0, 6], H[0, 7], H[0, 8], innovation, std[0] * std[0], gate)
     if nis <= gate:
         workspace[HEADED] = workspace[CLOCK]
     return nis
@@ -485,11 +485,11 @@ def _update_row(
 
 @helper
 def _field(
-    belief: FilterState, y: Array, sd: Array, source: SourceRow, gate: float, innovation: Array
+    belief: FilterState, y: Array, std: Array, source: SourceRow, gate: float, innovation: Array
 ) -> float:
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
-    C, workspace = belief.C, belief.workspace
+    C, workspace = belief.C_nb, belief.workspace
     north, east, down = rotate_vector(C, y[0], y[1], y[2])
     square = north * north + east * east
     for i in range(innovation.size):
@@ -504,7 +504,7 @@ def _field(
         return math.nan
     # of two fields at one time the second is another magnetometer's
     seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
-    if is_field_rejected(belief, y, sd, source, square, down):
+    if is_field_rejected(belief, y, std, source, square, down):
         workspace[SINCE] = 0.0
         _write_nothing(workspace)
         return math.nan
@@ -513,7 +513,7 @@ def _field(
         source.parameters[0] * north + source.parameters[1] * east,
     )
     density, strength, dip = field_density(belief, source, square, down, seconds)
-    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (
+    variance = (std[0] * std[0] + std[1] * std[1] + std[2] * std[2]) / (3 * square) + (
         density / seconds if seconds > 0 else 0.0
     )
     nis = _update_row(
@@ -552,14 +552,14 @@ def _reference_field(source: SourceRow) -> tuple[float, float]:
 
 @helper
 def is_field_rejected(
-    belief: FilterState, y: Array, sd: Array, source: SourceRow, square: float, down: float
+    belief: FilterState, y: Array, std: Array, source: SourceRow, square: float, down: float
 ) -> bool:
     """True where a field y (T) of that horizontal square (T^2) and downward part (T) is rejected as
     disturbed; updates the counts of its magnetometer."""
     workspace, P, s = belief.workspace, belief.P, _magnetometer(source)
     turn = _turn_since(workspace, s, y)
     strength, dip = _reference_field(source)
-    noise = SURELY * math.sqrt((sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3)
+    noise = SURELY * math.sqrt((std[0] * std[0] + std[1] * std[1] + std[2] * std[2]) / 3)
     tilt = SURELY * math.sqrt(P[6, 6] + P[7, 7])
     size = math.sqrt(square + down * down)
     looks, reason = workspace[DISTURBANCE] > 0, 0.0
@@ -588,7 +588,7 @@ def is_field_rejected(
 
 @helper
 def _turn_since(workspace: Array, s: int, y: Array) -> float:
-    """How far (rad) the body has turned since magnetometer s gave another field than y."""
+    """Angle (rad) by which the body has turned since magnetometer s gave another field than y."""
     last, now = matrix(workspace, FIELD, MAGNETOMETERS, 3), workspace[TURN]
     begin = matrix(workspace, TURN_AT, MAGNETOMETERS, 3)
     same, square = y[0] == last[s, 0] and y[1] == last[s, 1] and y[2] == last[s, 2], 0.0
@@ -687,7 +687,7 @@ REFUSALS = (
         "check signs and axes of the magnetometer and iron near it, or the attitude is wrong",
     ),
 )
-"""What was seen, and what to do."""
+"""Reasons for a refusal, each with its remedy."""
 CONDITIONS = (
     *(
         Condition(f"{seen}: not used, the heading drifts with the gyros; {remedy}")

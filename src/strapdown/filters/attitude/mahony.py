@@ -147,16 +147,16 @@ def poles(k: float, ki: float, low_pass: float) -> NDArray[np.inexact]:
 @kernel(PREDICT)
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros and pull it to the specific force."""
-    workspace, bg, C = belief.workspace, belief.bg, belief.C
+    workspace, b_g, C = belief.workspace, belief.b_g, belief.C_nb
     if dt <= 0:
         return
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
+    r0, r1, r2 = u[0] - b_g[0] * dt, u[1] - b_g[1] * dt, u[2] - b_g[2] * dt
     keep = decay(of_estimates(noise).gyro_decay * dt)
     _propagate_covariance(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
     count_time(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     for i in range(3):
-        bg[i] *= keep
+        b_g[i] *= keep
     workspace[SINCE_FIELD] += dt
     workspace[SINCE_COMPASS] += dt
     made_up = noise.accel > workspace[TOLD]  # the loop adds noise in a gap
@@ -178,7 +178,7 @@ def _propagate_covariance(
 ) -> None:
     """P without accelerometer biases, and the sensitivity to them, over dt; turned_square: of the
     rotation in it, rad^2."""
-    workspace, P, C = belief.workspace, belief.P, belief.C
+    workspace, P, C = belief.workspace, belief.P, belief.C_nb
     sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
     q = (noise.gyro * noise.gyro + attitude_noise_growth(workspace)) * dt + workspace[
@@ -196,8 +196,8 @@ def _level(belief: FilterState, dt: float, q: float) -> None:
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if not size > FREE_FALL_FORCE:
         return
-    n0, n1, _ = _upwards(belief.C, f, size)
-    north, east = off_vertical(belief.C, f)
+    n0, n1, _ = _upwards(belief.C_nb, f, size)
+    north, east = off_vertical(belief.C_nb, f)
     white = workspace[ACCELERATION]
     lasting = level_density(belief, size, north, east, dt, q) - white
     # of an acceleration that lasts longer than the pull takes, an observer follows no more than all
@@ -218,7 +218,7 @@ def _level(belief: FilterState, dt: float, q: float) -> None:
 def _gains(belief: FilterState, k: float, seconds: float) -> float:
     """Return the gain of a correction by k (1/s) over `seconds`, exact for a small error that
     nothing else corrects; write those of the six states, K_NORTH to K_DOWN."""
-    workspace, C = belief.workspace, belief.C
+    workspace, C = belief.workspace, belief.C_nb
     gain = 1 - decay(k * min(seconds, MAX_GAP))
     K_north, K_east, K_down = workspace[K_NORTH], workspace[K_EAST], workspace[K_DOWN]
     for i in range(3):
@@ -240,9 +240,9 @@ def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
 def _pull(belief: FilterState, x: float, y: float, z: float, gain: float) -> None:
     """Rotate the attitude by the cross product (x, y, z), in n, times `gain`, and correct the gyro
     bias by it."""
-    C, bias = belief.C, belief.workspace[KI] * gain
+    C, bias = belief.C_nb, belief.workspace[KI] * gain
     for i in range(3):
-        belief.bg[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
+        belief.b_g[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
     rotate_left(gain * x, gain * y, gain * z, C)
 
 
@@ -267,7 +267,7 @@ def _heading_pulled(belief: FilterState, variance: float, innovation: Array) -> 
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -276,16 +276,16 @@ def correct(
 ) -> float:
     """Pull the attitude to a magnetic field or a compass; the innovation is the angle about the
     vertical, rad. It does not gate."""
-    workspace, C = belief.workspace, belief.C
+    workspace, C = belief.workspace, belief.C_nb
     for i in range(innovation.size):
         innovation[i] = math.nan
     if kind == Kind.MAGNETIC_FIELD:
-        _field(belief, y, sd, source, innovation)
+        _field(belief, y, std, source, innovation)
     elif kind == Kind.HEADING:
         innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
         if not math.isnan(innovation[0]):
             gain = _gains(belief, workspace[K3], workspace[SINCE_COMPASS])
-            _heading_pulled(belief, sd[0] * sd[0], innovation)
+            _heading_pulled(belief, std[0] * std[0], innovation)
             _pull(belief, 0.0, 0.0, math.sin(innovation[0]), gain)
             workspace[SINCE_COMPASS] = 0.0
             if workspace[K3] > 0:
@@ -294,10 +294,10 @@ def correct(
 
 
 @helper
-def _field(belief: FilterState, y: Array, sd: Array, source: SourceRow, innovation: Array) -> None:
+def _field(belief: FilterState, y: Array, std: Array, source: SourceRow, innovation: Array) -> None:
     """The field y (T, body) across the specific force, against magnetic north across the
     vertical."""
-    C, workspace, f = belief.C, belief.workspace, belief.f
+    C, workspace, f = belief.C_nb, belief.workspace, belief.f
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if not size > FREE_FALL_FORCE:
         return
@@ -316,7 +316,7 @@ def _field(belief: FilterState, y: Array, sd: Array, source: SourceRow, innovati
         return
     seconds = min(workspace[SINCE_FIELD], MAX_GAP)
     workspace[SINCE_FIELD] = 0.0
-    if is_field_rejected(belief, y, sd, source, size * size, -along):
+    if is_field_rejected(belief, y, std, source, size * size, -along):
         return
     n0, n1 = source.parameters[0] / level, source.parameters[1] / level
     innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
@@ -325,7 +325,7 @@ def _field(belief: FilterState, y: Array, sd: Array, source: SourceRow, innovati
         field_used(workspace, source, strength, dip)
     # levelled by a force that leans, the azimuth errs by the lean times the tangent of the dip
     density += workspace[LEVEL] * (along / (size * GRAVITY_EQUATOR)) ** 2
-    noise = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * size * size)
+    noise = (std[0] * std[0] + std[1] * std[1] + std[2] * std[2]) / (3 * size * size)
     gain = _gains(belief, workspace[K2], seconds)
     _heading_pulled(belief, noise + (density / seconds if seconds > 0 else 0.0), innovation)
     _pull(

@@ -50,7 +50,7 @@ VERTICAL = (2, 5, 9, 10, 11)
 """Places of height, vertical velocity and accelerometer bias among the error states."""
 TILT_AND_BIAS = (6, 7, 9, 10, 11)
 """Places of those by which the vertical acceleration errs."""
-HEIGHT_SD = 10e3
+HEIGHT_STD = 10e3
 """m: nothing that a barometer or the sea aids is further from height 0; an unknown place says
 the radius of the Earth."""
 MIN_ACCEL, MIN_LEVEL_INTERVAL = 1e-6, 1e-3
@@ -92,7 +92,7 @@ def start(
     check_number(wave_period, "wave_period", "s", least=0)
     belief = attitude_mekf.begin(SLOTS, start, noise, low_pass, acceleration, rate_error)
     for i in VERTICAL:
-        belief.P[i, i] = min(start.sd[i], HEIGHT_SD) ** 2
+        belief.P[i, i] = min(start.std[i], HEIGHT_STD) ** 2
     workspace = belief.workspace
     workspace[LEVEL], workspace[VARIANCE] = belief.lla[2], belief.P[2, 2]
     workspace[DENSITY], workspace[INDEPENDENT] = (
@@ -147,9 +147,9 @@ def _waves(workspace: Array, variance: float) -> float:
 def _fall(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Height and vertical velocity over a sample, by the bias-free velocity increment at
     mid-interval and gravity; keep the row by which acceleration errs."""
-    C, ba, bg, row = belief.C, belief.ba, belief.bg, belief.workspace[ERRS]
-    r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
-    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    C, b_a, b_g, row = belief.C_nb, belief.b_a, belief.b_g, belief.workspace[ERRS]
+    r0, r1, r2 = 0.5 * (u[0] - b_g[0] * dt), 0.5 * (u[1] - b_g[1] * dt), 0.5 * (u[2] - b_g[2] * dt)
+    a0, a1, a2 = u[3] - b_a[0] * dt, u[4] - b_a[1] * dt, u[5] - b_a[2] * dt
     north, east, gained = rotate_vector(
         C, a0 + r1 * a2 - r2 * a1, a1 + r2 * a0 - r0 * a2, a2 + r0 * a1 - r1 * a0
     )
@@ -157,11 +157,11 @@ def _fall(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     for i in range(3):
         row[2 + i] = -dt * C[2, i]
     gained += gravity(math.sin(belief.lla[0]), belief.lla[2]) * dt
-    belief.lla[2] -= (belief.v[2] + 0.5 * gained) * dt
-    belief.v[2] += gained
+    belief.lla[2] -= (belief.v_n[2] + 0.5 * gained) * dt
+    belief.v_n[2] += gained
     keep = decay(of_estimates(noise).accel_decay * dt)
     for i in range(3):
-        ba[i] *= keep
+        b_a[i] *= keep
 
 
 @helper
@@ -252,9 +252,9 @@ def _tether(belief: FilterState, variance: float) -> None:
     _mirror(P)
     e *= scale
     belief.lla[2] -= h[2] * e
-    belief.v[2] += h[5] * e
+    belief.v_n[2] += h[5] * e
     for i in range(3):
-        belief.ba[i] += h[9 + i] * e
+        belief.b_a[i] += h[9 + i] * e
     for k in range(STATES):
         h[k] = 0.0
 
@@ -263,7 +263,7 @@ def _tether(belief: FilterState, variance: float) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -283,7 +283,7 @@ def correct(
     if math.isnan(innovation[0]):
         return math.nan
     a, b, known = H[0, 6], H[0, 7], P[2, 2]
-    variance = sd[0] * sd[0] + a * a * P[6, 6] + 2 * a * b * P[6, 7] + b * b * P[7, 7]
+    variance = std[0] * std[0] + a * a * P[6, 6] + 2 * a * b * P[6, 7] + b * b * P[7, 7]
     H[0, 6] = H[0, 7] = 0.0
     waves = kind == Kind.ZERO_SEA_LEVEL and seconds < workspace[INDEPENDENT]
     if workspace[MEASURED] == 0:
@@ -328,9 +328,9 @@ def _copy_attitude(P: Array, kept: Array, back: bool) -> None:
 @helper
 def _inject_vertical(belief: FilterState, dx: Array) -> None:
     belief.lla[2] -= dx[2]
-    belief.v[2] += dx[5]
+    belief.v_n[2] += dx[5]
     for i in range(3):
-        belief.ba[i] += dx[9 + i]
+        belief.b_a[i] += dx[9 + i]
     inject_tail(belief, dx)
 
 

@@ -38,12 +38,12 @@ def start(start: InitialState, noise: Noise, error_model: str = "corrected") -> 
 @kernel(PREDICT)
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
-    linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
+    linearised_step(belief, belief.C_nb, 1.0, u, dt, noise, False)
     mechanize(
         belief.lla,
-        belief.v,
-        belief.C,
+        belief.v_n,
+        belief.C_nb,
         r,
         a,
         dt,
@@ -56,7 +56,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -64,7 +64,7 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct P; inject the errors into INS and biases."""
-    nis = measure(belief, y, sd, observe, source, gate, innovation)
+    nis = measure(belief, y, std, observe, source, gate, innovation)
     if any_of(nis <= gate):
         inject_and_reset(belief, belief.workspace[DX])
     return nis

@@ -30,19 +30,19 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         x[i] = 0.0
     xa, xg = x[BA], x[BG]
     for i in range(3):
-        xa[i], xg[i] = belief.ba[i], belief.bg[i]
-    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
+        xa[i], xg[i] = belief.b_a[i], belief.b_g[i]
+    linearised_step(belief, belief.C_nb, 1.0, u, dt, noise, True)
     mechanize(
         belief.lla,
-        belief.v,
-        belief.C,
+        belief.v_n,
+        belief.C_nb,
         (u[0], u[1], u[2]),
         (u[3], u[4], u[5]),
         dt,
         belief.workspace[DX],
         belief.workspace[HEIGHT],
     )
-    add_error(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v_n, belief.C_nb, x)
 
 
 CLOSED_LOOP_ERROR_BIAS = Filter(

@@ -76,13 +76,13 @@ def start(start: InitialState, noise: Noise) -> FilterState:
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
     F = matrix(workspace, JACOBIAN_F, STATES, STATES)
     _jacobian(belief, r, (a[0] / dt, a[1] / dt, a[2] / dt), noise, F)
     _integrate(belief.P, F, dt, noise, matrix(workspace, TERM, n, n), matrix(workspace, HALF, n, n))
     publish_rates(belief, r, a, dt)
-    decay_biases(belief.ba, belief.bg, dt, noise)
-    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[FORCE])
+    decay_biases(belief.b_a, belief.b_g, dt, noise)
+    mechanize(belief.lla, belief.v_n, belief.C_nb, r, a, dt, workspace[FORCE])
 
 
 @helper
@@ -95,10 +95,10 @@ def _jacobian(
 ) -> None:
     """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the
     specific force, m/s^2, body."""
-    blocks, C = belief.workspace[BLOCK], belief.C
+    blocks, C = belief.workspace[BLOCK], belief.C_nb
     r0, r1, r2 = r
     f0, f1, f2 = f
-    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, CORRECTED, blocks)
+    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v_n, CORRECTED, blocks)
     for i in range(3):
         for j in range(3):
             k = 3 * i + j
@@ -158,7 +158,7 @@ def _integrate(P: Array, F: Array, dt: float, noise: Noise, D: Array, T: Array) 
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -188,7 +188,7 @@ def correct(
                 H[used, j] = where(missing, 0.0, H[i, j])
                 terms += H[used, j] * H[used, j] * P[j, j]
             e[used] = where(missing, 0.0, innovation[i])
-            variance[used] = where(missing, 1.0, max(sd[i] * sd[i], MIN_NOISE * terms))
+            variance[used] = where(missing, 1.0, max(std[i] * std[i], MIN_NOISE * terms))
             measured = where(missing, measured, 1.0)
             used += 1
     for j in range(n):

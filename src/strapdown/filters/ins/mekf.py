@@ -3,7 +3,7 @@ quaternion in body axes, q_true = q_est (x) dq(a).
 
 dq(a) = [2, a]/sqrt(4 + a'a). The library keeps errors in the navigation frame, theta = C a: P_n = A
 P_b A' with A = diag(I, I, C, I, I), and rows of measurements H_b = H_n A. So prediction, gain and
-every kind of aiding are those of the closed loop, and one thing is the filter's own: a correction
+every kind of measurement are those of the closed loop, and one thing is the filter's own: a correction
 of the attitude is composed as a 2 x Gibbs vector, not as a rotation vector. The Gibbs vector of half
 a turn is infinite, but only that of a correction is ever used, as the other way round: every vector
 makes a rotation of less than half a turn.
@@ -39,7 +39,7 @@ TINY = 1e-100  # of what is divided by it nothing is left anyway
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -48,7 +48,7 @@ def correct(
 ) -> float:
     """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs
     vector."""
-    nis = measure(belief, y, sd, observe, source, gate, innovation)
+    nis = measure(belief, y, std, observe, source, gate, innovation)
     if any_of(nis <= gate):
         dx = belief.workspace[DX]
         rotation_vector(dx[ATT])

@@ -106,9 +106,9 @@ def beside(
     BESIDE."""
     check_choice(kinematics, "kinematics", KINEMATICS)
     belief = start.belief(allocate(slots, error_model))
-    raw = BESIDE.named(belief.workspace)
-    raw["LLA"][:], raw["V"][:], raw["C"][:] = belief.lla, belief.v, belief.C
-    belief.workspace[BIAS] = *belief.ba, *belief.bg
+    raw = BESIDE.views(belief.workspace)
+    raw["LLA"][:], raw["V"][:], raw["C"][:] = belief.lla, belief.v_n, belief.C_nb
+    belief.workspace[BIAS] = *belief.b_a, *belief.b_g
     belief.workspace[MODE] = KINEMATICS[kinematics]
     return belief
 
@@ -118,7 +118,7 @@ def predict_beside(belief: FilterState, u: Array, dt: float, noise: Noise) -> No
     """One step of the raw INS and of the error beside it; the belief is composed of both."""
     workspace = belief.workspace
     b = workspace[BIAS]
-    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
+    linearised_step(belief, belief.C_nb, 1.0, u, dt, noise, True)
     mode = int(workspace[MODE])
     if mode != METRES:
         products(workspace[X], workspace[BLOCK], belief.lla[0], mode == GEODETIC, dt)
@@ -185,25 +185,25 @@ def compose(belief: FilterState) -> None:
     )
     lla, v, xa, xg = workspace[LLA], workspace[V], x[BA], x[BG]
     for i in range(3):
-        belief.lla[i], belief.v[i], out[i] = lla[i], v[i], x[i]
-        belief.ba[i], belief.bg[i] = b[i] + xa[i], b[3 + i] + xg[i]
+        belief.lla[i], belief.v_n[i], out[i] = lla[i], v[i], x[i]
+        belief.b_a[i], belief.b_g[i] = b[i] + xa[i], b[3 + i] + xg[i]
         for j in range(3):
-            belief.C[i, j] = raw[i, j]
-    add_error(belief.lla, belief.v, belief.C, x)
+            belief.C_nb[i, j] = raw[i, j]
+    add_error(belief.lla, belief.v_n, belief.C_nb, x)
 
 
 @helper
 def correct_beside(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     observe: Observe,
     source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct the error beside the INS: its prior is kept and the correction added to it."""
-    nis = measure(belief, y, sd, observe, source, gate, innovation)
+    nis = measure(belief, y, std, observe, source, gate, innovation)
     if any_of(nis <= gate):
         x, dx = belief.workspace[X], belief.workspace[DX]
         for i in range(x.size):
@@ -225,7 +225,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -233,7 +233,7 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct P and the error beside the INS."""
-    return correct_beside(belief, y, sd, observe, source, gate, innovation)
+    return correct_beside(belief, y, std, observe, source, gate, innovation)
 
 
 OPEN_LOOP = Filter(

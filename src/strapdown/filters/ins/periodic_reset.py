@@ -69,7 +69,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -79,7 +79,7 @@ def correct(
     """As the open loop; once the interval has passed the INS takes over the belief and the error
     is zero again."""
     workspace = belief.workspace
-    nis = correct_beside(belief, y, sd, observe, source, gate, innovation)
+    nis = correct_beside(belief, y, std, observe, source, gate, innovation)
     due = (nis <= gate) & (workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING)
     if any_of(due):
         workspace[ELAPSED] = where(due, 0.0, workspace[ELAPSED])
@@ -93,10 +93,10 @@ def correct(
         )
         for i in range(3):
             out[i] = where(due, 0.0, out[i])
-            lla[i], v[i] = where(due, belief.lla[i], lla[i]), where(due, belief.v[i], v[i])
-            b[i], b[3 + i] = where(due, belief.ba[i], b[i]), where(due, belief.bg[i], b[3 + i])
+            lla[i], v[i] = where(due, belief.lla[i], lla[i]), where(due, belief.v_n[i], v[i])
+            b[i], b[3 + i] = where(due, belief.b_a[i], b[i]), where(due, belief.b_g[i], b[3 + i])
             for j in range(3):
-                raw[i, j] = where(due, belief.C[i, j], raw[i, j])
+                raw[i, j] = where(due, belief.C_nb[i, j], raw[i, j])
         for i in range(x.size):
             x[i] = where(due, 0.0, x[i])
     return nis

@@ -10,12 +10,12 @@ heading,
 is least squares that forgets, and the observer moves by U dbeta, so that eta stays what it is
 (Zhang 2002, IEEE TAC 47(3)). Where a turn of the attitude has made up for a bias, as on a straight
 leg, h is zero and nothing is learnt. Without these turns and with fast fixes xi = - C beta, and
-the law is ba' = -k C' xi. docs/explanation/observer.md has the argument for its stability.
+the law is b_a' = -k C' xi. docs/explanation/observer.md has the argument for its stability.
 """
 
 import math
 
-from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.jit import helper, inline, matrix
 from ...core.compile.selection import any_of, where
 from ...core.compile.workspace import Slots
 from ...typing import Array
@@ -43,7 +43,7 @@ SINCE = ADAPTIVE.number("SINCE")  # s since the last change
 BEGUN = ADAPTIVE.number("BEGUN")  # whether the start is over
 
 
-@inlined
+@inline
 def sample(
     own: Array, C: Array, f0: float, f1: float, f2: float, k: float, ki: float, dt: float
 ) -> None:
@@ -69,7 +69,7 @@ def sample(
         turn_column(own, j, C, f0, f1, f2, s0, s1, s2, ki)
 
 
-@inlined
+@inline
 def turn_column(
     own: Array,
     j: int,
@@ -95,7 +95,7 @@ def turn_column(
         g[i, j] += ki * (C[0, i] * s0 + C[1, i] * s1 + C[2, i] * s2)
 
 
-@inlined
+@inline
 def heading(
     own: Array, C: Array, f0: float, f1: float, f2: float, share: float, ki: float, by_wind: float
 ) -> None:

@@ -4,10 +4,10 @@ translational motion observer, bounded biases.
 Equations (1)-(3) of Alam, Whidborne & Millidere (2023), written in n instead of e, with the
 corrections of docs/explanation/observer.md. With sigma a rate in the body, x = C' xi, f the bias-free specific
 force:
-    C' = C [w - bg + sigma] - ..., bg' = Proj(-ki sigma), sigma = k1 f x (f + x) / (|f| |f + x|) +
-    sigma of a heading or field, v' = C f + xi + g + ..., xi' = - C [sigma] (f - ba) + jumps at the
-    fixes, ba' = Proj(adaptation).
-A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however
+    C' = C [w - b_g + sigma] - ..., b_g' = Proj(-ki sigma), sigma = k1 f x (f + x) / (|f| |f + x|) +
+    sigma of a heading or field, v' = C f + xi + g + ..., xi' = - C [sigma] (f - b_a) + jumps at the
+    fixes, b_a' = Proj(adaptation).
+A turn by sigma therefore leaves C (f - b_a) + xi where it was, and here it does so exactly, however
 large it is.
 
 Helpers act on a FilterState whose `workspace` is the observer's own, of OBSERVER: that of the filter, or
@@ -16,7 +16,7 @@ the view that `embedded_observer` gives.
 
 import math
 
-from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.jit import helper, inline, matrix
 from ...core.compile.selection import any_of, where
 from ...core.loop.contract import MAX_STATES, FilterState, Kind, Noise, Observe, Slots, SourceRow
 from ...core.mathematics.earth import displace, place
@@ -58,7 +58,7 @@ GYRO_BOUND = OBSERVER.number("GYRO_BOUND")  # rad/s
 ACCEL_BOUND = OBSERVER.number("ACCEL_BOUND")  # m/s^2
 ADAPTATION = OBSERVER.number("ADAPTATION")  # 1/s
 MODE, FIELD = OBSERVER.numbers("MODE", "FIELD")  # of the course, of the field
-MIN_SPEED = OBSERVER.number("MIN_SPEED")  # of a course, m/s; 0: as its sd says
+MIN_SPEED = OBSERVER.number("MIN_SPEED")  # of a course, m/s; 0: as its std says
 SLOW = OBSERVER.number("SLOW")  # s in a row of velocities without a course
 # s since the start without excitation, - inf once there was some
 UNEXCITED = OBSERVER.number("UNEXCITED")
@@ -69,7 +69,7 @@ TOLD = OBSERVER.number("TOLD")  # accelerometer noise while there are samples
 # is of; the share of its angle that an attitude was turned by, and of that what went to the gyro
 # bias, 1/s; the standard deviation of a course, rad
 GAIN = OBSERVER.array("GAIN", 9)
-SHARE, LEARNT, COURSE_SD = OBSERVER.numbers("SHARE", "LEARNT", "COURSE_SD")
+SHARE, LEARNT, COURSE_STD = OBSERVER.numbers("SHARE", "LEARNT", "COURSE_STD")
 MOMENT = OBSERVER.array("MOMENT", 10)  # forgetting mean of phi phi', its upper triangle
 WORK = OBSERVER.array("WORK", 9)
 EIGEN = OBSERVER.matrix("EIGEN", 4, 4)  # MOMENT as it is made diagonal
@@ -78,7 +78,7 @@ LAW = OBSERVER.number("LAW")  # of the accelerometer bias
 ADAPTIVE = OBSERVER.part("ADAPTIVE", adaptive_law.ADAPTIVE)
 JACOBIAN = OBSERVER.matrix("JACOBIAN", 3, MAX_STATES)  # H of a fix, which is not used
 EMBEDDED = Slots()
-"""What an observer inside another filter takes of its workspace."""
+"""Slots of an observer inside another filter."""
 STATE = EMBEDDED.part("STATE", NAVIGATION)
 BLOCK = EMBEDDED.part("BLOCK", OBSERVER)
 EMBEDDED_SIZE = EMBEDDED.size
@@ -89,7 +89,7 @@ FIELDS = {"across": ACROSS, "vector": VECTOR}
 BY_XI, BY_NORM = range(2)
 LAWS = {"xi": BY_XI, "norm": BY_NORM}
 MAX_GAP = 1.0  # s: a direction not measured for longer counts as if it were for so long
-MAX_COURSE_SD = math.radians(5.0)
+MAX_COURSE_STD = math.radians(5.0)
 """Standard deviation of a course, that of the velocity across over the speed, beyond which it is
 none: as large as the angle between course and heading commonly is. A receiver at rest does not reach
 it: its velocity would have to be 11 of its own standard deviations."""
@@ -105,15 +105,15 @@ MIN_SINE = 0.1  # between specific force and field: below it the field tells no 
 FREE_FALL_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 
-@inlined
+@inline
 def embedded_observer(belief: FilterState, first: int) -> FilterState:
     """The observer whose numbers (EMBEDDED) begin at belief.workspace[first], as a FilterState of its
     own; P and tail are those of `belief` and none of its business."""
     own = belief.workspace[first : first + EMBEDDED_SIZE]
-    return navigation(own[STATE], belief.P, own[BLOCK], belief.extra_states)
+    return navigation(own[STATE], belief.P, own[BLOCK], belief.augmented)
 
 
-@inlined
+@inline
 def advance(bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the
     specific force that the fixes tell, biases.
@@ -123,15 +123,15 @@ def advance(bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """
     if dt <= 0:
         return
-    workspace, C, xi = bar.workspace, bar.C, bar.workspace[XI]
-    r, a = bias_free(u, bar.ba, bar.bg, dt)
+    workspace, C, xi = bar.workspace, bar.C_nb, bar.workspace[XI]
+    r, a = bias_free(u, bar.b_a, bar.b_g, dt)
     x0 = C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
     x1 = C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
     x2 = C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
     _turn_with_n(bar, xi, dt)
     mechanize(
         bar.lla,
-        bar.v,
+        bar.v_n,
         C,
         r,
         (
@@ -162,10 +162,10 @@ def advance(bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
         _towards_heading(bar, course, dt, (not free) & (course == course))
 
 
-@inlined
+@inline
 def _answer_sample(bar: FilterState, k: float, dt: float, free: bool) -> None:
     """Update the adaptive law for a sample in which the attitude was turned by k f x xi."""
-    C, workspace, f, own = bar.C, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
+    C, workspace, f, own = bar.C_nb, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
     f0, f1, f2 = rotate_vector(C, f[0], f[1], f[2])
     ki = where(free, gain(workspace, KI), 0.0)
     adaptive_law.sample(own, C, f0, f1, f2, where(free, k, 0.0), ki, dt)
@@ -179,11 +179,11 @@ def outage(workspace: Array) -> bool:
     return workspace[SINCE_FIX] > workspace[OUTAGE_AFTER]
 
 
-@inlined
+@inline
 def _turn_with_n(bar: FilterState, xi: Array, dt: float) -> None:
     """xi stands still in e: in n it turns against the transport rate."""
     sine, cosine, M, N = place(bar.lla[0], bar.lla[2])
-    w0, w1, w2 = dt * bar.v[1] / N, -dt * bar.v[0] / M, -dt * bar.v[1] * sine / (cosine * N)
+    w0, w1, w2 = dt * bar.v_n[1] / N, -dt * bar.v_n[0] / M, -dt * bar.v_n[1] * sine / (cosine * N)
     x0, x1, x2 = xi[0], xi[1], xi[2]
     xi[0], xi[1], xi[2] = x0 - w1 * x2 + w2 * x1, x1 - w2 * x0 + w0 * x2, x2 - w0 * x1 + w1 * x0
 
@@ -226,11 +226,11 @@ def gain(workspace: Array, name: int) -> float:
     )
 
 
-@inlined
+@inline
 def turn(bar: FilterState, s0: float, s1: float, s2: float) -> None:
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
     outside an outage the gyro bias by - ki s, bounded. Zeros turn nothing."""
-    C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI], bar.workspace
+    C, f, xi, workspace = bar.C_nb, bar.f, bar.workspace[XI], bar.workspace
     b0, b1, b2 = rotate_vector(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
     n0, n1, n2 = rotate_vector(C, f[0], f[1], f[2])
@@ -238,7 +238,7 @@ def turn(bar: FilterState, s0: float, s1: float, s2: float) -> None:
     xi[1] += b1 - n1
     xi[2] += b2 - n2
     ki = workspace[LEARNT] = where(outage(workspace), 0.0, gain(workspace, KI))
-    add_projected(bar.bg, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
+    add_projected(bar.b_g, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
 
 
 @helper
@@ -266,7 +266,7 @@ def add_projected(b: Array, d0: float, d1: float, d2: float, bound: float) -> No
         b[0], b[1], b[2] = b[0] * scale, b[1] * scale, b[2] * scale
 
 
-@inlined
+@inline
 def _towards_force(
     bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted: bool
 ) -> float:
@@ -282,7 +282,7 @@ def _towards_force(
     return k
 
 
-@inlined
+@inline
 def _adapt(bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> None:
     """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1,
     1): it cannot blow up, however large the force.
@@ -290,8 +290,8 @@ def _adapt(bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted:
     With f bias-free and f_n = C f + xi the error y_f - phi' theta = |f_n|^2 - |f_IMU|^2 - theta0 +
     2 f_IMU b is 2 f_IMU x + |x - b|^2 - theta0.
     """
-    workspace, ba, f = bar.workspace, bar.ba, bar.f
-    b0, b1, b2 = ba[0], ba[1], ba[2]
+    workspace, b_a, f = bar.workspace, bar.b_a, bar.f
+    b0, b1, b2 = b_a[0], b_a[1], b_a[2]
     m0, m1, m2 = f[0] + b0, f[1] + b1, f[2] + b2
     e = (
         2 * (m0 * x0 + m1 * x1 + m2 * x2)
@@ -310,7 +310,7 @@ def _adapt(bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted:
         / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
     )
     workspace[SQUARE] = min(max(workspace[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
-    add_projected(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
+    add_projected(b_a, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
     share = where(wanted, dt / FORGETTING, 0.0)
     moment, phi, k = workspace[MOMENT], workspace[WORK], 0
     phi[0], phi[1] = 1.0, m0 / NOMINAL_GRAVITY
@@ -321,11 +321,11 @@ def _adapt(bar: FilterState, x0: float, x1: float, x2: float, dt: float, wanted:
             k += 1
 
 
-@inlined
+@inline
 def inject(
     bar: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -335,14 +335,14 @@ def inject(
     """Inject a measurement where it is wanted, without a gate."""
     H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
     observe_innovation(bar, y, observe, source, innovation, H)
-    take(bar, y, sd, kind, source, innovation, wanted)
+    take(bar, y, std, kind, source, innovation, wanted)
 
 
-@inlined
+@inline
 def take(
     bar: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     source: SourceRow,
     innovation: Array,
@@ -375,9 +375,9 @@ def take(
         workspace[SINCE_FIELD] = where(there, 0.0, workspace[SINCE_FIELD])
     elif kind == Kind.POSITION or kind == Kind.VELOCITY or kind == Kind.ALTITUDE:
         if kind == Kind.VELOCITY:
-            sd_v = math.sqrt(0.5 * (sd[0] * sd[0] + sd[1] * sd[1]))
-            _course(bar, e[0] + bar.v[0], e[1] + bar.v[1], sd_v, free)
-        _translate(bar, kind, e, sd, free)
+            std_v = math.sqrt(0.5 * (std[0] * std[0] + std[1] * std[1]))
+            _course(bar, e[0] + bar.v_n[0], e[1] + bar.v_n[1], std_v, free)
+        _translate(bar, kind, e, std, free)
         if int(workspace[LAW]) == BY_NORM:
             _assess_excitation(workspace, smallest(workspace), EXCITED, free)
         elif kind != Kind.ALTITUDE:
@@ -385,11 +385,11 @@ def take(
     if int(workspace[LAW]) == BY_XI and (kind == Kind.HEADING or kind == Kind.MAGNETIC_FIELD):
         _answer_heading(bar, 0.0)
     _assess(workspace)
-    orthonormalise(bar.C, free)
+    orthonormalise(bar.C_nb, free)
 
 
-@inlined
-def _translate(bar: FilterState, kind: int, innovation: Array, sd: Array, wanted: bool) -> None:
+@inline
+def _translate(bar: FilterState, kind: int, innovation: Array, std: Array, wanted: bool) -> None:
     """Position, velocity and xi by the gains at this fix."""
     workspace = bar.workspace
     change, xi, K = workspace[WORK], workspace[XI], workspace[GAIN]
@@ -404,7 +404,7 @@ def _translate(bar: FilterState, kind: int, innovation: Array, sd: Array, wanted
                 workspace[MOTION],
                 axis,
                 kind == Kind.VELOCITY,
-                sd[row],
+                std[row],
                 workspace[TOLD],
                 gain(workspace, WANDER),
                 K[3 * row : 3 * row + 3],
@@ -419,7 +419,7 @@ def _translate(bar: FilterState, kind: int, innovation: Array, sd: Array, wanted
                 change[3 * axis + i] = K[3 * row + i] * e
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
-        bar.v[i] += change[3 * i + 1]
+        bar.v_n[i] += change[3 * i + 1]
         xi[i] += change[3 * i + 2]
     if kind != Kind.ALTITUDE:
         workspace[SINCE_FIX] = since
@@ -433,19 +433,19 @@ def _assess_excitation(workspace: Array, value: float, enough: float, wanted: bo
     workspace[UNEXCITED] = where(excited, -math.inf, workspace[UNEXCITED])
 
 
-@inlined
+@inline
 def _answer_heading(bar: FilterState, by_wind: float) -> None:
     """Update the adaptive law for the last turn about the vertical."""
-    C, workspace, f = bar.C, bar.workspace, bar.f
+    C, workspace, f = bar.C_nb, bar.workspace, bar.f
     f0, f1, f2 = rotate_vector(C, f[0], f[1], f[2])
     share, ki = workspace[SHARE], workspace[LEARNT]
     adaptive_law.heading(workspace[ADAPTIVE], C, f0, f1, f2, share, ki, by_wind)
 
 
-@inlined
+@inline
 def _learn(bar: FilterState, wanted: bool) -> None:
     """Biases and wind by xi and what the course has told, and the observer by what it answers."""
-    workspace, own, ba, xi = bar.workspace, bar.workspace[ADAPTIVE], bar.ba, bar.workspace[XI]
+    workspace, own, b_a, xi = bar.workspace, bar.workspace[ADAPTIVE], bar.b_a, bar.workspace[XI]
     adaptive_law.begin(own, wanted & (workspace[FADE] < 1) & (own[adaptive_law.BEGUN] == 0))
     noise, T = own[adaptive_law.XI_NOISE], min(own[adaptive_law.SINCE], MAX_GAP)
     weight = (1 - min(workspace[FADE], 1.0)) * T / (noise * noise)
@@ -458,7 +458,11 @@ def _learn(bar: FilterState, wanted: bool) -> None:
         own[adaptive_law.SUM][i] = 0.0
     adaptive_law.solve(own, change)
     add_projected(
-        ba, scale[0] * change[0], scale[1] * change[1], scale[2] * change[2], workspace[ACCEL_BOUND]
+        b_a,
+        scale[0] * change[0],
+        scale[1] * change[1],
+        scale[2] * change[2],
+        workspace[ACCEL_BOUND],
     )
     displace(
         bar.lla,
@@ -470,13 +474,13 @@ def _learn(bar: FilterState, wanted: bool) -> None:
         adaptive_law.answer(own, adaptive_law.U_TILT, 0),
         adaptive_law.answer(own, adaptive_law.U_TILT, 1),
         adaptive_law.answer(own, adaptive_law.U_TILT, 2),
-        bar.C,
+        bar.C_nb,
     )
     for i in range(3):
-        bar.v[i] += adaptive_law.answer(own, adaptive_law.U_V, i)
+        bar.v_n[i] += adaptive_law.answer(own, adaptive_law.U_V, i)
         xi[i] -= adaptive_law.answer(own, adaptive_law.U_XI, i)
     add_projected(
-        bar.bg,
+        bar.b_g,
         adaptive_law.answer(own, adaptive_law.U_GYRO, 0),
         adaptive_law.answer(own, adaptive_law.U_GYRO, 1),
         adaptive_law.answer(own, adaptive_law.U_GYRO, 2),
@@ -487,9 +491,9 @@ def _learn(bar: FilterState, wanted: bool) -> None:
     _assess_excitation(workspace, known, KNOWN_ENOUGH, wanted)
 
 
-@inlined
-def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool) -> None:
-    """The direction of the velocity (m/s, each with that sd) as a heading, where it is wanted, fast
+@inline
+def _course(bar: FilterState, north: float, east: float, std: float, wanted: bool) -> None:
+    """The direction of the velocity (m/s, each with that std) as a heading, where it is wanted, fast
     enough and nothing better is there."""
     workspace = bar.workspace
     mode, by_xi = int(workspace[MODE]), int(workspace[LAW]) == BY_XI
@@ -501,7 +505,7 @@ def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool
     wanted = wanted & (not told) & (speed == speed)
     if mode == NONE or not any_of(wanted):
         return
-    slow = too_slow(speed, sd, float(workspace[MIN_SPEED]))
+    slow = too_slow(speed, std, float(workspace[MIN_SPEED]))
     held = where(wanted & slow, min(workspace[MOTION][VELOCITY_AGE][0], MAX_GAP), 0.0)
     fast = wanted & (not slow)
     workspace[HELD] += held
@@ -509,22 +513,22 @@ def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool
     if not any_of(fast):
         return
     course, since = arctangent2(east, north), workspace[SINCE_COURSE]
-    own_sd = where(speed > 0, sd / where(speed > 0, speed, 1.0), math.inf)
-    workspace[COURSE_SD] = where(fast, own_sd, workspace[COURSE_SD])
+    own_std = where(speed > 0, std / where(speed > 0, speed, 1.0), math.inf)
+    workspace[COURSE_STD] = where(fast, own_std, workspace[COURSE_STD])
     workspace[COURSE] = where(fast, course, workspace[COURSE])
     workspace[SINCE_COURSE] = where(fast, 0.0, since)
     seconds = min(since, MAX_GAP)
     by_wind = 1 / where(fast, speed, 1.0)
     if by_xi:
         own, slip = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive_law.SLIP]
-        z = wrap(course - arctangent2(bar.C[1, 0], bar.C[0, 0]))
+        z = wrap(course - arctangent2(bar.C_nb[1, 0], bar.C_nb[0, 0]))
         weight = (
-            (1 - min(workspace[FADE], 1.0)) * seconds / (slip * slip + own_sd * own_sd * seconds)
+            (1 - min(workspace[FADE], 1.0)) * seconds / (slip * slip + own_std * own_std * seconds)
         )
         fast_z = where(fast, z, 0.0)
-        adaptive_law.see_course(own, bar.C, fast_z, by_wind, where(fast, weight, 0.0))
+        adaptive_law.see_course(own, bar.C_nb, fast_z, by_wind, where(fast, weight, 0.0))
     if mode == PRINTED:
-        C, speed = bar.C, where(speed > 0, speed, 1.0)
+        C, speed = bar.C_nb, where(speed > 0, speed, 1.0)
         _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds, fast)
     else:
         _towards_heading(bar, course, seconds, fast)
@@ -533,22 +537,22 @@ def _course(bar: FilterState, north: float, east: float, sd: float, wanted: bool
 
 
 @helper
-def too_slow(speed: float, sd: float, least: float) -> bool:
-    """True where a velocity of that speed, each component with that sd (m/s), gives no course: its
+def too_slow(speed: float, std: float, least: float) -> bool:
+    """True where a velocity of that speed, each component with that std (m/s), gives no course: its
     speed is below `least`, or, where that is 0, the standard deviation of the course is too
     large."""
     if least > 0:
         return speed < least
-    return not speed * MAX_COURSE_SD >= sd
+    return not speed * MAX_COURSE_STD >= std
 
 
-@inlined
+@inline
 def _towards_heading(bar: FilterState, heading: float, seconds: float, wanted: bool) -> None:
     """sigma of a heading (rad) at the roll and pitch of the belief, over that time, where it is
     wanted: a turn about the vertical, exact for any angle."""
     if not any_of(wanted):
         return
-    C, workspace = bar.C, bar.workspace
+    C, workspace = bar.C_nb, bar.workspace
     angle = where(wanted, wrap(heading - arctangent2(C[1, 0], C[0, 0])), 0.0)
     left = _remaining_angle(angle, gain(workspace, K2) * seconds)
     workspace[SHARE] = where(angle != 0, 1 - left / where(angle != 0, angle, 1.0), 0.0)
@@ -563,7 +567,7 @@ def _remaining_angle(angle: float, time: float) -> float:
     return 2 * arctangent(tangent(0.5 * angle) * decay(time))
 
 
-@inlined
+@inline
 def _towards_field(bar: FilterState, y: Array, source: SourceRow, wanted: bool) -> None:
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
     since the last, where it is wanted.
@@ -571,7 +575,7 @@ def _towards_field(bar: FilterState, y: Array, source: SourceRow, wanted: bool) 
     Of both what is across the specific force counts, f x m: a field that dips steeply is almost
     parallel to it and alone holds the heading badly.
     """
-    C, workspace, f = bar.C, bar.workspace, bar.f
+    C, workspace, f = bar.C_nb, bar.workspace, bar.f
     xi, m0, m1, m2 = workspace[XI], source.parameters[0], source.parameters[1], source.parameters[2]
     e0, e1, e2 = (
         C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2,
@@ -606,7 +610,7 @@ def _towards_field(bar: FilterState, y: Array, source: SourceRow, wanted: bool) 
     workspace[SLOW] = where(wanted, 0.0, workspace[SLOW])
 
 
-@inlined
+@inline
 def _towards(
     bar: FilterState,
     b0: float,
@@ -634,18 +638,18 @@ def _towards(
     turn(bar, share * c0, share * c1, share * c2)
 
 
-@inlined
+@inline
 def follow(bar: FilterState, belief: FilterState) -> None:
     """Without a course for long, of itself holding no heading: heading and gyro bias become those
     of a filter that has them by other means, f_n = C f + xi staying."""
-    C, workspace = bar.C, bar.workspace
+    C, workspace = bar.C_nb, bar.workspace
     lost = workspace[SLOW] >= LONG_HELD
     if not any_of(lost):
         return
-    angle = wrap(arctangent2(belief.C[1, 0], belief.C[0, 0]) - arctangent2(C[1, 0], C[0, 0]))
+    angle = wrap(arctangent2(belief.C_nb[1, 0], belief.C_nb[0, 0]) - arctangent2(C[1, 0], C[0, 0]))
     angle = where(lost, angle, 0.0)
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
-    b, own = belief.bg, bar.bg
+    b, own = belief.b_g, bar.b_g
     for i in range(3):
         own[i] = where(lost, 0.0, own[i])
     b0, b1, b2 = where(lost, b[0], 0.0), where(lost, b[1], 0.0), where(lost, b[2], 0.0)

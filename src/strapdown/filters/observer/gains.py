@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import check_choice, check_number
-from ...core.loop.contract import FilterState, InitialState, Noise, Source
+from ...core.loop.contract import FilterState, InitialState, Noise, SourceLike
 from ...core.mathematics.embedded import as_numbers
 from ...typing import Array, ArrayLike, Mask
 from . import adaptive_law, equations, translation_gains
@@ -57,13 +57,13 @@ DEFAULTS = dict(
 """Options of every filter that has the observer, as keywords of `fuse`; docs/explanation/observer.md says
 what they are."""
 BY_NORM = dict(k1=0.3, k2=0.03, ki=0.01, wander=0.02)
-"""What is other with bias_law="norm", which knows no wind: the attitude has to make up for what
+"""Gains that differ with bias_law="norm", which knows no wind: the attitude has to make up for what
 that law does not find."""
 OUTAGE_INTERVALS = 3.0
 """Fix intervals without a fix after which `outage_after` = 0 takes it for an outage."""
 USES = ("position", "velocity", "heading", "altitude", "magnetic-field")
-"""Kinds of aiding that the observer can use."""
-FORCE_SD = 2 * equations.NOMINAL_GRAVITY
+"""Kinds of measurement that the observer can use."""
+FORCE_STD = 2 * equations.NOMINAL_GRAVITY
 """m/s^2: how wrong f_n can be at the start, whatever the attitude that it begins with."""
 GYRO_LEFT = 0.003
 """rad/s: how wrong the gyro bias is at least, per axis, when the start is over."""
@@ -83,8 +83,8 @@ class ObserverAxis(NamedTuple):
     name: str
     interval: float  # s between positions
     velocity_interval: float  # s between velocities
-    position_sd: float  # m
-    velocity_sd: float  # m/s
+    position_std: float  # m
+    velocity_std: float  # m/s
 
 
 def takes_options(start: StartFunction) -> StartFunction:
@@ -107,11 +107,11 @@ def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> No
     Raises ValueError where an option or the start's biases are out of bounds.
     """
     o = check_gain_options(options)
-    _check_bias("gyro", start.bg, o["gyro_bound"])
-    _check_bias("accel", start.ba, o["accel_bound"])
+    _check_bias("gyro", start.b_g, o["gyro_bound"])
+    _check_bias("accel", start.b_a, o["accel_bound"])
     at = equations
     block[:] = 0.0
-    block[at.SQUARE] = float(np.dot(start.ba, start.ba))
+    block[at.SQUARE] = float(np.dot(start.b_a, start.b_a))
     block[at.SINCE_COURSE] = block[at.SINCE_HEADING] = block[at.SINCE_FIELD] = 1e9
     block[at.FADE], block[at.COURSE] = at.FADE_AT_START, math.nan
     for name in ("k1", "k2", "ki", "k1_start", "k2_start", "ki_start", "start_time"):
@@ -124,21 +124,25 @@ def begin(block: Array, start: InitialState, noise: Noise, **options: Any) -> No
     block[at.MODE], block[at.TOLD] = at.COURSES[o["course"]], noise.accel
     block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE_INTERVALS
     block[at.LAW] = at.LAWS[o["bias_law"]]
-    law = adaptive_law.ADAPTIVE.named(block[at.ADAPTIVE])
+    law = adaptive_law.ADAPTIVE.views(block[at.ADAPTIVE])
     law["XI_NOISE"][...], law["MEMORY"][...] = o["xi_noise"], o["memory"]
     law["SLIP"][...] = math.radians(o["slip"])
-    law["SCALE"][:] = (*start.sd[9:12], *np.maximum(start.sd[12:15], GYRO_LEFT), *(o["wind"],) * 2)
+    law["SCALE"][:] = (
+        *start.std[9:12],
+        *np.maximum(start.std[12:15], GYRO_LEFT),
+        *(o["wind"],) * 2,
+    )
     law["J"][:] = law["ROOT"][:] = np.eye(adaptive_law.COUNT)
     law["U_GYRO"][:, adaptive_law.GYRO : adaptive_law.AIR] = np.diag(
         law["SCALE"][adaptive_law.GYRO : adaptive_law.AIR]
     )
-    own = translation_gains.TRANSLATION.named(block[at.MOTION])
+    own = translation_gains.TRANSLATION.views(block[at.MOTION])
     own["DESIGN"][...] = translation_gains.DESIGNS[_design(o)]
     own["LOST"][...] = block[at.OUTAGE_AFTER]
     own["POLE"][...], own["PAIR"][:] = np.split(np.array(_as_numbers(o)), [1])
     own["GAINS"][:], own["VELOCITY_GAINS"][:] = _given_gains(o)
     own["P"].reshape(3, 6)[:, [0, 3, 5]] = [
-        (start.sd[axis] ** 2, start.sd[3 + axis] ** 2, FORCE_SD**2) for axis in range(3)
+        (start.std[axis] ** 2, start.std[3 + axis] ** 2, FORCE_STD**2) for axis in range(3)
     ]
 
 
@@ -251,7 +255,7 @@ def _as_numbers(o: dict[str, Any]) -> tuple[float, float, float, float]:
 
 
 def configure(
-    options: dict[str, Any], aidings: Sequence[Source]
+    options: dict[str, Any], sources: Sequence[SourceLike]
 ) -> tuple[dict[str, Any], list[str]]:
     """(options with `outage_after` from the sources, notes: gains at their intervals and spectral
     radius), for Filter.configure. Options that are not the observer's stay as they are.
@@ -260,7 +264,7 @@ def configure(
     stable at the intervals of these fixes.
     """
     o = check_gain_options({name: value for name, value in options.items() if name in DEFAULTS})
-    kinds = {a.kind for a in aidings}
+    kinds = {a.kind for a in sources}
     if "position" not in kinds:
         raise ValueError(
             "nothing measures the position, without which velocity and specific force are not "
@@ -271,7 +275,7 @@ def configure(
             "nothing measures heading or course: add a source of velocity, heading or "
             "magnetic-field (course='none' runs without)"
         )
-    intervals = [fix_interval(aidings, kind) for kind in ("position", "velocity")]
+    intervals = [fix_interval(sources, kind) for kind in ("position", "velocity")]
     decided = {
         "outage_after": o["outage_after"]
         or OUTAGE_INTERVALS * min([seconds for seconds in intervals if seconds] or [1.0])
@@ -281,7 +285,7 @@ def configure(
             f"memory is {o['memory']:g} s: what the fixes tell would be forgotten before an outage "
             f"begins, after {decided['outage_after']:g} s; give a longer memory or bias_law='norm'"
         )
-    axes, unchecked = _axes(aidings)
+    axes, unchecked = _axes(sources)
     if not axes:
         return {**options, **decided}, [
             "fewer than two fixes of position: the observer's gains are not checked"
@@ -299,13 +303,13 @@ def configure(
     return {**options, **decided, **dict(lowered)}, [*notes, *said]
 
 
-def _axes(aidings: Sequence[Source]) -> tuple[tuple[ObserverAxis, ...], list[str]]:
+def _axes(sources: Sequence[SourceLike]) -> tuple[tuple[ObserverAxis, ...], list[str]]:
     """North and down, and east where it has other intervals than north; the names of those that
     have fewer than two positions."""
     found = []
     for axis, name in enumerate(("north", "east", "down")):
         both = [
-            (fix_interval(aidings, kind, axis), _deviation(aidings, kind, axis))
+            (fix_interval(sources, kind, axis), _deviation(sources, kind, axis))
             for kind in ("position", "velocity")
         ]
         found.append(ObserverAxis(name, both[0][0], both[1][0], both[0][1], both[1][1]))
@@ -316,20 +320,20 @@ def _axes(aidings: Sequence[Source]) -> tuple[tuple[ObserverAxis, ...], list[str
     ]
 
 
-def _is_axis_measured(aiding: Source, axis: int | None = None) -> Mask:
+def _is_axis_measured(source: SourceLike, axis: int | None = None) -> Mask:
     """(n,) Whether each fix measures that axis, or any: missing numbers are NaN."""
-    y, sd = (
-        np.asarray(values, float).reshape(len(aiding.t), -1) for values in (aiding.y, aiding.sd)
+    y, std = (
+        np.asarray(values, float).reshape(len(source.t), -1) for values in (source.y, source.std)
     )
-    finite = np.isfinite(y) & np.isfinite(sd)
+    finite = np.isfinite(y) & np.isfinite(std)
     return finite.any(axis=1) if axis is None else finite[:, axis]
 
 
-def _deviation(aidings: Sequence[Source], kind: str, axis: int) -> float:
+def _deviation(sources: Sequence[SourceLike], kind: str, axis: int) -> float:
     """Median standard deviation of the fixes of that kind on an axis, 0 without any."""
     of_all = [
-        np.asarray(a.sd, float).reshape(len(a.t), -1)[_is_axis_measured(a, axis), axis]
-        for a in aidings
+        np.asarray(a.std, float).reshape(len(a.t), -1)[_is_axis_measured(a, axis), axis]
+        for a in sources
         if a.kind == kind and len(a.t)
     ]
     return float(np.median(np.concatenate(of_all))) if sum(map(len, of_all)) else 0.0
@@ -340,7 +344,7 @@ def _design_gains(
     options: tuple[tuple[str, Any], ...], axes: tuple[ObserverAxis, ...], free: tuple[str, ...]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
     """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals,
-    sds); the same question is answered but once.
+    stds); the same question is answered but once.
 
     Raises ValueError where the gains are not stable.
     """
@@ -399,7 +403,7 @@ def _note(o: dict[str, Any], axis: ObserverAxis) -> str:
     )
 
 
-def fix_interval(aidings: Sequence[Source], kind: str, axis: int | None = None) -> float:
+def fix_interval(sources: Sequence[SourceLike], kind: str, axis: int | None = None) -> float:
     """Median time (s) between the fixes of that kind (and axis, 0 to 2), all sources together; 0
     for fewer than two.
 
@@ -408,7 +412,7 @@ def fix_interval(aidings: Sequence[Source], kind: str, axis: int | None = None) 
     """
     found = [
         np.asarray(a.t, float)[_is_axis_measured(a, axis)]
-        for a in aidings
+        for a in sources
         if a.kind == kind and len(a.t)
     ]
     times = np.unique(np.concatenate(found)) if found else np.empty(0)
@@ -420,8 +424,8 @@ def schedule(
     o: dict[str, Any],
     interval: float,
     velocity_interval: float,
-    position_sd: float = 1.0,
-    velocity_sd: float = 0.1,
+    position_std: float = 1.0,
+    velocity_std: float = 0.1,
     end: str = "",
 ) -> list[Jump]:
     """One round of fixes in the steady state: [(s since the fix before, "position" or "velocity",
@@ -467,7 +471,7 @@ def schedule(
     return _riccati(
         times,
         o["wander" + end] * o["theta"] ** 3,
-        {"position": position_sd, "velocity": velocity_sd},
+        {"position": position_std, "velocity": velocity_std},
     )
 
 
@@ -497,16 +501,16 @@ def driving_noise(T: float, q: float) -> Array:
 
 
 def _riccati(
-    times: list[tuple[float, str]], wander: float, sd: dict[str, float], rounds: int = 4000
+    times: list[tuple[float, str]], wander: float, std: dict[str, float], rounds: int = 4000
 ) -> list[Jump]:
     """The gains that the Riccati equation settles to on this round of fixes."""
-    P, before = np.diag([1.0, 1.0, FORCE_SD**2]), np.zeros(3 * len(times))
+    P, before = np.diag([1.0, 1.0, FORCE_STD**2]), np.zeros(3 * len(times))
     for _ in range(rounds):
         gains = []
         for T, kind in times:
             Phi, row = transition(T), int(kind == "velocity")
             P = Phi @ P @ Phi.T + driving_noise(T, wander**2)
-            K = P[:, row] / (P[row, row] + max(sd[kind], translation_gains.MIN_SD) ** 2)
+            K = P[:, row] / (P[row, row] + max(std[kind], translation_gains.MIN_STD) ** 2)
             P = P - np.outer(K, P[row])
             gains.append(K)
         if np.abs(np.concatenate(gains) - before).max() < 1e-13:

@@ -11,9 +11,11 @@ from typing import Any
 
 from ...checks import check_number
 from ...core.compile.selection import any_of, where
+from ...core.compile.workspace import MAX_STATES
 from ...core.loop.contract import (
     CORRECT,
     PREDICT,
+    STATES,
     Condition,
     Filter,
     FilterState,
@@ -25,11 +27,20 @@ from ...core.loop.contract import (
     kernel,
     matrix,
 )
-from ...core.mathematics.error_state import observe_innovation
-from ...core.mathematics.joseph import test
 from ...typing import Array
-from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
-from .equations import CONDITION, JACOBIAN, OBSERVER, advance, take
+from .covariance import (
+    AUXILIARY,
+    CRAB as CRAB_STATE,
+    CRAB_STD,
+    FULL,
+    SLOTS,
+    after_fix,
+    after_sample,
+    all_states,
+    foresee,
+    learn_installation,
+)
+from .equations import CONDITION, OBSERVER, advance, take
 from .gains import USES, begin, configure, takes_options
 
 UNKNOWN = 0.5
@@ -57,8 +68,14 @@ def start(start: InitialState, noise: Noise, crab: float = 5.0, **options: Any) 
     check_number(crab, "crab", "deg", least=0)
     belief = start.belief(SLOTS.zeros())
     begin(belief.workspace[: OBSERVER.size], start, noise, **options)
-    belief.workspace[CRAB_SD] = math.radians(crab)
-    SLOTS.named(belief.workspace)["FULL"][CRAB, CRAB] = math.radians(crab) ** 2
+    belief.workspace[CRAB_STD] = math.radians(crab)
+    n, m = len(belief.P), all_states(belief)
+    if m > MAX_STATES:
+        raise ValueError(
+            f"{n - STATES} states of the installation are too many beside the observer; at most "
+            f"{MAX_STATES - STATES - AUXILIARY}"
+        )
+    matrix(belief.workspace, FULL, m, m)[n + CRAB_STATE, n + CRAB_STATE] = math.radians(crab) ** 2
     return belief
 
 
@@ -74,7 +91,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -83,11 +100,7 @@ def correct(
 ) -> float:
     """One fix, unless it is further off than the covariance allows. Returns the NIS, NaN where there
     is no test."""
-    workspace = belief.workspace
-    H = matrix(workspace, JACOBIAN, 3, 15)
-    step(belief)
-    rows = observe_innovation(belief, y, observe, source, innovation, H)
-    nis, P = test(belief.P, workspace[OWN], H, innovation, sd, rows), belief.P
+    nis, P = foresee(belief, y, std, observe, source, innovation), belief.P
     unknown = (kind == Kind.MAGNETIC_FIELD) & (P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN)
     if any_of(unknown):
         nis = where(unknown, math.nan, nis)
@@ -95,8 +108,9 @@ def correct(
             innovation[i] = where(unknown, math.nan, innovation[i])
     taken = (nis <= gate) | unknown
     if any_of(taken):
-        take(belief, y, sd, kind, source, innovation, taken)
-        after_fix(belief, sd, kind, source, H)
+        learn_installation(belief, nis <= gate)
+        take(belief, y, std, kind, source, innovation, taken)
+        after_fix(belief, std, kind, source)
     return nis
 
 
@@ -112,6 +126,7 @@ NLO = Filter(
     configure=configure,
     conditions=(SLOW, UNEXCITED),
     condition=CONDITION,
+    installation=True,
     weighs=False,
     lanes=True,
     good_for="attitudes that are wrong by up to 170 deg",

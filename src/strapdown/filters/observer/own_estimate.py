@@ -9,22 +9,22 @@ counted from the estimate, and P is theirs: to first order its tilts lie half of
 the vertical than those about the heading of the model, log(exp(a) exp([0 0 -TURN])).
 """
 
-from ...core.compile.jit import helper, inlined
+from ...core.compile.jit import helper, inline
 from ...core.compile.selection import any_of, where
 from ...core.loop.contract import FilterState, Slots
 from ...core.mathematics.elementary import arctangent2, sine_cosine
 from ...core.mathematics.error_state import turn_half
 from ...core.mathematics.rotation import wrap
 from ...typing import Array
-from .equations import MAX_COURSE_SD, SINCE_COURSE, SINCE_FIELD, SINCE_HEADING, TRUSTED
+from .equations import MAX_COURSE_STD, SINCE_COURSE, SINCE_FIELD, SINCE_HEADING, TRUSTED
 
 OWN = Slots()
 TURN = OWN.number("TURN")  # rad, estimated heading less that of the model
 DOUBT = OWN.number("DOUBT")  # forgetting mean of the NIS by rows
-CERTAIN = 0.5 * MAX_COURSE_SD
+CERTAIN = 0.5 * MAX_COURSE_STD
 """Standard deviation of the heading, rad, below which the model is taken at it."""
 SHARE = 0.05
-"""Of a fix in DOUBT."""
+"""Share of a fix that counts in DOUBT."""
 MAX_NIS = 10.0
 """By rows, that counts in DOUBT: one outlier is no reason for it."""
 LOST = 2.0
@@ -33,19 +33,19 @@ WITHIN = 3.0
 """Standard deviations that the observer's heading may be off the estimate to be taken."""
 
 
-@inlined
+@inline
 def take_heading(belief: FilterState, bar: FilterState, own: Array, wanted: bool) -> None:
     """Decide the heading of the model, where it is taken at the estimate: the observer's where
     something tells it one, the estimate's is uncertain, and the two do not contradict each other.
 
     The observer's turns leave the errors about the model as they are, and with them P.
     """
-    said, C, variance, before = bar.workspace, belief.C, belief.P[8, 8], own[TURN]
+    said, C, variance, before = bar.workspace, belief.C_nb, belief.P[8, 8], own[TURN]
     since = min(said[SINCE_COURSE], min(said[SINCE_HEADING], said[SINCE_FIELD]))
     better = wanted & (since <= TRUSTED) & (variance >= CERTAIN * CERTAIN)
     z = where(wanted, 0.0, before)
     if any_of(better):
-        angle = wrap(arctangent2(C[1, 0], C[0, 0]) - arctangent2(bar.C[1, 0], bar.C[0, 0]))
+        angle = wrap(arctangent2(C[1, 0], C[0, 0]) - arctangent2(bar.C_nb[1, 0], bar.C_nb[0, 0]))
         better = better & (angle * angle <= WITHIN * WITHIN * variance)
         z = where(better, angle, z)
         again = better & (before != 0)

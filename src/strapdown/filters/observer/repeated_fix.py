@@ -9,7 +9,7 @@ from ...core.compile.workspace import Slots
 from ...typing import Array
 
 MEMORY = Slots()
-"""What to remember a fix by."""
+"""Slots by which a fix is remembered."""
 KIND = MEMORY.number("KIND")  # of the one that was rejected last, or FORGOTTEN
 Y = MEMORY.array("Y", 3)  # what it measured
 FORGOTTEN = -1.0
@@ -27,12 +27,12 @@ def is_repeated(memory: Array, y: Array, kind: int, gate: float, nis: float) -> 
     asked = gate == math.inf or gate < 0
     same, its_y = (memory[KIND] == kind) & asked, memory[Y]
     for i in range(3):
-        same = same & _alike(its_y[i], y[i])
+        same = same & _is_alike(its_y[i], y[i])
         its_y[i] = y[i]
     memory[KIND] = where(nis > gate, kind, FORGOTTEN)
     return same
 
 
 @helper
-def _alike(a: float, b: float) -> bool:
+def _is_alike(a: float, b: float) -> bool:
     return (a == b) | ((a != a) & (b != b))

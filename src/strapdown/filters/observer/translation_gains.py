@@ -30,7 +30,7 @@ P = TRANSLATION.array("P", 18)  # three axes of 6 numbers: pp, pv, pf, vv, vf, f
 RICCATI, BY_POLES, GIVEN = range(3)
 DESIGNS = {"riccati": RICCATI, "poles": BY_POLES, "given": GIVEN}
 MIN_FIX_INTERVAL = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
-MIN_SD = 1e-4  # m, m/s
+MIN_STD = 1e-4  # m, m/s
 
 
 @helper
@@ -38,14 +38,14 @@ def fix_gains(
     own: Array,
     axis: int,
     velocity: bool,
-    sd: float,
+    std: float,
     accel: float,
     wander: float,
     K: Array,
     measured: bool = True,
 ) -> None:
     """Into K, which arrives zeroed, the gains on position, velocity and force by which a position
-    or velocity fix with that sd corrects the axis, where it is measured.
+    or velocity fix with that std corrects the axis, where it is measured.
 
     `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force,
     m/s^2/sqrt(s). Several fixes at one time follow each other, one kind after the other.
@@ -53,7 +53,7 @@ def fix_gains(
     design = int(own[DESIGN])
     if design == RICCATI:
         A = own[P][6 * axis : 6 * axis + 6]
-        _by_riccati(own, A, axis, velocity, max(sd, MIN_SD), accel, wander, K, measured)
+        _by_riccati(own, A, axis, velocity, max(std, MIN_STD), accel, wander, K, measured)
     elif design == BY_POLES:
         _by_poles(own, axis, velocity, K, measured)
     else:
@@ -70,7 +70,7 @@ def _by_riccati(
     A: Array,
     axis: int,
     velocity: bool,
-    sd: float,
+    std: float,
     accel: float,
     wander: float,
     K: Array,
@@ -87,7 +87,7 @@ def _by_riccati(
         h0, h1, h2, variance = A[1], A[3], A[4], A[3]
     else:
         h0, h1, h2, variance = A[0], A[1], A[2], A[0]
-    scale = where(measured, 1 / (variance + sd * sd), 0.0)
+    scale = where(measured, 1 / (variance + std * std), 0.0)
     k0, k1, k2 = scale * h0, scale * h1, scale * h2
     A[0] -= k0 * h0
     A[1] -= k0 * h1

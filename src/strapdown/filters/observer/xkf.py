@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from ...checks import check_choice, check_number
-from ...core.compile.jit import helper, inlined
+from ...core.compile.jit import helper, inline
 from ...core.compile.selection import any_of, where
 from ...core.loop.contract import (
     BA,
@@ -95,7 +95,7 @@ RECENT = SLOTS.part("RECENT", MEMORY)
 MINE = SLOTS.part("MINE", OWN)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
 BACK = 0.2
-"""Of NEAR, within which the affine filter gives way: P is too sure of what a lost one learnt."""
+"""Share of NEAR within which the affine filter gives way: P is too sure of what a lost one learnt."""
 JACOBIANS = {"observer": 0.0, "estimate": 1.0}
 
 
@@ -117,61 +117,61 @@ def start(
     check_number(near, "near", "rad", least=0, infinite=True)
     check_choice(jacobian, "jacobian", JACOBIANS)
     belief = start.belief(allocate(SLOTS))
-    slots = SLOTS.named(belief.workspace)
+    slots = SLOTS.views(belief.workspace)
     slots["ITSELF"][...], slots["NEAR"][...] = JACOBIANS[jacobian], near
     slots["CLOSE"][...] = is_tilt_known(belief.P, near) if slots["ITSELF"] else near > 0
-    slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C.ravel()
+    slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C_nb.ravel()
     implant(belief.workspace[INSIDE], start, noise, **observer)
     return belief
 
 
-@inlined
+@inline
 def at(belief: FilterState, state: FilterState) -> FilterState:
     """P, rate, force and workspace of the belief at the state of another."""
     return FilterState(
         state.lla,
-        state.v,
-        state.C,
-        state.ba,
-        state.bg,
+        state.v_n,
+        state.C_nb,
+        state.b_a,
+        state.b_g,
         belief.P,
         belief.omega,
         belief.f,
         belief.workspace,
-        belief.extra_states,
+        belief.augmented,
     )
 
 
-@inlined
+@inline
 def at_estimate(belief: FilterState) -> bool:
     """True where the model is linearised at the estimate, as filters/observer/own_estimate.py says,
     rather than at the observer."""
     return belief.workspace[CLOSE] * belief.workspace[ITSELF] > 0
 
 
-@inlined
+@inline
 def model_point(belief: FilterState, bar: FilterState, itself: bool, z: float) -> FilterState:
     """Return the linearisation point of the model: the observer, or the estimate `itself`, turned
     back by z (rad). Its state is in POINT."""
     numbers = belief.workspace[POINT]
-    point = at(belief, navigation(numbers, belief.P, belief.workspace, belief.extra_states))
+    point = at(belief, navigation(numbers, belief.P, belief.workspace, belief.augmented))
     copy_motion(point, bar)
     copy_motion(point, belief, itself)
-    turn_heading(point.C, -z)
+    turn_heading(point.C_nb, -z)
     return point
 
 
-@inlined
+@inline
 def compose(belief: FilterState, x: Array) -> None:
     """The belief becomes belief (+) x."""
     a, g = x[BA], x[BG]
-    add_error(belief.lla, belief.v, belief.C, x)
+    add_error(belief.lla, belief.v_n, belief.C_nb, x)
     for i in range(3):
-        belief.ba[i] += a[i]
-        belief.bg[i] += g[i]
+        belief.b_a[i] += a[i]
+        belief.b_g[i] += g[i]
 
 
-@inlined
+@inline
 def relate(belief: FilterState, bar: FilterState) -> None:
     """delta is what lies between observer and belief, which stays wherever the observer has gone.
 
@@ -180,7 +180,7 @@ def relate(belief: FilterState, bar: FilterState) -> None:
     logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
     """
     workspace, lla, shift = belief.workspace, bar.lla, belief.workspace[SHIFT]
-    x, o, C = workspace[X], workspace[ORIGIN], belief.C
+    x, o, C = workspace[X], workspace[ORIGIN], belief.C_nb
     _, cosine, M, N = place(lla[0], lla[2])
     x[0], x[1], x[2] = (
         (belief.lla[0] - lla[0]) * M,
@@ -189,7 +189,7 @@ def relate(belief: FilterState, bar: FilterState) -> None:
     )
     close = workspace[CLOSE] > 0
     m0, m1, m2 = rotation_between(
-        bar.C,
+        bar.C_nb,
         (
             where(close, C[0, 0], o[0]),
             where(close, C[0, 1], o[1]),
@@ -208,17 +208,17 @@ def relate(belief: FilterState, bar: FilterState) -> None:
     x[8] = a2 + m2 + 0.5 * (a0 * m1 - a1 * m0)
     for i in range(3):
         x[3 + i], x[9 + i], x[12 + i] = (
-            belief.v[i] - bar.v[i],
-            belief.ba[i] - bar.ba[i],
-            belief.bg[i] - bar.bg[i],
+            belief.v_n[i] - bar.v_n[i],
+            belief.b_a[i] - bar.b_a[i],
+            belief.b_g[i] - bar.b_g[i],
         )
         shift[i] = x[i]
         for j in range(3):
-            o[3 * i + j] = bar.C[i, j]
+            o[3 * i + j] = bar.C_nb[i, j]
     switch(belief, math.sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8]))
 
 
-@inlined
+@inline
 def switch(belief: FilterState, angle: float) -> None:
     """Decide whether the mean is propagated by the model at the estimate, with the observer that
     angle (rad) away.
@@ -243,7 +243,7 @@ def is_tilt_known(P: Array, angle: float) -> bool:
     return P[6, 6] + P[7, 7] < angle * angle
 
 
-@inlined
+@inline
 def publish(belief: FilterState, bar: FilterState) -> None:
     """Copy the observer's output into the extra columns."""
     said = belief.workspace[SAID]
@@ -251,7 +251,7 @@ def publish(belief: FilterState, bar: FilterState) -> None:
         said[i] = bar.workspace[i]
 
 
-@inlined
+@inline
 def carry(belief: FilterState, bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief over dt, by the model at an observer that is left where it is:
     f(observer) (+) Phi delta, or by the model at the estimate itself."""
@@ -265,29 +265,29 @@ def carry(belief: FilterState, bar: FilterState, u: Array, dt: float, noise: Noi
         for i in range(STATES):
             x[i] = where(affine, x[i], 0.0)
         x[8] += z
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
-    linearised_step(point, point.C, 1.0, u, dt, noise, moved)
-    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[DX], 1.0)
-    decay_biases(belief.ba, belief.bg, dt, noise)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
+    linearised_step(point, point.C_nb, 1.0, u, dt, noise, moved)
+    mechanize(belief.lla, belief.v_n, belief.C_nb, r, a, dt, workspace[DX], 1.0)
+    decay_biases(belief.b_a, belief.b_g, dt, noise)
     if moved:
         for i in range(3):
             for j in range(3):
-                o[3 * i + j] = where(affine, belief.C[i, j], o[3 * i + j])
+                o[3 * i + j] = where(affine, belief.C_nb[i, j], o[3 * i + j])
         x[8] -= z
         compose(belief, x)
-        turn_heading(belief.C, z)
+        turn_heading(belief.C_nb, z)
         turn_tilts(belief.P, z)
     if dt > 0:
         for i in range(3):
-            belief.omega[i], belief.f[i] = u[i] / dt - belief.bg[i], u[3 + i] / dt - belief.ba[i]
+            belief.omega[i], belief.f[i] = u[i] / dt - belief.b_g[i], u[3 + i] / dt - belief.b_a[i]
 
 
-@inlined
+@inline
 def correct_around(
     belief: FilterState,
     bar: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -318,7 +318,7 @@ def correct_around(
         observe_innovation(belief, y, observe, source, seen, unused)
         for i in range(rows):
             innovation[i] = where(workspace[CLOSE] > 0, seen[i], innovation[i])
-    nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
+    nis = update(belief.P, H, innovation, std, rows, gate, workspace[WORK], dx)
     if gate >= 0:  # not where it is only asked
         wonder(workspace, nis, n)
     taken = nis <= gate
@@ -335,7 +335,7 @@ def wonder(workspace: Array, nis: float, n: int) -> None:
     workspace[MINE][DOUBT] = where(nis == nis, doubt + SHARE * (by_rows - doubt), doubt)
 
 
-@inlined
+@inline
 def move(belief: FilterState, point: FilterState, itself: bool, z: float, taken: bool) -> None:
     """Compose a correction, which is zero where it was not taken, into delta, and the belief from
     point (+) delta, where a turn by z comes last."""
@@ -352,14 +352,14 @@ def move(belief: FilterState, point: FilterState, itself: bool, z: float, taken:
     for i in range(STATES):
         x[i] += dx[i]
     compose(point, x)
-    orthonormalise(point.C)
-    turn_heading(point.C, z)
+    orthonormalise(point.C_nb)
+    turn_heading(point.C_nb, z)
     copy_motion(belief, point, taken)
     inject_tail(belief, dx)
     shift_rates(belief, dx, where(itself, 0.0, -1.0))
 
 
-@inlined
+@inline
 def shift_rates(belief: FilterState, x: Array, sign: float) -> None:
     """Rate and force of the belief more, or less, these errors of the biases."""
     a, g = x[BA], x[BG]
@@ -384,7 +384,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -394,7 +394,7 @@ def correct(
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
     bar, workspace = embedded_observer(belief, INSIDE.start), belief.workspace
-    nis = correct_around(belief, bar, y, sd, kind, observe, source, gate, innovation)
+    nis = correct_around(belief, bar, y, std, kind, observe, source, gate, innovation)
     if (
         kind == Kind.POSITION
         or kind == Kind.VELOCITY
@@ -404,7 +404,7 @@ def correct(
     ):
         new = not is_repeated(workspace[RECENT], y, kind, gate, nis)
         if any_of(new):
-            inject(bar, y, sd, kind, observe, source, workspace[INNOVATION], new)
+            inject(bar, y, std, kind, observe, source, workspace[INNOVATION], new)
             follow(bar, belief)
     relate(belief, bar)
     publish(belief, bar)

@@ -8,7 +8,7 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
-from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
+from ...core.compile.jit import flatten, helper, inline, lanes_of, matrix, sides
 from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import MAX_STATES, STATES, FilterState, Kind, Observe, Slots, SourceRow
@@ -82,13 +82,13 @@ class ComponentGroup(NamedTuple):
     H: Array  # (3, n)
 
 
-@inlined
+@inline
 def component_width(n: int) -> int:
     """Numbers of a component: its state, extra states, P, and what a fix is to it."""
     return TAIL + n - STATES + n * n + n + 4 + 3 * n
 
 
-@inlined
+@inline
 def places(n: int, N: int) -> tuple[int, int, int, int, int, int]:
     """Where the logs of N components with n states begin in their part of workspace, after the
     weights; deviations, new deviations, the components themselves; where these end; how many groups
@@ -99,7 +99,7 @@ def places(n: int, N: int) -> tuple[int, int, int, int, int, int]:
     return many, deviations, drawn, components, components + many * component_width(n), groups
 
 
-@inlined
+@inline
 def beside(belief: FilterState) -> Mixture:
     """The Mixture of a belief."""
     workspace, n, N = belief.workspace, belief.P.shape[0], int(belief.workspace[COUNT])
@@ -121,7 +121,7 @@ def beside(belief: FilterState) -> Mixture:
     )
 
 
-@inlined
+@inline
 def group(m: Mixture, g: int, side: int) -> ComponentGroup:
     """Group g of the components, below `for side in sides()`."""
     n = m.mean.size
@@ -165,7 +165,7 @@ def metres(belief: FilterState) -> tuple[float, float]:
     return M, N * cosine
 
 
-@inlined
+@inline
 def deviate(own: FilterState, belief: FilterState, north: float, east: float, x: Array) -> None:
     """x = own (-) belief, the error that `inject` would have to add to the belief; metres per
     radian from `metres`."""
@@ -175,21 +175,22 @@ def deviate(own: FilterState, belief: FilterState, north: float, east: float, x:
         where(abs(turn) > 3, wrap(turn), turn) * east,
         belief.lla[2] - own.lla[2],
     )
-    C = own.C
+    C = own.C_nb
     x[6], x[7], x[8] = rotation_between(
-        belief.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2])
+        belief.C_nb,
+        (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]),
     )
     for i in range(3):
         x[3 + i], x[9 + i], x[12 + i] = (
-            own.v[i] - belief.v[i],
-            own.ba[i] - belief.ba[i],
-            own.bg[i] - belief.bg[i],
+            own.v_n[i] - belief.v_n[i],
+            own.b_a[i] - belief.b_a[i],
+            own.b_g[i] - belief.b_g[i],
         )
-    for i in range(own.extra_states.size):
-        x[STATES + i] = own.extra_states[i] - belief.extra_states[i]
+    for i in range(own.augmented.size):
+        x[STATES + i] = own.augmented[i] - belief.augmented[i]
 
 
-@inlined
+@inline
 def settle(belief: FilterState, m: Mixture) -> None:
     """Belief and P from the sums of all groups; what P is now is remembered."""
     added_up(m.workspace[SUMS_LANES], m.sums)
@@ -200,7 +201,7 @@ def settle(belief: FilterState, m: Mixture) -> None:
         left[k] = now[k]
 
 
-@inlined
+@inline
 def recentre(belief: FilterState, m: Mixture) -> None:
     """Belief and P from all components, wherever they are: first their mean, then the moments
     about it."""
@@ -228,20 +229,20 @@ def recentre(belief: FilterState, m: Mixture) -> None:
     settle(belief, m)
 
 
-@inlined
+@inline
 def begin_sums(m: Mixture) -> None:
     """Before the first group."""
     clear(m.workspace[SUMS_LANES][: LANES * m.sums.size])
 
 
-@inlined
+@inline
 def take_in(m: Mixture, of: ComponentGroup, side: int) -> None:
     """Add a group to the moments."""
     sums = lanes_of(m.workspace, SUMS_LANES.start, m.sums.size, side)
     accumulate(of.weight, of.x, flatten(of.own.P), sums)
 
 
-@inlined
+@inline
 def carry(belief: FilterState, m: Mixture) -> None:
     """Hand on to the components what the loop did to P since the last call: more of everything, or
     more variance of single states.
@@ -277,21 +278,21 @@ def carry(belief: FilterState, m: Mixture) -> None:
             left[i, j] = now[i, j]
 
 
-@inlined
+@inline
 def set_component(own: FilterState, belief: FilterState, x: Array) -> None:
     """The component whose error about the belief is x."""
     copy_motion(own, belief)
-    for i in range(own.extra_states.size):
-        own.extra_states[i] = belief.extra_states[i]
+    for i in range(own.augmented.size):
+        own.augmented[i] = belief.augmented[i]
     inject_all(own, x)
 
 
-@inlined
+@inline
 def foresee(
     belief: FilterState,
     m: Mixture,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -316,10 +317,10 @@ def foresee(
                     group(m, g, side), innovation, wrapped, lanes_of(eight, 0, 15, side), m, side
                 )
     added_up(eight, s)
-    return _surprise(s, total, sd, innovation)
+    return _surprise(s, total, std, innovation)
 
 
-@inlined
+@inline
 def _observed_one(
     belief: FilterState,
     m: Mixture,
@@ -370,7 +371,7 @@ def same_rows(innovation: Array, mine: Array) -> bool:
     return True
 
 
-@inlined
+@inline
 def _foresee_eight(
     of: ComponentGroup, innovation: Array, wrapped: bool, s: Array, m: Mixture, side: int
 ) -> None:
@@ -403,7 +404,7 @@ def _foresee_eight(
 
 
 @helper
-def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
+def _surprise(s: Array, total: float, std: Array, innovation: Array) -> float:
     """NIS from these moments, whose weights add up to `total`; adds the mean to the innovation.
     Infinite where they are no covariance."""
     nis, any = 0.0, False
@@ -429,7 +430,7 @@ def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
                 s[3 * i + r] = value / s[3 * r + r]
                 e -= s[3 * i + r] * s[12 + r]
             else:
-                value += max(sd[i] * sd[i], MIN_NOISE * s[12 + i] / total)
+                value += max(std[i] * std[i], MIN_NOISE * s[12 + i] / total)
                 if not value > 0:
                     return math.inf
                 s[3 * i + i] = math.sqrt(value)

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from ...checks import check_number
-from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.jit import helper, inline, matrix
 from ...core.mathematics.threefry import new_stream, normal_rows, normals, uniform
 from ...typing import Array
 
@@ -76,7 +76,7 @@ def systematic(weights: Array, at: float, ancestors: Array) -> None:
         ancestors[i] = j
 
 
-@inlined
+@inline
 def moments_size(n: int) -> int:
     """Numbers that `accumulate` sums into: n means, the lower triangle of the second moments in
     rows of n + 1, a copy of one deviation."""
@@ -102,7 +102,7 @@ def accumulate(weight: float, x: Array, P: Array, sums: Array) -> None:
         _accumulate(x.size, weight, x, P, sums)
 
 
-@inlined
+@inline
 def _accumulate(n: int, weight: float, x: Array, P: Array, sums: Array) -> None:
     """Rows in groups of four, each as long as its last one up to the diagonal: what lies right
     of it is not used."""
@@ -114,7 +114,7 @@ def _accumulate(n: int, weight: float, x: Array, P: Array, sums: Array) -> None:
         _rows(4 * group, min(4 * group + 4, n), n, weight, P, sums)
 
 
-@inlined
+@inline
 def _rows(first: int, after: int, n: int, weight: float, P: Array, sums: Array) -> None:
     """Rows `first` to `after` of the second moments, in which `after` numbers count."""
     copy = n + n * (n + 1)
@@ -166,7 +166,7 @@ def root(A: Array, share: float, B: Array, other: float, L: Array) -> int:
     return negative
 
 
-@inlined
+@inline
 def resample_size(n: int) -> int:
     """Numbers of the workspace of `resample`."""
     return 6 * n * n + n + 1

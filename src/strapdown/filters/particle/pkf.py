@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...checks import check_number
-from ...core.compile.jit import flatten, helper, inlined, lanes_of, sides
+from ...core.compile.jit import flatten, helper, inline, lanes_of, sides
 from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import (
@@ -105,7 +105,7 @@ def start(
     kernel_width of filters/particle/mixture.py; resample: draw anew below this share of effective
     components. Refuses options outside their range.
     """
-    n = len(start.sd)
+    n = len(start.std)
     if kernel is None:  # of no component at all too, which `begin` refuses
         kernel = kernel_width(components, n)
     check_number(resample, "resample", least=0, most=1)
@@ -122,14 +122,14 @@ def start(
     rest = workspace[COMPONENTS:]
     rest[:N] = 1 / N
     belief = belief._replace(workspace=workspace)
-    numbers = np.concatenate([as_numbers(belief), belief.extra_states, Phi.ravel()])
+    numbers = np.concatenate([as_numbers(belief), belief.augmented, Phi.ravel()])
     own = np.zeros((LANES * groups, component_width(n)))
     own[:, : len(numbers)] = numbers
     M, E = np.add(curvature(math.sin(belief.lla[0])), belief.lla[2])
     own[:N, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
     own[:N, 3:6] += deviations[:, 3:6]
-    own[:N, 6:15] = (exponentials(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
+    own[:N, 6:15] = (exponentials(deviations[:, 6:9]) @ belief.C_nb).reshape(N, 9)
     own[:N, 15:21] += deviations[:, 9:15]
     own[:N, TAIL : TAIL + n - STATES] += deviations[:, STATES:]
     rest[first:end] = own.reshape(groups, LANES, -1).transpose(0, 2, 1).ravel()
@@ -142,11 +142,11 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     takes up what they make of it."""
     m = beside(belief)
     carry(belief, m)
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
     mechanize(
         belief.lla,
-        belief.v,
-        belief.C,
+        belief.v_n,
+        belief.C_nb,
         r,
         a,
         dt,
@@ -159,9 +159,9 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     own = of_estimates(noise)
     gain_a = decay(own.accel_decay * dt) - decay(noise.accel_decay * dt)
     gain_g = decay(own.gyro_decay * dt) - decay(noise.gyro_decay * dt)
-    a0, a1, a2 = gain_a * belief.ba[0], gain_a * belief.ba[1], gain_a * belief.ba[2]
-    g0, g1, g2 = gain_g * belief.bg[0], gain_g * belief.bg[1], gain_g * belief.bg[2]
-    decay_biases(belief.ba, belief.bg, dt, noise)
+    a0, a1, a2 = gain_a * belief.b_a[0], gain_a * belief.b_a[1], gain_a * belief.b_a[2]
+    g0, g1, g2 = gain_g * belief.b_g[0], gain_g * belief.b_g[1], gain_g * belief.b_g[2]
+    decay_biases(belief.b_a, belief.b_g, dt, noise)
     decaying = Noise(
         noise.gyro,
         noise.accel,
@@ -182,7 +182,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     settle(belief, m)
 
 
-@inlined
+@inline
 def _advance(
     m: Mixture,
     of: ComponentGroup,
@@ -197,13 +197,13 @@ def _advance(
 ) -> None:
     """Eight components by their own closed loops; their biases gain so much."""
     own = of.own
-    r, a = bias_free(u, own.ba, own.bg, dt)
-    linearised_step(own, own.C, 1.0, u, dt, noise, False)
+    r, a = bias_free(u, own.b_a, own.b_g, dt)
+    linearised_step(own, own.C_nb, 1.0, u, dt, noise, False)
     for i in range(3):
-        own.ba[i] += gained_a[i]
-        own.bg[i] += gained_g[i]
+        own.b_a[i] += gained_a[i]
+        own.b_g[i] += gained_g[i]
     height = m.workspace[HEIGHT]
-    mechanize(own.lla, own.v, own.C, r, a, dt, own.workspace[DX], height)
+    mechanize(own.lla, own.v_n, own.C_nb, r, a, dt, own.workspace[DX], height)
     deviate(own, belief, north, east, of.x)
 
 
@@ -211,7 +211,7 @@ def _advance(
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -222,10 +222,10 @@ def correct(
     draw anew where few are left that count."""
     m, workspace = beside(belief), belief.workspace
     carry(belief, m)
-    nis = foresee(belief, m, y, sd, kind, observe, source, innovation)
+    nis = foresee(belief, m, y, std, kind, observe, source, innovation)
     if not nis <= gate:
         return nis
-    workspace[DEGENERATE] += _correct_each(m, sd, innovation)
+    workspace[DEGENERATE] += _correct_each(m, std, innovation)
     workspace[EFFECTIVE] = effective(m.weights)
     recentre(belief, m)
     if workspace[EFFECTIVE] < workspace[RESAMPLE_AT]:
@@ -233,7 +233,7 @@ def correct(
     return nis
 
 
-@inlined
+@inline
 def _draw_anew(belief: FilterState, m: Mixture) -> None:
     """Resample, about the belief; belief and P stay."""
     workspace, n = belief.workspace, m.mean.size
@@ -273,8 +273,8 @@ def _draw_anew(belief: FilterState, m: Mixture) -> None:
                 P[k] = Phi[k]
 
 
-@inlined
-def _correct_each(m: Mixture, sd: Array, innovation: Array) -> int:
+@inline
+def _correct_each(m: Mixture, std: Array, innovation: Array) -> int:
     """Correct every component that counts by what `foresee` left beside it, and weigh. Returns 1
     where no likelihood was finite, 0 else."""
     used, rows = used_rows(m.mean.size), 0
@@ -288,7 +288,7 @@ def _correct_each(m: Mixture, sd: Array, innovation: Array) -> int:
                 of = group(m, g, side)
                 own, log = of.own, lanes_of(m.logs, LANES * g, 1, side)
                 work, dx = own.workspace[WORK], own.workspace[DX]
-                nis = update(own.P, of.H, of.seen, sd, 3, MAX_NIS, work, dx)
+                nis = update(own.P, of.H, of.seen, std, 3, MAX_NIS, work, dx)
                 if any_of(nis <= MAX_NIS):  # of the others the correction is nothing
                     inject_and_reset(own, dx)
                 likelihood = -0.5 * nis

@@ -11,7 +11,7 @@ from .sigma_points import symmetric
 
 def start(start: InitialState, noise: Noise) -> FilterState:
     """The filter state at `start`."""
-    n = len(start.sd)
+    n = len(start.std)
     return begin(start, symmetric(n), symmetric(n), augmented=False)
 
 

@@ -10,7 +10,7 @@ P. Points that would turn further than MAX_TURN are drawn in.
 import math
 from collections.abc import Mapping
 
-from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
+from ...core.compile.jit import flatten, helper, inline, lanes_of, matrix, sides
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import (
     ATT,
@@ -46,7 +46,7 @@ from ...typing import Array
 from .sigma_points import correct_root, covariance, deviations, downdate, factor, triangle
 
 
-@inlined
+@inline
 def width(n: int) -> int:
     """Numbers in a row of a table of n columns."""
     return (n + 8) // 8 * 8
@@ -57,7 +57,7 @@ NOISES = 12
 their biases."""
 MAX_LANES = width(MAX_STATES)
 MAX_ROWS = 2 * (STATES + 6) + 2 + NOISES + MAX_STATES - STATES
-"""Of the table of propagated errors: pairs of points, their centre, noise and other states, and
+"""Rows of the table of propagated errors: pairs of points, their centre, noise and other states, and
 one of workspace."""
 SLOTS = Slots()
 REPAIRED = SLOTS.output("repairs")  # so far
@@ -83,7 +83,7 @@ SEEN = SLOTS.matrix("SEEN", 2 * MAX_STATES + 1, 3)  # innovations at the points
 WORK = SLOTS.array("WORK", 3 * (MAX_STATES + 8))  # of `correct_root` and `downdate`
 TABLE = SLOTS.array("TABLE", MAX_ROWS * MAX_LANES)  # of propagated errors
 MAX_TURN = 0.5 * math.pi
-"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
+"""Largest turn of a point, rad: beyond a quarter of a turn a larger error has less effect, as
 that of its sine, and beyond half a turn the opposite."""
 
 
@@ -102,18 +102,18 @@ def begin(
     return start.belief(workspace)
 
 
-@inlined
+@inline
 def _point(belief: FilterState) -> FilterState:
     """The sigma point, as a FilterState of its own; P and workspace are those of `belief`."""
-    workspace, more = belief.workspace, belief.extra_states.size
+    workspace, more = belief.workspace, belief.augmented.size
     return navigation(workspace[POINT], belief.P, workspace, workspace[POINT_EXTRA][:more])
 
 
-@inlined
+@inline
 def _copy_navigation(belief: FilterState, lla: Array, v: Array, C: Array) -> None:
     for i in range(3):
-        lla[i], v[i] = belief.lla[i], belief.v[i]
-        C[i, 0], C[i, 1], C[i, 2] = belief.C[i, 0], belief.C[i, 1], belief.C[i, 2]
+        lla[i], v[i] = belief.lla[i], belief.v_n[i]
+        C[i, 0], C[i, 1], C[i, 2] = belief.C_nb[i, 0], belief.C_nb[i, 1], belief.C_nb[i, 2]
 
 
 @helper
@@ -184,12 +184,12 @@ def _reduce_rows(
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample through all points. White noise has points of its own, or its rows are
     added, to first order in dt."""
-    workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
+    workspace, b_a, b_g, n = belief.workspace, belief.b_a, belief.b_g, belief.P.shape[0]
     lanes, augmented = width(n), workspace[AUGMENTED] > 0
     _refresh_root(belief, n, lanes)
-    centre = navigation(workspace[CENTRE], belief.P, workspace, belief.extra_states)
-    lla, v, C = centre.lla, centre.v, centre.C
-    r, a = bias_free(u, ba, bg, dt)
+    centre = navigation(workspace[CENTRE], belief.P, workspace, belief.augmented)
+    lla, v, C = centre.lla, centre.v_n, centre.C_nb
+    r, a = bias_free(u, b_a, b_g, dt)
     _copy_navigation(belief, lla, v, C)
     mechanize(lla, v, C, r, a, dt, workspace[FORCE])
     A, factored, pairs = workspace[TABLE], workspace[ROOT], STATES + (6 if augmented else 0)
@@ -223,11 +223,11 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
         for i in range(n):
             mean[i] /= take
     for i in range(3):
-        belief.lla[i], belief.v[i] = lla[i], v[i]
-        belief.C[i, 0], belief.C[i, 1], belief.C[i, 2] = C[i, 0], C[i, 1], C[i, 2]
+        belief.lla[i], belief.v_n[i] = lla[i], v[i]
+        belief.C_nb[i, 0], belief.C_nb[i, 1], belief.C_nb[i, 2] = C[i, 0], C[i, 1], C[i, 2]
     publish_rates(belief, r, a, dt)
-    decay_biases(ba, bg, dt, noise)
-    add_error(belief.lla, belief.v, belief.C, mean)
+    decay_biases(b_a, b_g, dt, noise)
+    add_error(belief.lla, belief.v_n, belief.C_nb, mean)
     _publish_covariance(belief, n, lanes)
 
 
@@ -279,12 +279,12 @@ def _spread_out(
                 point[F],
             )
             for i in range(3):
-                error[3 + i] = v[i] - centre.v[i]
+                error[3 + i] = v[i] - centre.v_n[i]
             error[0] = (lla[0] - centre.lla[0]) * M
             error[1] = wrap(lla[1] - centre.lla[1]) * N * cosine
             error[2] = centre.lla[2] - lla[2]
             error[6], error[7], error[8] = rotation_between(
-                centre.C,
+                centre.C_nb,
                 (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]),
             )
         for k in range(count):
@@ -292,7 +292,7 @@ def _spread_out(
                 A[lanes * (first + k) + i] = numbers[LANES * i + k]
 
 
-@inlined
+@inline
 def _begin_point(
     k: int,
     place: int,
@@ -375,7 +375,7 @@ def _noise_rows(
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -402,7 +402,7 @@ def correct(
         terms = 0.0
         for j in range(n):
             terms += H[a, j] * H[a, j] * belief.P[j, j]
-        E[0, a], variance[a] = innovation[a], max(sd[a] * sd[a], MIN_NOISE * terms)
+        E[0, a], variance[a] = innovation[a], max(std[a] * std[a], MIN_NOISE * terms)
     for k in range(2 * n):
         j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):
@@ -438,13 +438,13 @@ def correct(
 def _move_point(belief: FilterState, point: FilterState, dx: Array) -> None:
     """The point at an error dx from the belief, with the rate and specific force that its biases
     leave."""
-    _copy_navigation(belief, point.lla, point.v, point.C)
-    add_error(point.lla, point.v, point.C, dx)
+    _copy_navigation(belief, point.lla, point.v_n, point.C_nb)
+    add_error(point.lla, point.v_n, point.C_nb, dx)
     for i in range(3):
-        point.ba[i], point.bg[i] = belief.ba[i] + dx[9 + i], belief.bg[i] + dx[12 + i]
+        point.b_a[i], point.b_g[i] = belief.b_a[i] + dx[9 + i], belief.b_g[i] + dx[12 + i]
         point.f[i], point.omega[i] = belief.f[i] - dx[9 + i], belief.omega[i] - dx[12 + i]
-    for i in range(belief.extra_states.size):
-        point.extra_states[i] = belief.extra_states[i] + dx[STATES + i]
+    for i in range(belief.augmented.size):
+        point.augmented[i] = belief.augmented[i] + dx[STATES + i]
 
 
 @helper

@@ -19,7 +19,7 @@ Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & 
 
 import math
 
-from ...core.compile.jit import helper, inlined, lanes_of, sides
+from ...core.compile.jit import helper, inline, lanes_of, sides
 from ...core.compile.selection import where
 from ...core.compile.signatures import LANES
 from ...typing import Array
@@ -92,7 +92,7 @@ def factor(P: Array, n: int, lanes: int, A: Array) -> int:
     return repaired
 
 
-@inlined
+@inline
 def covariance(A: Array, n: int, lanes: int, P: Array) -> None:
     """P (n, n) = A'A of n rows, symmetric to the last bit; the row after them is workspace."""
     last = lanes * n
@@ -108,7 +108,7 @@ def covariance(A: Array, n: int, lanes: int, P: Array) -> None:
             P[i, j] = P[j, i] = A[last + j]
 
 
-@inlined
+@inline
 def triangle(A: Array, rows: int, n: int, lanes: int) -> None:
     """Householder: the first n rows of A become upper triangular with a positive diagonal, A'A of
     all `rows` >= n stays. The rest is lost, and so is the row after the last, which is workspace.
@@ -118,7 +118,7 @@ def triangle(A: Array, rows: int, n: int, lanes: int) -> None:
             _reflect(A, rows, j, first, lanes)
 
 
-@inlined
+@inline
 def _reflect(A: Array, rows: int, j: int, first: int, lanes: int) -> None:
     """Column j below the diagonal becomes zero; before column `first` there is nothing any more."""
     d, head, width, begin = lanes * rows, lanes * j, lanes // LANES, first // LANES
@@ -197,7 +197,7 @@ def downdate(A: Array, x: Array, n: int, lanes: int, work: Array) -> int:
     return 1 if failed else 0
 
 
-@inlined
+@inline
 def deviations(
     A: Array, pairs: int, still: int, lanes: int, spread: float, rest: float, mean: Array
 ) -> float:
@@ -230,7 +230,7 @@ def deviations(
     return root / weight if worth < 0 else 0.0
 
 
-@inlined
+@inline
 def correct_root(
     A: Array,
     n: int,

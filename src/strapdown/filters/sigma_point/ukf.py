@@ -28,7 +28,7 @@ def start(
     states. Refuses a set without points or with points too near or far, and parameters of another
     set.
     """
-    n = len(start.sd)
+    n = len(start.std)
     check_choice(sigma, "sigma", SETS)
     if sigma == "symmetric" and (alpha, beta, kappa) != (0.1, 2.0, 0.0):
         raise ValueError("alpha, beta and kappa belong to sigma = 'merwe'; leave them out")

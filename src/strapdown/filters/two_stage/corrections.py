@@ -1,4 +1,4 @@
-"""How the two-stage model is corrected: fixes through their observers, each in its stage; gravity
+"""Corrections of the two-stage model: fixes through their observers, each in its stage; gravity
 and course, which stage 1 makes itself.
 
 `bar` is where the model is linearised, as in filters/two_stage/model.py: innovation and H are taken
@@ -7,11 +7,11 @@ there, and the estimate's distance from it counts by H.
 
 import math
 
-from ...core.compile.jit import helper, inlined, matrix
-from ...core.loop.contract import FilterState, Kind, Noise, Observe, SourceRow
+from ...core.compile.jit import helper, inline, matrix
+from ...core.loop.contract import STATES, FilterState, Kind, Noise, Observe, SourceRow
 from ...core.mathematics.earth import RATE, gravity
 from ...core.mathematics.error_state import DV, DX, JACOBIAN, WORK, observe_innovation
-from ...core.mathematics.kalman import update_fifteen
+from ...core.mathematics.kalman import COUNT, update_fifteen, used_rows, whiten_rows
 from ...core.mathematics.rotation import wrap
 from ...typing import Array
 from ..attitude import attitude_error_state
@@ -22,16 +22,21 @@ from .model import (
     CONDITION,
     CORRELATION,
     COURSE,
+    COURSE_GAIN,
     CRAB,
     DEVIATION,
     DOWN,
     ERROR,
     FAR_COURSES,
     FAR_VECTORS,
+    FIX_GAIN,
     FORCE,
     HELD,
     INNOVATION,
+    INVERSE,
     KNOWN,
+    LEVEL_GAIN,
+    LEVEL_SECONDS,
     MAX_BANK,
     MAX_WITHOUT_VELOCITY,
     MIN_COSINE,
@@ -55,7 +60,7 @@ MANY_FAR, MAX_GROWTH = 5, 9.0
 loop."""
 
 
-@inlined
+@inline
 def gather(
     belief: FilterState,
     bar: FilterState,
@@ -72,7 +77,7 @@ def gather(
 
     The gyros carry both along. Over a gap the loop makes samples up: then the means begin anew.
     """
-    workspace, C, v = belief.workspace, bar.C, bar.v
+    workspace, C, v = belief.workspace, bar.C_nb, bar.v_n
     workspace[SINCE_VELOCITY] += dt
     workspace[SINCE_HEADING] += dt
     if made_up:
@@ -100,7 +105,7 @@ def restart(workspace: Array) -> None:
     workspace[SECONDS] = workspace[KNOWN] = 0.0
 
 
-@inlined
+@inline
 def level_alone(belief: FilterState, bar: FilterState, noise: Noise) -> int:
     """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less
     the anti-centrifugal acceleration.
@@ -121,11 +126,12 @@ def level_alone(belief: FilterState, bar: FilterState, noise: Noise) -> int:
         f[2] - a[2],
         (workspace[ACCELERATION] + noise.accel * noise.accel) / T + swing,
     )
+    workspace[LEVEL_SECONDS] = -T
     restart(workspace)
     return 3
 
 
-@inlined
+@inline
 def level_by_velocity(
     belief: FilterState, bar: FilterState, v0: float, v1: float, v2: float, variance: float
 ) -> int:
@@ -138,7 +144,7 @@ def level_by_velocity(
     workspace, P, C, f, then, T = (
         belief.workspace,
         belief.P,
-        bar.C,
+        bar.C_nb,
         belief.workspace[FORCE],
         belief.workspace[VELOCITY_THEN],
         belief.workspace[SECONDS],
@@ -165,17 +171,18 @@ def level_by_velocity(
             f[2] - b2,
             workspace[ACCELERATION] / T + 2 * variance / (T * T) + turned,
         )
+    workspace[LEVEL_SECONDS] = T
     workspace[SECONDS], workspace[KNOWN], then[0], then[1], then[2] = 0.0, 1.0, v0, v1, v2
     return 3 if known else 0
 
 
-@inlined
+@inline
 def _level(
     belief: FilterState, bar: FilterState, z0: float, z1: float, z2: float, variance: float
 ) -> None:
     """Rows of the specific force z against gravity (m/s^2, body): f = g [sin theta, -cos theta
     sin phi, -cos theta cos phi]."""
-    workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
+    workspace, n, C = belief.workspace, belief.P.shape[0], bar.C_nb
     H, e, deviation = (
         matrix(workspace, JACOBIAN, 3, n),
         workspace[INNOVATION],
@@ -196,22 +203,22 @@ def _level(
     _less_known(workspace, H, e, 3)
 
 
-@inlined
+@inline
 def course(
-    belief: FilterState, bar: FilterState, v0: float, v1: float, sd: float, since: float
+    belief: FilterState, bar: FilterState, v0: float, v1: float, std: float, since: float
 ) -> int:
-    """A row of the course of a velocity fix (m/s north, east, at the IMU, with sd m/s), `since` s
+    """A row of the course of a velocity fix (m/s north, east, at the IMU, with std m/s), `since` s
     after the one before. Returns how many.
 
     Not near standstill nor in a bank; then the heading is held and the time counted. The angle
     between course and heading lasts: its standard deviation is so much larger that independent
     errors have the low-frequency power of lasting ones.
     """
-    workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
+    workspace, n, C = belief.workspace, belief.P.shape[0], bar.C_nb
     speed, bank = math.hypot(v0, v1), math.atan2(C[2, 1], C[2, 2])
     if workspace[COURSE] == 0 or workspace[SINCE_HEADING] < TRUSTED:
         return 0
-    if too_slow(speed, sd, workspace[MIN_SPEED]) or abs(bank) > workspace[MAX_BANK]:
+    if too_slow(speed, std, workspace[MIN_SPEED]) or abs(bank) > workspace[MAX_BANK]:
         held = min(since, MAX_WITHOUT_VELOCITY)
         workspace[HELD] += held
         workspace[SLOW] += held
@@ -236,14 +243,14 @@ def course(
     e[0] = wrap(e[0])
     lasting = max(2 * workspace[CORRELATION] / max(since, 1e-3), 1.0)
     deviation[0] = math.sqrt(
-        sd * sd / (speed * speed) + workspace[CRAB] * workspace[CRAB] * lasting
+        std * std / (speed * speed) + workspace[CRAB] * workspace[CRAB] * lasting
     )
     return 1
 
 
 @helper
 def correct_rows(
-    P: Array, workspace: Array, innovation: Array, sd: Array, rows: int, gate: float, bound: float
+    P: Array, workspace: Array, innovation: Array, std: Array, rows: int, gate: float, bound: float
 ) -> float:
     """Correct P and workspace[ERROR] by rows whose H is ready, unless NIS > gate. Returns the NIS.
 
@@ -259,8 +266,11 @@ def correct_rows(
         bound < math.inf,
         FAR_COURSES if rows == 1 else FAR_VECTORS,
     )
+    gain = FIX_GAIN if not own else (COURSE_GAIN if rows == 1 else LEVEL_GAIN)
     while True:
-        nis = update_fifteen(P, H, innovation, sd, rows, -1.0 if own else gate, workspace[WORK], dx)
+        nis = update_fifteen(
+            P, H, innovation, std, rows, -1.0 if own else gate, workspace[WORK], dx
+        )
         if not own:
             break
         own, excess = False, nis / bound
@@ -269,11 +279,29 @@ def correct_rows(
             _grow(P, min(excess, MAX_GROWTH))
         elif excess > 1:
             for i in range(rows):
-                sd[i] *= math.sqrt(excess)
+                std[i] *= math.sqrt(excess)
     if nis <= gate:
         for j in range(15):
             x[j] += dx[j]
+    _keep_gain(workspace, matrix(workspace, gain, STATES, 3), nis <= gate)
     return nis
+
+
+@helper
+def _keep_gain(workspace: Array, K: Array, taken: bool) -> None:
+    """K = U' L^-1 of the correction that `update` has just made, zero unless it was taken."""
+    work = workspace[WORK]
+    U, left = matrix(work, 0, 3, STATES), matrix(workspace, INVERSE, 3, 3)
+    for i in range(3):
+        for j in range(3):
+            left[i, j] = 1.0 if i == j else 0.0
+    whiten_rows(left, work, used_rows(STATES))
+    count = int(work[used_rows(STATES) + COUNT]) if taken else 0
+    for j in range(STATES):
+        for i in range(3):
+            K[j, i] = 0.0
+            for k in range(count):
+                K[j, i] += U[k, j] * left[k, i]
 
 
 @helper
@@ -295,12 +323,12 @@ def _less_known(workspace: Array, H: Array, innovation: Array, rows: int) -> Non
             innovation[i] -= H[i, j] * x[j]
 
 
-@inlined
+@inline
 def see(
     belief: FilterState,
     bar: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -311,18 +339,23 @@ def see(
 
     Attitude and gyro bias are known to stage 2: their columns, lever arms included, are zero there.
     """
-    workspace, n, C, used = belief.workspace, belief.P.shape[0], bar.C, belief.workspace[DV]
+    workspace, n, C, used = (
+        belief.workspace,
+        belief.P.shape[0],
+        bar.C_nb,
+        belief.workspace[DV],
+    )
     H = matrix(workspace, JACOBIAN, 3, n)
     rows = observe_innovation(bar, y, observe, source, innovation, H)
     for i in range(rows):
-        used[i] = sd[i]
+        used[i] = std[i]
         if not is_stage_one(kind):
             for j in range(3):
                 H[i, 6 + j] = H[i, 12 + j] = 0.0
     if kind == Kind.VELOCITY and workspace[DOWN] > 0:  # the third component of C' (y - v)
         innovation[0] = C[0, 2] * innovation[0] + C[1, 2] * innovation[1] + C[2, 2] * innovation[2]
         used[0] = math.sqrt(
-            (C[0, 2] * sd[0]) ** 2 + (C[1, 2] * sd[1]) ** 2 + (C[2, 2] * sd[2]) ** 2
+            (C[0, 2] * std[0]) ** 2 + (C[1, 2] * std[1]) ** 2 + (C[2, 2] * std[2]) ** 2
         )
         H[0, 3], H[0, 4], H[0, 5], rows = C[0, 2], C[1, 2], C[2, 2], 1
         innovation[1] = innovation[2] = math.nan
@@ -332,7 +365,7 @@ def see(
     return rows
 
 
-@inlined
+@inline
 def is_stage_one(kind: int) -> bool:
     """True where a kind of measurement belongs to stage 1."""
     return kind == Kind.HEADING or kind == Kind.MAGNETIC_FIELD
@@ -345,12 +378,12 @@ def note_fix_used(workspace: Array, kind: int) -> None:
         workspace[SINCE_HEADING] = workspace[SLOW] = workspace[CONDITION] = 0.0
 
 
-@inlined
+@inline
 def steer(
     belief: FilterState,
     bar: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     observe: Observe,
     source: SourceRow,
     innovation: Array,
@@ -360,16 +393,16 @@ def steer(
     workspace, n = belief.workspace, belief.P.shape[0]
     observe_innovation(bar, y, observe, source, innovation, matrix(workspace, JACOBIAN, 3, n))
     v0, v1, v2, since = (
-        bar.v[0] + innovation[0],
-        bar.v[1] + innovation[1],
-        bar.v[2] + innovation[2],
+        bar.v_n[0] + innovation[0],
+        bar.v_n[1] + innovation[1],
+        bar.v_n[2] + innovation[2],
         workspace[SINCE_VELOCITY],
     )
     seen = v0 + v1 + v2 == v0 + v1 + v2
     if (
         seen
         and level_by_velocity(
-            belief, bar, v0, v1, v2, (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3
+            belief, bar, v0, v1, v2, (std[0] * std[0] + std[1] * std[1] + std[2] * std[2]) / 3
         )
         > 0
     ):
@@ -384,7 +417,7 @@ def steer(
         )
     if (
         v0 + v1 == v0 + v1
-        and course(belief, bar, v0, v1, math.hypot(sd[0], sd[1]) * math.sqrt(0.5), since) > 0
+        and course(belief, bar, v0, v1, math.hypot(std[0], std[1]) * math.sqrt(0.5), since) > 0
     ):
         correct_rows(
             belief.P,

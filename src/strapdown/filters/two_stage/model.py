@@ -6,7 +6,7 @@ fix, a heading or a magnetic field. Stage 2 is driven by f - b_a - omega x v_b +
 corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023),
 equations (4)-(10) as corrected in docs/explanation/two-stage.md; Rohac et al. (2017).
 
-The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a FilterState does: the
+The model is linearised at `bar`, which holds lla, v, C, b_a, b_g and omega as a FilterState does: the
 estimate itself, or one that comes from elsewhere. The estimate less `bar` is kept in
 workspace[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the
 Euler angles (n x d C = J d Theta) and C are those of the model: F of the Euler angles is J^-1 F J,
@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from ...checks import check_choice, check_number
-from ...core.compile.jit import helper, inlined
-from ...core.loop.contract import STATES, Condition, FilterState, Noise, Slots, Source
+from ...core.compile.jit import helper, inline
+from ...core.loop.contract import STATES, Condition, FilterState, Noise, Slots, SourceLike
 from ...core.mathematics.error_state import ERROR_STATE
 from ...core.mathematics.kalman import decay, of_estimates
 from ...core.mathematics.rotation import rotate_vector
@@ -30,7 +30,7 @@ from ..attitude import attitude_error_state
 
 HELD_COLUMN = "course_held [s]"
 TWO_STAGE = Slots(after=ERROR_STATE)
-"""Of every filter of this model."""
+"""Slots of every filter of this model."""
 # the estimate less `bar`; zero where it is injected at once
 ERROR = TWO_STAGE.array("ERROR", STATES)
 # means since the window began, m/s^2; its s
@@ -44,11 +44,11 @@ KNOWN = TWO_STAGE.number("KNOWN")
 SINCE_VELOCITY, SINCE_HEADING = TWO_STAGE.numbers("SINCE_VELOCITY", "SINCE_HEADING")
 # options as numbers: whether only the downward component of v_b is measured, whether the course is
 DOWN, COURSE = TWO_STAGE.numbers("DOWN", "COURSE")
-MIN_SPEED = TWO_STAGE.number("MIN_SPEED")  # of a course, m/s; 0: as its sd says
+MIN_SPEED = TWO_STAGE.number("MIN_SPEED")  # of a course, m/s; 0: as its std says
 SLOW = TWO_STAGE.number("SLOW")  # s in a row of velocities without a course
 CONDITION = TWO_STAGE.number("CONDITION")  # 1: SLOW for long
 MAX_BANK = TWO_STAGE.number("MAX_BANK")  # rad
-CRAB = TWO_STAGE.number("CRAB")  # its sd, rad
+CRAB = TWO_STAGE.number("CRAB")  # its std, rad
 CORRELATION = TWO_STAGE.number("CORRELATION")  # s for which it and attitude errors are alike
 WINDOW = TWO_STAGE.number("WINDOW")  # s
 ACCELERATION = TWO_STAGE.number("ACCELERATION")  # density of unknown accelerations, m^2/s^3
@@ -61,13 +61,19 @@ BEFORE = TWO_STAGE.matrix("BEFORE", 3, 3)  # an attitude that is left
 INNOVATION = TWO_STAGE.array("INNOVATION", 3)
 DEVIATION = TWO_STAGE.array("DEVIATION", 3)
 UNUSED = TWO_STAGE.array("UNUSED", 3)  # innovation that is discarded
-MOVED = TWO_STAGE.array("MOVED", 3)  # change of v, see `doubt`
+MOVED = TWO_STAGE.array("MOVED", 3)  # change of v, see `inflate_velocity`
+# K (15, 3) of the last correction by a fix, by gravity and by a course (its first column)
+FIX_GAIN = TWO_STAGE.matrix("FIX_GAIN", STATES, 3)
+LEVEL_GAIN = TWO_STAGE.matrix("LEVEL_GAIN", STATES, 3)
+COURSE_GAIN = TWO_STAGE.matrix("COURSE_GAIN", STATES, 3)
+INVERSE = TWO_STAGE.matrix("INVERSE", 3, 3)  # L^-1 of a correction
+LEVEL_SECONDS = TWO_STAGE.number("LEVEL_SECONDS")  # its window; negative: without velocity fixes
 # gravity vectors, and courses, in a row that were far off
 FAR_VECTORS, FAR_COURSES = TWO_STAGE.numbers("FAR_VECTORS", "FAR_COURSES")
 BEYOND = TWO_STAGE.output(BEYOND_COLUMN)  # with the pitch there
 HELD = TWO_STAGE.output(HELD_COLUMN)  # with velocity fixes but without a course
 MIN_COSINE = math.cos(math.radians(85.0))
-"""Of the pitch, in Jacobians: beyond 85 deg roll and heading are not separate."""
+"""Least cosine of the pitch in Jacobians: beyond 85 deg roll and heading are not separate."""
 TRUSTED = 5.0
 """s after a heading or magnetic field during which the course is left alone."""
 MAX_WITHOUT_VELOCITY = 3.0
@@ -86,7 +92,7 @@ USES = (
     "zero-vertical-velocity",
     "zero-velocity",
 )
-"""Kinds of aiding; heading and magnetic field belong to stage 1, the others to stage 2."""
+"""Kinds of measurement; heading and magnetic field belong to stage 1, the others to stage 2."""
 Columns: TypeAlias = tuple[
     tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]
 ]
@@ -152,10 +158,10 @@ def set_options(belief: FilterState, noise: Noise, options: StageOptions) -> Non
 
 
 def configure(
-    options: dict[str, Any], aidings: Sequence[Source]
+    options: dict[str, Any], sources: Sequence[SourceLike]
 ) -> tuple[dict[str, Any], list[str]]:
     """(options, notes) for Filter.configure. Raises ValueError where nothing gives a heading."""
-    kinds = {a.kind for a in aidings}
+    kinds = {a.kind for a in sources}
     better = kinds & {"heading", "magnetic-field"}
     if better or options.get("course") != "none" and "velocity" in kinds:
         return options, []
@@ -195,7 +201,7 @@ def from_angles(
     )
 
 
-@inlined
+@inline
 def propagate(
     belief: FilterState, C: Array, f0: float, f1: float, f2: float, dt: float, noise: Noise
 ) -> None:

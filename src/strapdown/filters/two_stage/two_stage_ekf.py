@@ -2,11 +2,13 @@
 accelerometer bias with that attitude as known.
 
 filters/two_stage/model.py has the model, docs/explanation/two-stage.md its equations; here it is linearised at
-the estimate itself. P of the two stages is published as one, without covariance between them.
+the estimate itself. Gains come of the published covariance, which has none between the stages; P is
+that of the errors which they leave, filters/two_stage/joseph_covariance.py.
 """
 
 import math
 
+from ...core.compile.jit import inline
 from ...core.loop.contract import (
     CORRECT,
     DECAYING,
@@ -34,6 +36,7 @@ from ...core.mathematics.error_state import (
 )
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import (
+    Three,
     euler_to_matrix,
     matrix_to_euler,
     orthonormalise,
@@ -44,6 +47,20 @@ from ...core.mathematics.rotation import (
 from ...typing import Array
 from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, note_fix_used, see, steer
+from .joseph_covariance import (
+    IN_JOSEPH_FORM,
+    SEEN,
+    SLOTS,
+    after_corrections,
+    after_sample,
+    begin,
+    foresee,
+    grow_along,
+    learn_installation,
+    note_variances,
+    of_stages,
+    publish,
+)
 from .model import (
     BEFORE,
     BEYOND,
@@ -54,7 +71,6 @@ from .model import (
     MOVED,
     SLOW_OR_BANKED,
     TOLD,
-    TWO_STAGE,
     UNUSED,
     USES,
     StageOptions,
@@ -84,6 +100,7 @@ def start(
     correlation: float = 10.0,
     window: float = 1.0,
     acceleration: float = 0.2,
+    covariance: str = "joseph",
 ) -> FilterState:
     """The filter state at `start`. velocity: "full", or "down", the component along the body's z axis alone.
     course: "gnss", the heading is that of velocity fixes above min_speed (m/s) and below
@@ -93,9 +110,10 @@ def start(
     crab: standard deviation of the angle between course and heading, deg. correlation: for how long
     that angle, and errors of the attitude, which stage 2 has as white noise, are alike, s. window:
     over which the specific force is averaged, s; acceleration: density of what is left in it
-    besides gravity, m/s^2 sqrt(s).
+    besides gravity, m/s^2 sqrt(s). covariance: P is that of the errors under the gains, in "joseph"
+    form, or the "published" one, which the gains come of.
     """
-    belief = start.belief(allocate(TWO_STAGE))
+    belief = start.belief(allocate(SLOTS))
     chosen = StageOptions(
         velocity,
         course,
@@ -108,25 +126,42 @@ def start(
         acceleration,
     )
     set_options(belief, noise, chosen)
+    begin(belief, covariance)
     return belief
 
 
 @kernel(PREDICT)
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
+    """Advance both stages by a sample, and P."""
+    if dt > 0:
+        grow_along(belief)
+        advance(of_stages(belief), u, dt, noise)
+        after_sample(belief, dt, noise)
+        note_variances(belief)
+
+
+@inline
+def advance(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct
     stage 1 by the specific force, once a window."""
-    if dt <= 0:
-        return
     workspace = belief.workspace
-    r, a = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.b_a, belief.b_g, dt)
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
-    middle(belief.C, r[0], r[1], r[2], mid)
-    gather(belief, belief, belief.ba, u, r[0], r[1], r[2], dt, noise.accel > workspace[TOLD])
-    mechanize(belief.lla, belief.v, belief.C, r, a, dt, f_n)
+    middle(belief.C_nb, r[0], r[1], r[2], mid)
+    gather(belief, belief, belief.b_a, u, r[0], r[1], r[2], dt, noise.accel > workspace[TOLD])
+    mechanize(belief.lla, belief.v_n, belief.C_nb, r, a, dt, f_n)
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
+    arrive(belief, r, a, dt, noise)
+
+
+@inline
+def arrive(belief: FilterState, r: Three, a: Three, dt: float, noise: Noise) -> None:
+    """Finish a prediction, whose bias-free increments are r and a: rates, biases, and the correction
+    by the specific force alone, where one is due."""
+    workspace = belief.workspace
     publish_rates(belief, r, a, dt)
-    decay_biases(belief.ba, belief.bg, dt, noise)
-    if abs(belief.C[2, 0]) > SINE_STEEP:
+    decay_biases(belief.b_a, belief.b_g, dt, noise)
+    if abs(belief.C_nb[2, 0]) > SINE_STEEP:
         workspace[BEYOND] += dt
     if level_alone(belief, belief, noise) > 0:
         correct_rows(
@@ -145,7 +180,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -153,9 +188,36 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1
-    first, by its change and its course."""
+    first, by its change and its course. The gate is that of P."""
+    stages, workspace = of_stages(belief), belief.workspace
+    grow_along(belief)
+    if workspace[IN_JOSEPH_FORM] > 0:
+        nis = foresee(belief, y, std, kind, observe, source, innovation)
+        if nis <= gate:
+            learn_installation(belief)
+            correct_estimate(stages, y, std, kind, observe, source, math.inf, workspace[SEEN])
+            after_corrections(belief, kind)
+    else:
+        nis = correct_estimate(stages, y, std, kind, observe, source, gate, innovation)
+    publish(belief)
+    note_variances(belief)
+    return nis
+
+
+@inline
+def correct_estimate(
+    belief: FilterState,
+    y: Array,
+    std: Array,
+    kind: int,
+    observe: Observe,
+    source: SourceRow,
+    gate: float,
+    innovation: Array,
+) -> float:
+    """Return the NIS of a fix and correct both stages by it, linearised at the estimate."""
     P, workspace = belief.P, belief.workspace
-    rows = see(belief, belief, y, sd, kind, observe, source, innovation)
+    rows = see(belief, belief, y, std, kind, observe, source, innovation)
     nis = correct_rows(
         P,
         workspace,
@@ -166,9 +228,9 @@ def correct(
         math.inf,
     )
     if nis <= gate and kind == Kind.VELOCITY:
-        steer(belief, belief, y, sd, observe, source, workspace[UNUSED])
+        steer(belief, belief, y, std, observe, source, workspace[UNUSED])
         _inject(belief)
-        rows = see(belief, belief, y, sd, kind, observe, source, workspace[UNUSED])
+        rows = see(belief, belief, y, std, kind, observe, source, workspace[UNUSED])
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         _inject(belief)
@@ -180,12 +242,12 @@ def correct(
 def _inject(belief: FilterState) -> None:
     """Add workspace[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make
     it zero."""
-    x, v = belief.workspace[ERROR], belief.v
+    x, v = belief.workspace[ERROR], belief.v_n
     displace(belief.lla, x[0], x[1], x[2])
     for i in range(3):
         v[i] += x[3 + i]
-        belief.ba[i] += x[9 + i]
-        belief.bg[i] += x[12 + i]
+        belief.b_a[i] += x[9 + i]
+        belief.b_g[i] += x[12 + i]
     if x[6] != 0 or x[7] != 0 or x[8] != 0:
         _inject_attitude(belief, x[6], x[7], x[8])
     for i in range(15):
@@ -199,7 +261,7 @@ def _inject_attitude(belief: FilterState, x: float, y: float, z: float) -> None:
 
     v_b stays, so that the velocity turns along.
     """
-    C, v, P, before = belief.C, belief.v, belief.P, matrix(belief.workspace, BEFORE, 3, 3)
+    C, v, P, before = belief.C_nb, belief.v_n, belief.P, matrix(belief.workspace, BEFORE, 3, 3)
     for i in range(3):
         for j in range(3):
             before[i, j] = C[i, j]
@@ -226,13 +288,14 @@ TWO_STAGE_EKF = Filter(
     start,
     predict,
     correct,
-    slots=TWO_STAGE,
+    slots=SLOTS,
     uses=USES,
     configure=configure,
     diagnose=steep,
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
+    installation=True,
     bias=DECAYING,
     good_for="the comparison of Alam et al.; heading from the course",
-    poor_for="its standard deviations; drifts twice as far as closed-loop",
+    poor_for="outages: it drifts twice as far as closed-loop",
 )

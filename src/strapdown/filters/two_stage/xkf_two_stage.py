@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...checks import check_choice
-from ...core.compile.jit import inlined
+from ...core.compile.jit import inline
 from ...core.loop.contract import (
     CORRECT,
     DECAYING,
@@ -26,7 +26,7 @@ from ...core.loop.contract import (
     Noise,
     Observe,
     Slots,
-    Source,
+    SourceLike,
     SourceRow,
     helper,
     kernel,
@@ -37,6 +37,7 @@ from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import DV, DX, MID, allocate, bias_free, decay_biases
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import (
+    Three,
     euler_to_matrix,
     matrix_to_euler,
     rotate_left,
@@ -57,6 +58,21 @@ from ..observer.equations import (
 from ..observer.gains import DEFAULTS, configure as configure_observer, implant, takes_options
 from ..observer.repeated_fix import FORGOTTEN, KIND, MEMORY, is_repeated
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, note_fix_used, see, steer
+from .joseph_covariance import (
+    IN_JOSEPH_FORM,
+    SEEN,
+    SHIFT as KNOWN_SHIFT,
+    SLOTS as COVARIANCE,
+    after_corrections,
+    after_sample,
+    begin,
+    foresee,
+    grow_along,
+    learn_installation,
+    note_variances,
+    of_stages,
+    publish,
+)
 from .model import (
     BEYOND,
     CONDITION,
@@ -67,7 +83,6 @@ from .model import (
     OWN_ATTITUDE,
     SLOW_OR_BANKED,
     TOLD,
-    TWO_STAGE,
     UNUSED,
     USES,
     StageOptions,
@@ -83,7 +98,7 @@ from .model import (
     turn_velocity,
 )
 
-SLOTS = Slots(after=TWO_STAGE)
+SLOTS = Slots(after=COVARIANCE)
 # estimate - observer
 SHIFT = SLOTS.outputs(
     "observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]"
@@ -111,6 +126,7 @@ def start(
     window: float = 1.0,
     acceleration: float = 0.2,
     attitude: str = "observer",
+    covariance: str = "joseph",
     **observer: Any,
 ) -> FilterState:
     """The filter state at `start`, where the observer begins too. attitude: the one that stage 2 has as known,
@@ -125,29 +141,34 @@ def start(
     belief.workspace[OWN_ATTITUDE] = ATTITUDES[attitude]
     belief.workspace[RECENT][KIND], belief.workspace[ANGLES] = FORGOTTEN, start.rph
     implant(belief.workspace[INSIDE], start, noise, **observer)
-    both = {**DEFAULTS, **observer}
-    chosen = StageOptions(
-        velocity,
-        "none" if both["course"] == "none" else "gnss",
-        level,
-        both["min_speed"],
-        max_bank,
-        crab,
-        correlation,
-        window,
-        acceleration,
-    )
-    set_options(belief, noise, chosen)
+    own = (velocity, level, max_bank, crab, correlation, window, acceleration)
+    set_both(belief, noise, own, observer)
+    begin(belief, covariance, attitude == "stage-1")
     return belief
 
 
+def set_both(
+    belief: FilterState,
+    noise: Noise,
+    own: tuple[str, str, float, float, float, float, float],
+    observer: dict[str, Any],
+) -> None:
+    """Put the options of the model into workspace: its own, of StageOptions without `course` and
+    `min_speed`, and those that count for the observer too."""
+    velocity, level, *numbers = own
+    both = {**DEFAULTS, **observer}
+    course = "none" if both["course"] == "none" else "gnss"
+    chosen = StageOptions(velocity, course, level, both["min_speed"], *numbers)
+    set_options(belief, noise, chosen)
+
+
 def configure(
-    options: dict[str, Any], aidings: Sequence[Source]
+    options: dict[str, Any], sources: Sequence[SourceLike]
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the options with the observer's gains for these sources, and the notes of both;
     refuses sources that either cannot use."""
-    _, notes = configure_model(options, aidings)
-    options, said = configure_observer(options, aidings)
+    _, notes = configure_model(options, sources)
+    options, said = configure_observer(options, sources)
     return options, [*notes, *said]
 
 
@@ -155,45 +176,60 @@ def configure(
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the estimate on, linearised at the observer, then the observer."""
     if dt > 0:
-        bar = embedded_observer(belief, INSIDE.start)
-        carry(belief, bar, u, dt, noise)
+        bar, stages = embedded_observer(belief, INSIDE.start), of_stages(belief)
+        grow_along(belief)
+        carry(stages, bar, u, dt, noise)
         advance(bar, u, dt, noise)
-        arrive(belief, bar, dt, noise)
+        arrive(stages, bar, dt, noise)
+        after_sample(belief, dt, noise)
+        note_variances(belief)
         belief.workspace[RECENT][KIND] = FORGOTTEN
 
 
-@inlined
+@inline
 def carry(belief: FilterState, bar: FilterState, u: Array, dt: float, noise: Noise) -> None:
     """P and workspace[ERROR] over dt, and the observer's state at LEFT by the model, without
     injections; the observer is left where it is."""
     workspace = belief.workspace
-    r, a = bias_free(u, bar.ba, bar.bg, dt)
+    r, a = bias_free(u, bar.b_a, bar.b_g, dt)
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
-    middle(bar.C, r[0], r[1], r[2], mid)
+    middle(bar.C_nb, r[0], r[1], r[2], mid)
     # around the observer all is linearised there; an attitude of its own is levelled by its own bias
-    levelling = bar.ba if workspace[OWN_ATTITUDE] == 0 else belief.ba
+    levelling = bar.b_a if workspace[OWN_ATTITUDE] == 0 else belief.b_a
     gather(belief, bar, levelling, u, r[0], r[1], r[2], dt, noise.accel > workspace[TOLD])
     leave(belief, bar)
-    left = navigation(workspace[LEFT], belief.P, workspace, belief.extra_states)
+    left = navigation(workspace[LEFT], belief.P, workspace, belief.augmented)
     mechanize(
         left.lla,
-        left.v,
-        left.C,
+        left.v_n,
+        left.C_nb,
         r,
         a,
         dt,
         f_n,
     )
-    decay_biases(left.ba, left.bg, dt, noise)
+    decay_biases(left.b_a, left.b_g, dt, noise)
+    _note_shift(workspace, (f_n[0], f_n[1], f_n[2]))
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
 
 
-@inlined
+@helper
+def _note_shift(workspace: Array, f: Three) -> None:
+    """The velocity goes on with the observer's attitude, not the estimate's: for the covariance; f,
+    the velocity increment (m/s, n)."""
+    x, shift = workspace[ERROR], workspace[KNOWN_SHIFT]
+    if workspace[OWN_ATTITUDE] == 0:
+        shift[0] += x[7] * f[2] - x[8] * f[1]
+        shift[1] += x[8] * f[0] - x[6] * f[2]
+        shift[2] += x[6] * f[1] - x[7] * f[0]
+
+
+@inline
 def arrive(belief: FilterState, bar: FilterState, dt: float, noise: Noise) -> None:
     """After the observer has moved: the estimate relative to it; the correction by the specific
     force alone, where one is due."""
     relate(belief, bar)
-    if abs(bar.C[2, 0]) > SINE_STEEP:
+    if abs(bar.C_nb[2, 0]) > SINE_STEEP:
         belief.workspace[BEYOND] += dt
     x = belief.workspace[ERROR]
     before = (x[6], x[7], x[8])
@@ -215,7 +251,7 @@ def arrive(belief: FilterState, bar: FilterState, dt: float, noise: Noise) -> No
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -223,9 +259,18 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct P and the estimate around the observer, then let that take the fix, whatever the
-    gate."""
+    gate. The gate is that of P."""
     workspace, bar = belief.workspace, embedded_observer(belief, INSIDE.start)
-    nis = correct_around(belief, bar, y, sd, kind, observe, source, gate, innovation)
+    stages = of_stages(belief)
+    grow_along(belief)
+    if workspace[IN_JOSEPH_FORM] > 0:
+        nis = foresee(belief, y, std, kind, observe, source, innovation)
+        if nis <= gate:
+            learn_installation(belief)
+            correct_around(stages, bar, y, std, kind, observe, source, math.inf, workspace[SEEN])
+            after_corrections(belief, kind)
+    else:
+        nis = correct_around(stages, bar, y, std, kind, observe, source, gate, innovation)
     if (
         kind == Kind.POSITION
         or kind == Kind.VELOCITY
@@ -235,18 +280,20 @@ def correct(
     ):
         if not is_repeated(workspace[RECENT], y, kind, gate, nis):
             leave(belief, bar)
-            inject(bar, y, sd, kind, observe, source, workspace[UNUSED])
-            relate(belief, bar)
+            inject(bar, y, std, kind, observe, source, workspace[UNUSED])
+            relate(stages, bar)
     compose(belief, bar)
+    publish(belief)
+    note_variances(belief)
     return nis
 
 
-@inlined
+@inline
 def correct_around(
     belief: FilterState,
     bar: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     source: SourceRow,
@@ -258,7 +305,7 @@ def correct_around(
     P, workspace, x = belief.P, belief.workspace, belief.workspace[ERROR]
     before = (x[6], x[7], x[8])
     inflate_velocity(P, workspace[MOVED])
-    rows = see(belief, bar, y, sd, kind, observe, source, innovation)
+    rows = see(belief, bar, y, std, kind, observe, source, innovation)
     nis = correct_rows(
         P,
         workspace,
@@ -269,10 +316,10 @@ def correct_around(
         math.inf,
     )
     if nis <= gate and kind == Kind.VELOCITY:
-        steer(belief, bar, y, sd, observe, source, workspace[UNUSED])
+        steer(belief, bar, y, std, observe, source, workspace[UNUSED])
         swing(belief, bar, before)
         before = (x[6], x[7], x[8])
-        rows = see(belief, bar, y, sd, kind, observe, source, workspace[UNUSED])
+        rows = see(belief, bar, y, std, kind, observe, source, workspace[UNUSED])
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         note_fix_used(workspace, kind)
@@ -280,11 +327,11 @@ def correct_around(
     return nis
 
 
-@inlined
+@inline
 def swing(belief: FilterState, bar: FilterState, before: tuple[float, float, float]) -> None:
     """Where the known attitude is that of stage 1, the velocity turns with what that was corrected
     by since `before`, velocity in the body staying."""
-    workspace, x, v = belief.workspace, belief.workspace[ERROR], bar.v
+    workspace, x, v = belief.workspace, belief.workspace[ERROR], bar.v_n
     d0, d1, d2 = x[6] - before[0], x[7] - before[1], x[8] - before[2]
     if workspace[OWN_ATTITUDE] == 0 or d0 == 0 and d1 == 0 and d2 == 0:
         return
@@ -294,19 +341,19 @@ def swing(belief: FilterState, bar: FilterState, before: tuple[float, float, flo
     moved[0], moved[1], moved[2] = moved[0] + c0, moved[1] + c1, moved[2] + c2
 
 
-@inlined
+@inline
 def leave(belief: FilterState, bar: FilterState) -> None:
     """Keep the observer's state before it moves."""
-    left = navigation(belief.workspace[LEFT], belief.P, belief.workspace, belief.extra_states)
+    left = navigation(belief.workspace[LEFT], belief.P, belief.workspace, belief.augmented)
     copy_motion(left, bar)
 
 
-@inlined
+@inline
 def relate(belief: FilterState, bar: FilterState) -> None:
     """workspace[ERROR] and P are from now on those at the observer instead of those at LEFT:
     Euler angles, v_b and biases of the estimate stay."""
     workspace, x, lla = belief.workspace, belief.workspace[ERROR], bar.lla
-    left = navigation(workspace[LEFT], belief.P, workspace, belief.extra_states)
+    left = navigation(workspace[LEFT], belief.P, workspace, belief.augmented)
     _, cosine, M, N = place(lla[0], lla[2])
     x[0] += (left.lla[0] - lla[0]) * M
     x[1] += wrap(left.lla[1] - lla[1]) * N * cosine
@@ -315,16 +362,17 @@ def relate(belief: FilterState, bar: FilterState) -> None:
         belief.P,
         x,
         workspace[MOVED],
+        workspace[KNOWN_SHIFT],
         workspace[ANGLES],
-        left.v,
-        left.C,
-        bar.v,
-        bar.C,
+        left.v_n,
+        left.C_nb,
+        bar.v_n,
+        bar.C_nb,
         workspace[OWN_ATTITUDE] > 0,
     )
     for i in range(3):
-        x[9 + i] += left.ba[i] - bar.ba[i]
-        x[12 + i] += left.bg[i] - bar.bg[i]
+        x[9 + i] += left.b_a[i] - bar.b_a[i]
+        x[12 + i] += left.b_g[i] - bar.b_g[i]
 
 
 @helper
@@ -332,6 +380,7 @@ def _relate_turned(
     P: Array,
     x: Array,
     moved: Array,
+    shift: Array,
     angles: Array,
     v: Array,
     before: Array,
@@ -347,6 +396,7 @@ def _relate_turned(
         n0, n1, n2 = rotate_vector(C, *to_body(before, v0, v1, v2))
         turn_velocity(P, before, C)
     moved[0], moved[1], moved[2] = moved[0] + n0 - v0, moved[1] + n1 - v1, moved[2] + n2 - v2
+    shift[0], shift[1], shift[2] = shift[0] - n0 + v0, shift[1] - n1 + v1, shift[2] - n2 + v2
     x[3], x[4], x[5] = n0 - new_v[0], n1 - new_v[1], n2 - new_v[2]
     roll, pitch, heading = matrix_to_euler(before)
     new_roll, new_pitch, new_heading = matrix_to_euler(C)
@@ -362,11 +412,11 @@ def _relate_turned(
     turn_attitude(P, pitch, heading, new_pitch, new_heading)
 
 
-@inlined
+@inline
 def compose(belief: FilterState, bar: FilterState) -> None:
     """The belief is the observer and workspace[ERROR] together; near the singularity of the
     Euler angles by a rotation."""
-    workspace, x, C = belief.workspace, belief.workspace[ERROR], belief.C
+    workspace, x, C = belief.workspace, belief.workspace[ERROR], belief.C_nb
     shift, angles, xi, said = (
         workspace[SHIFT],
         workspace[ANGLES],
@@ -374,11 +424,11 @@ def compose(belief: FilterState, bar: FilterState) -> None:
         workspace[SAID_XI],
     )
     for i in range(3):
-        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
+        belief.lla[i], belief.v_n[i], belief.b_a[i], belief.b_g[i] = (
             bar.lla[i],
-            bar.v[i] + x[3 + i],
-            bar.ba[i] + x[9 + i],
-            bar.bg[i] + x[12 + i],
+            bar.v_n[i] + x[3 + i],
+            bar.b_a[i] + x[9 + i],
+            bar.b_g[i] + x[12 + i],
         )
         belief.omega[i], belief.f[i] = bar.omega[i] - x[12 + i], bar.f[i] - x[9 + i]
         shift[i], said[i] = x[i], xi[i]
@@ -391,7 +441,7 @@ def compose(belief: FilterState, bar: FilterState) -> None:
     else:
         for i in range(3):
             for j in range(3):
-                C[i, j] = bar.C[i, j]
+                C[i, j] = bar.C_nb[i, j]
         rotate_left(x[6], x[7], x[8], C)
 
 
@@ -407,7 +457,8 @@ XKF_TWO_STAGE = Filter(
     diagnose=steep,
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
+    installation=True,
     bias=DECAYING,
     good_for="starts far off, with the two-stage model",
-    poor_for="its standard deviations, which often are too small",
+    poor_for="straight legs and ships: it is too sure there",
 )

@@ -20,7 +20,7 @@ MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
 ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|spec(ific)?_?(force|acc))"
 TEMPERATURE = r"((gyro?|acc(el)?|sensor|chip|die)_?)?temp(erature)?"
 OF = r"(gps|gnss|pos|position|nav|fix|ubx)?[_ .]?"
-"""What may stand before the name of a column of fixes."""
+"""Words that may stand before the name of a column of fixes."""
 POSITION = {
     "latitude": OF + r"(lat|latitude|latitud|breite(ngrad)?)|ll[ah]_1",
     "longitude": OF + r"(lon|lng|long|longitude|longitud|l(ä|ae)nge(ngrad)?)|ll[ah]_2",

@@ -25,11 +25,11 @@ from .column_names import (
 )
 from .track_units import angles_of, unit_of_velocity, units_of_course
 
-POSITION_SD, VELOCITY_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
+POSITION_STD, VELOCITY_STD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
 """m and m/s of a receiver that states none."""
 SPREADS = (("m", "mm", "cm", "km", "ft"), ("rad", "deg"), tuple(UNITS["speed"]))
 """Units of deviations, those of one quantity together."""
-NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
+NO_STD = "the table tells no accuracy; this is a usual one of a receiver"
 ARM = (
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
     "the antenna",
@@ -77,7 +77,7 @@ def fix_sections(
 
 def _add(found: GnssColumns, kind: str, told: Keys) -> None:
     keys = told.values
-    section = Section("aiding", "gnss", {"kind": kind, **keys}, assumed=told.assumed, remarks=ARM)
+    section = Section("source", "gnss", {"kind": kind, **keys}, assumed=told.assumed, remarks=ARM)
     found.sections.append(section)
     names, units = keys["columns"], keys["unit"]
     shown = units if isinstance(units, str) else ", ".join(units)
@@ -116,8 +116,8 @@ def _position(columns: ColumnNames, shared: Keys, found: GnssColumns) -> Array |
         keys["scale"], why["scale"] = [scale, scale, size], "by the size of the numbers"
     if height != names["ellipsoidal"]:
         keys |= _geoid(columns, names, height, why)
-    keys["sd"], told = _position_sd(columns, "mm" if size != 1 else "m")
-    why |= {"sd": told} if told else {}
+    keys["std"], told = _position_std(columns, "mm" if size != 1 else "m")
+    why |= {"std": told} if told else {}
     _add(found, "position", Keys(keys, why))
     return track
 
@@ -152,14 +152,14 @@ def _length(columns: ColumnNames, name: str) -> tuple[str, float]:
     return ("m", 0.001) if named is None and typical > 2e4 else (named or "m", 1.0)
 
 
-def _position_sd(columns: ColumnNames, unit: str) -> tuple[Any, str]:
-    """(sd, why it is assumed); `unit` is that of columns that name none."""
+def _position_std(columns: ColumnNames, unit: str) -> tuple[Any, str]:
+    """(std, why it is assumed); `unit` is that of columns that name none."""
     named = {key: columns.find(pattern) for key, pattern in DEVIATIONS.items()}
     if all(named[key] for key in ("north", "east", "down")):
         return [_deviation(columns, str(named[key]), unit) for key in ("north", "east", "down")], ""
     level = named["horizontal"] or named["all"]
     if not level:
-        return list(POSITION_SD), NO_SD
+        return list(POSITION_STD), NO_STD
     across = _deviation(columns, level, unit)
     if named["vertical"]:
         return [across, across, _deviation(columns, named["vertical"], unit)], ""
@@ -168,7 +168,7 @@ def _position_sd(columns: ColumnNames, unit: str) -> tuple[Any, str]:
 
 
 def _deviation(columns: ColumnNames, name: str, unit: str) -> dict[str, Any]:
-    """The entry of `sd` of a column, in the unit of its name or else in this one."""
+    """The entry of `std` of a column, in the unit of its name or else in this one."""
     alike = next(units for units in SPREADS if unit in units)
     return {"column": name, "unit": columns.unit(name, alike) or unit}
 
@@ -199,12 +199,12 @@ def _ecef(columns: ColumnNames, shared: Keys, found: GnssColumns) -> None:
         _add(found, "velocity", shared.with_more(told))
 
 
-def _ecef_keys(names: list[str], unit: str, covariance: Any, usual_sd: float) -> Keys:
-    """Keys of x, y and z; `usual_sd` is taken where there is no covariance."""
+def _ecef_keys(names: list[str], unit: str, covariance: Any, usual_std: float) -> Keys:
+    """Keys of x, y and z; `usual_std` is taken where there is no covariance."""
     keys = {"columns": names, "axes": "ECEF", "unit": unit}
     if covariance is None:
-        return Keys({**keys, "sd": usual_sd}, {"sd": NO_SD})
-    return Keys({**keys, "sd": covariance}, {})
+        return Keys({**keys, "std": usual_std}, {"std": NO_STD})
+    return Keys({**keys, "std": covariance}, {})
 
 
 def _covariance(columns: ColumnNames, of: str, unit: str) -> list[dict[str, Any]] | None:
@@ -249,14 +249,14 @@ def _by_components(
         "axes": "NED" if down else "ENU",
     }
     why = {"unit": told} if told else {}
-    sd = {key: columns.find(DEVIATIONS[key]) for key in ("vn", "ve", "vd", "speed")}
-    if all(sd[key] for key in ("vn", "ve", "vd")):
+    std = {key: columns.find(DEVIATIONS[key]) for key in ("vn", "ve", "vd", "speed")}
+    if all(std[key] for key in ("vn", "ve", "vd")):
         order = ("vn", "ve", "vd") if down else ("ve", "vn", "vd")
-        keys["sd"] = [_deviation(columns, str(sd[key]), unit) for key in order]
-    elif sd["speed"]:
-        keys["sd"] = [_deviation(columns, sd["speed"], unit)] * 3
+        keys["std"] = [_deviation(columns, str(std[key]), unit) for key in order]
+    elif std["speed"]:
+        keys["std"] = [_deviation(columns, std["speed"], unit)] * 3
     else:
-        keys["sd"], why["sd"] = [_of(each, unit) for each in VELOCITY_SD], NO_SD
+        keys["std"], why["std"] = [_of(each, unit) for each in VELOCITY_STD], NO_STD
     return Keys(keys, why)
 
 
@@ -275,19 +275,19 @@ def _by_course(
         in_order.append(vertical)
         form += ", down" if names["down"] else ", up"
         units.append(columns.unit(vertical, tuple(UNITS["speed"])) or "m/s")
-    sd, of_sd = _course_sd(columns, units)
-    why = ({"unit": told} if told else {}) | ({"sd": of_sd} if of_sd else {})
-    return Keys({"form": form, "columns": in_order, "unit": units, "sd": sd}, why)
+    std, of_std = _course_std(columns, units)
+    why = ({"unit": told} if told else {}) | ({"std": of_std} if of_std else {})
+    return Keys({"form": form, "columns": in_order, "unit": units, "std": std}, why)
 
 
-def _course_sd(columns: ColumnNames, units: list[str]) -> tuple[Any, str]:
-    """(sd, why it is assumed) of speed, course and, where `units` has three, the vertical."""
+def _course_std(columns: ColumnNames, units: list[str]) -> tuple[Any, str]:
+    """(std, why it is assumed) of speed, course and, where `units` has three, the vertical."""
     of_speed, of_course = (columns.find(DEVIATIONS[key]) for key in ("speed", "course"))
-    across = _deviation(columns, of_speed, "m/s") if of_speed else _of(VELOCITY_SD[0], units[0])
+    across = _deviation(columns, of_speed, "m/s") if of_speed else _of(VELOCITY_STD[0], units[0])
     if not of_course:
-        return across, f"{'of the velocity' if of_speed else f'{NO_SD},'} in all directions"
-    down = [_of(VELOCITY_SD[2], unit) for unit in units[2:]]
-    told = "" if of_speed and not down else NO_SD
+        return across, f"{'of the velocity' if of_speed else f'{NO_STD},'} in all directions"
+    down = [_of(VELOCITY_STD[2], unit) for unit in units[2:]]
+    told = "" if of_speed and not down else NO_STD
     return [across, _deviation(columns, of_course, units[1]), *down], told
 
 
@@ -299,7 +299,7 @@ def _of(speed: float, unit: str) -> float:
 # ---- rows that count
 
 NO_FIX = re.compile(r"no(ne|[ _-]?fix|t .*)?|invalid|v|false|0|2d?|time.*", re.IGNORECASE)
-"""What a text says of a row that is no fix in three dimensions."""
+"""Words of a row that is no fix in three dimensions."""
 
 
 def conditions(columns: ColumnNames, is_imu: bool) -> list[tuple[dict[str, Any], str]]:

@@ -20,7 +20,7 @@ from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY as G
 from ...units.conversion import UNITS
 from ..description.magnetic_sources import EARTH_FIELD
-from ..description.schema_aiding import HEADING
+from ..description.schema_source import HEADING
 from ..reader import GUESS, Section
 from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, ColumnNames
 
@@ -232,7 +232,7 @@ def _axes(force: Array) -> tuple[str, str]:
 def magnetometer_section(
     columns: ColumnNames, time: dict[str, Any], axes: str
 ) -> tuple[Section | None, list[str]]:
-    """(Section [[aiding]] of a magnetometer or None, facts), its unit the one of its name or that
+    """(Section [[source]] of a magnetometer or None, facts), its unit the one of its name or that
     gives about the Earth's field."""
     names = columns.triple(MAG)
     if not names:
@@ -248,10 +248,10 @@ def magnetometer_section(
     counts = "" if scale == 1 else "; counts? scale was set to the Earth's field"
     keys: dict[str, Any] = {"kind": "magnetic-field", "time": time, "columns": names, "unit": tesla}
     keys |= {"scale": float(f"{scale:.6g}")} if scale != 1 else {}
-    keys |= {"axes": axes, "sd": float(f"{1e-6 / known[tesla]:.3g}"), "field": "record"}
+    keys |= {"axes": axes, "std": float(f"{1e-6 / known[tesla]:.3g}"), "field": "record"}
     assumed = {
         "axes": "those of the IMU; many magnetometers have others",
-        "sd": "in the unit above, here 1 uT",
+        "std": "in the unit above, here 1 uT",
         "field": "headings are from magnetic north; for true north give date and place at the top "
         "instead",
     } | ({} if named else {"unit": f"median strength is {median:.4g}{counts}"})
@@ -260,7 +260,7 @@ def magnetometer_section(
         f"{f' times {scale:g}' if scale != 1 else ''}: check its axes and calibrate it"
     )
     section = Section(
-        "aiding", "magnetometer", keys, assumed=assumed, left=UNCALIBRATED, remarks=MAG_KEYS
+        "source", "magnetometer", keys, assumed=assumed, left=UNCALIBRATED, remarks=MAG_KEYS
     )
     return section, [fact]
 
@@ -268,7 +268,7 @@ def magnetometer_section(
 def attitude_section(
     columns: ColumnNames, time: dict[str, Any]
 ) -> tuple[Section | None, list[str]]:
-    """(Section [[aiding]] of roll, pitch and heading or None, facts), which is left: a logged
+    """(Section [[source]] of roll, pitch and heading or None, facts), which is left: a logged
     attitude is most often another filter's, made of this same IMU."""
     tilt = {key: columns.find(NO_ANGLE + pattern) for key, pattern in ANGLES.items()}
     if not tilt["roll"] or not tilt["pitch"]:
@@ -283,14 +283,14 @@ def attitude_section(
         "time": time,
         "columns": names,
         "unit": angle,
-        "sd": 1.0 if angle == "deg" else 0.02,
+        "std": 1.0 if angle == "deg" else 0.02,
         "axes": "FRD to NED",
     }
-    assumed = {"sd": "of roll, pitch and heading", "axes": 'or "FLU to ENU"'}
+    assumed = {"std": "of roll, pitch and heading", "axes": 'or "FLU to ENU"'}
     assumed |= {} if named else {"unit": f"the largest is {largest:.4g}"}
     fact = f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}"
     left = (
         "an attitude beside the IMU is most often that of another filter, made of this same IMU; where "
         "it is an AHRS's, --take attitude=0 takes it"
     )
-    return Section("aiding", "attitude", keys, assumed=assumed, left=left), [fact]
+    return Section("source", "attitude", keys, assumed=assumed, left=left), [fact]

@@ -24,7 +24,7 @@ CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc|uhrzeit|zeit)"
 GPS_NAME = r".*gps.*"
 GPS_TIME = r"gps_?time"
 AFTER = r"([_ .,\[(].*)?"
-"""What may stand behind a name."""
+"""Words that may stand behind a name."""
 UNIX_UNITS = ("s", "ms", "us", "ns")
 MAX_INTERVALS = (float(DAY), 100.0)
 """s between two fixes, and two samples of an IMU: a unit that gives more is another."""
@@ -44,7 +44,7 @@ FORMATS = (
 OF_DAY = "%H:%M:%S"
 """A time alone, whose day another file may tell."""
 DAYS = 2
-"""Of a format with a date of digits alone: the first of them that are tried in a column alone."""
+"""Number of the first formats with a date of digits alone that are tried in a column alone."""
 
 
 class ColumnClock(NamedTuple):

@@ -66,7 +66,7 @@ class Walked(ABC):
         self._places = array("q")  # where records begin
 
     @abstractmethod
-    def _whole(self, at: int, end: int) -> int:
+    def _take_records(self, at: int, end: int) -> int:
         """Take in whole records from `at`; return the place where they end."""
 
     @abstractmethod
@@ -80,7 +80,7 @@ class Walked(ABC):
     def _walk(self, begin: int, end: int) -> None:
         """Take in the records from `begin`; what is no record is passed over and counted."""
         while begin < end:
-            begin = self._whole(begin, end)
+            begin = self._take_records(begin, end)
             if begin >= end:
                 return
             if self._is_cut(begin, end):
@@ -93,7 +93,7 @@ class Walked(ABC):
             self.unread += found - begin
             begin = found
 
-    def _grouped(
+    def _group_records(
         self, kind_of: Callable[[NDArray[np.int64]], NDArray[Any]], kinds: Sequence[int]
     ) -> dict[int, NDArray[np.int64]]:
         """{kind: where its records begin}, of kinds in rising order; `kind_of` are those of places."""

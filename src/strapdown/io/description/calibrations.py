@@ -9,7 +9,7 @@ import numpy as np
 from ...checks import DataError
 from ...core.loop.contract import Imu
 from ...data.recording import RecordingMeta
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...typing import Array
 from ...units.wording import count_text
 from ..calibration_file import HEATED, NONE, Correction, read_corrections
@@ -103,7 +103,7 @@ def kept_temperatures(part: ImuPart, files: Files) -> RecordingMeta:
 
 
 def frames(
-    description: Description, files: Files, aidings: Iterable[Aiding]
+    description: Description, files: Files, sources: Iterable[Source]
 ) -> dict[str, dict[str, Any]]:
     """{"gyro", "accel" and names of magnetometers: {"axes", "bias", "matrix", "temperature",
     "field"}} as lists, for the meta of a Recording.
@@ -120,14 +120,14 @@ def frames(
         if imu.calibration
         else dict.fromkeys(HEATED, _frame(imu.matrix, NONE))
     )
-    for part, aiding in zip(description.aiding, aidings):
+    for part, source in zip(description.source, sources):
         if part.sensor.parameters == "field":
             correction = (
                 read_corrections(files.locate(part.calibration)).get("magnetometer", NONE)
                 if part.calibration
                 else NONE
             )
-            found[aiding.name] = _frame(part.vector_matrix, correction) | (
+            found[source.name] = _frame(part.vector_matrix, correction) | (
                 {"field": "record"} if part.field == "record" else {}
             )
     return {name: frame for name, frame in found.items() if frame}

@@ -100,13 +100,13 @@ def one_clock(
 def _later(section: Section, seconds: float, clock: str = "") -> Section:
     """The section with its times counted from a moment so much earlier, on that absolute clock."""
 
-    def moved(keys: Mapping[str, Any]) -> dict[str, Any]:
+    def set_clock(keys: Mapping[str, Any]) -> dict[str, Any]:
         if "time" not in keys:
             return dict(keys)
         time = {**keys["time"], "offset": keys["time"].get("offset", 0.0) + seconds}
         return {**keys, "time": {**time, "clock": clock} if clock else time}
 
-    keys = _change_times(section.keys, moved)
+    keys = _change_times(section.keys, set_clock)
     told = {"time": "to the clock of the IMU, by the UTC of both logs"}
     return section._replace(keys=keys, assumed={**section.assumed, **told})
 
@@ -147,14 +147,14 @@ def _weeks(
 def _with_week(section: Section, week: int | None, why: str) -> Section:
     """The section with the number of the week, or on no absolute clock where that is None."""
 
-    def said(keys: Mapping[str, Any]) -> dict[str, Any]:
+    def set_week(keys: Mapping[str, Any]) -> dict[str, Any]:
         time = keys.get("time", {})
         if "week" not in time or time["week"] is not None:
             return dict(keys)
         time = {key: value for key, value in time.items() if key not in ("week", "clock")}
         return {**keys, "time": time if week is None else {**time, "clock": "gps", "week": week}}
 
-    keys = _change_times(section.keys, said)
+    keys = _change_times(section.keys, set_week)
     if keys == section.keys:
         return section
     told = " and ".join(filter(None, [section.assumed.get("time", ""), why]))

@@ -8,11 +8,11 @@ from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, Calibrati
 class Edit(NamedTuple):
     """One key of a section, with a new value."""
 
-    source: int | None  # [[aiding]], from 0; None: [imu]
+    source: int | None  # [[source]], from 0; None: [imu]
     of: CalibrationParameter
     # s to add to the offset; m of all three axes; roll, pitch, heading, rad; a factor
     value: tuple[float, ...]
-    sd: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
+    std: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
 
     @property
     def key(self) -> str:
@@ -22,11 +22,11 @@ class Edit(NamedTuple):
 
 def edit_text(edit: Edit) -> str:
     """Return an edit in words, with the digits of the file."""
-    of, least = edit.of, min(sd for sd in edit.sd if sd)
-    own = edit.sd if of is LEVER_ARM else [least] * len(edit.value)
+    of, least = edit.of, min(std for std in edit.std if std)
+    own = edit.std if of is LEVER_ARM else [least] * len(edit.value)
     numbers = [
-        number(x * of.factor, (sd or least) * of.factor, of.digits)
-        for x, sd in zip(edit.value, own)
+        number(x * of.factor, (std or least) * of.factor, of.digits)
+        for x, std in zip(edit.value, own)
     ]
     if of is CLOCK:
         return f"time: add {'' if edit.value[0] < 0 else '+'}{numbers[0]} s to offset"
@@ -42,25 +42,25 @@ def deviations(edit: Edit) -> str:
     """The standard deviations of the components that were estimated, by name."""
     of = edit.of
     return ", ".join(
-        f"{name} +- {round_std(sd * of.factor)} {of.unit}"
-        for name, sd in zip(of.components, edit.sd)
-        if sd
+        f"{name} +- {round_std(std * of.factor)} {of.unit}"
+        for name, std in zip(of.components, edit.std)
+        if std
     )
 
 
-def number(value: float, sd: float, least: int) -> str:
+def number(value: float, std: float, least: int) -> str:
     """A number with the digits that its standard deviation leaves it, and `least` behind the point
     anyway."""
-    text = f"{value:.{max(least, _digits(sd))}f}"
+    text = f"{value:.{max(least, _digits(std))}f}"
     return text if float(text) else text.lstrip("-")
 
 
-def round_std(sd: float) -> str:
+def round_std(std: float) -> str:
     """A standard deviation with the digits that count."""
-    return f"{sd:.{_digits(sd)}f}"
+    return f"{std:.{_digits(std)}f}"
 
 
-def _digits(sd: float) -> int:
+def _digits(std: float) -> int:
     """Behind the point of a standard deviation: one that counts, two where the first is 1."""
-    magnitude, first = f"{sd:.1e}".split("e")[1], f"{sd:.0e}"[0]
+    magnitude, first = f"{std:.1e}".split("e")[1], f"{std:.0e}"[0]
     return max(0, -int(magnitude) + (first == "1"))

@@ -8,8 +8,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ...alignment.location import has_location
-from ...checks import DataError, located
-from ...data.solution import Aiding
+from ...checks import DataError, locate_errors
+from ...data.solution import Source
 from ...preprocessing.attitude_record import quaternions
 from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix, permute_axes
 from ...preprocessing.origin import Origin
@@ -26,39 +26,39 @@ from ...typing import Array, Mask
 from ...units.conversion import factor, spread_factor
 from ...units.quantities import dimension, innovation_dimension
 from .schema import ReferencePart, Vector, vector_factors
-from .schema_aiding import AidingPart
 from .schema_base import SeparationKeys
+from .schema_source import SourcePart
 from .source_files import Files
 
 
 class FixColumns(NamedTuple):
-    """Rows of a source: t (m,) s, y (m, components) and sd in SI and radians, where they are
+    """Rows of a source: t (m,) s, y (m, components) and std in SI and radians, where they are
     from, and notes."""
 
     t: Array
     y: Array
-    sd: Array
+    std: Array
     origin: Origin
     notes: list[str]
 
-    def kept(self, keep: Mask, notes: list[str]) -> "FixColumns":
+    def keep_rows(self, keep: Mask, notes: list[str]) -> "FixColumns":
         """Only the rows of a mask (m,), with further notes."""
-        origin = self.origin.kept(keep, len(self.t))
-        return FixColumns(self.t[keep], self.y[keep], self.sd[keep], origin, [*self.notes, *notes])
+        origin = self.origin.keep_rows(keep, len(self.t))
+        return FixColumns(self.t[keep], self.y[keep], self.std[keep], origin, [*self.notes, *notes])
 
 
 class Whereabouts(NamedTuple):
     """Source of the vehicle's position: fixes of position, else the place of the recording."""
 
-    aidings: Iterable[Aiding]
+    sources: Iterable[Source]
     place: Sequence[float] | None  # latitude, longitude, rad, and ellipsoidal height, m
 
     def at(self, t: Array) -> Array:
         """(m, 3) geodetic positions at the times t (m,), s. Raises DataError."""
-        for aiding in self.aidings:
-            whole = has_location(aiding) & np.isfinite(aiding.y[:, :2]).all(axis=1)
-            if aiding.kind == "position" and whole.any():
-                return places(t, aiding.t[whole], aiding.y[whole])
+        for source in self.sources:
+            whole = has_location(source) & np.isfinite(source.y[:, :2]).all(axis=1)
+            if source.kind == "position" and whole.any():
+                return places(t, source.t[whole], source.y[whole])
         if self.place is None:
             raise DataError(
                 "nothing says where it is; add a source of positions, or the key place at the top"
@@ -66,7 +66,7 @@ class Whereabouts(NamedTuple):
         return np.broadcast_to(np.array(self.place), (len(t), 3))
 
 
-def read_fixes(part: AidingPart, files: Files, whereabouts: Whereabouts, where: str) -> FixColumns:
+def read_fixes(part: SourcePart, files: Files, whereabouts: Whereabouts, where: str) -> FixColumns:
     """The rows of a source that is recorded; an attitude and a magnetic field as their columns
     have them. Raises DataError, which names `where`."""
     # the schema asks every kind that is recorded for these
@@ -80,34 +80,34 @@ def read_fixes(part: AidingPart, files: Files, whereabouts: Whereabouts, where: 
     )
     many, read = len(part.columns), iter(columns[len(part.columns) :])
     y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
-    sd = np.stack(
+    std = np.stack(
         [
             _deviation(*entry, None if _deviation_column(entry[0]) is None else next(read), len(t))
             for entry in entries
         ],
         axis=1,
     )
-    with located(where):
+    with locate_errors(where):
         return _in_ned(
-            part, FixColumns(t, y, sd, table.origin, notes), next(read, None), whereabouts
+            part, FixColumns(t, y, std, table.origin, notes), next(read, None), whereabouts
         )
 
 
 def _in_ned(
-    part: AidingPart, fixes: FixColumns, undulations: Array | None, whereabouts: Whereabouts
+    part: SourcePart, fixes: FixColumns, undulations: Array | None, whereabouts: Whereabouts
 ) -> FixColumns:
     """The same with heights above the ellipsoid, latitude and longitude, and velocities north, east,
     down, of those that come otherwise; `undulations` is the column of `geoid`."""
-    t, y, sd, origin, notes = fixes
+    t, y, std, origin, notes = fixes
     if part.form is not None:
-        y, sd, said = over_ground(upright(y, part.form), sd, origin)
-        return fixes._replace(y=y, sd=sd, notes=notes + said)
+        y, std, said = over_ground(upright(y, part.form), std, origin)
+        return fixes._replace(y=y, std=std, notes=notes + said)
     if part.ecef and part.kind == "position":
         lla = positions(y, origin)
-        return fixes._replace(y=lla, sd=deviations(sd, lla))
+        return fixes._replace(y=lla, std=deviations(std, lla))
     if part.ecef and part.kind == "velocity":
         lla = whereabouts.at(t)
-        return fixes._replace(y=vectors(y, lla), sd=deviations(sd, lla))
+        return fixes._replace(y=vectors(y, lla), std=deviations(std, lla))
     if part.geoid is not None:
         lla = whereabouts.at(t) if part.needs_place else y
         above, what = separation(part.geoid, lla, undulations)
@@ -142,7 +142,7 @@ def _deviation_column(entry: Any) -> str | int | None:
 
 
 def _deviation(entry: Any, quantity: str, unit: Any, values: Array | None, many: int) -> Array:
-    """Standard deviations (many,) in SI of an entry of `sd`, whose column, where it has one, holds
+    """Standard deviations (many,) in SI of an entry of `std`, whose column, where it has one, holds
     `values`: numbers and plain columns are in the unit of the component (latitude and longitude:
     m), and of a covariance the sign is kept."""
     if values is None:
@@ -195,7 +195,7 @@ def read_columns(part: ReferencePart, files: Files, whereabouts: Whereabouts) ->
         lla, notes = lla + [0, 0, 1] * above[:, None], [*notes, f"reference: {said}"]
     here = lla
     if part.position is None and any(vector.ecef for vector in parts.values()):
-        with located(where):
+        with locate_errors(where):
             here = whereabouts.at(t)
     v_n = q_nb = None
     if part.velocity is not None:

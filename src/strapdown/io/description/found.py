@@ -16,7 +16,7 @@ from .rewriting import Keyed, change_installation, check_sections, rewrite, rewr
 
 
 class Change(NamedTuple):
-    """How a command changes the file of a recording."""
+    """A change that a command makes to the file of a recording."""
 
     recording: Recording  # as it was read
     command: str  # stands behind the date in the comments that it writes
@@ -54,7 +54,7 @@ class Change(NamedTuple):
 
     @property
     def _kinds(self) -> list[str]:
-        return [a.kind for a in self.recording.aidings]
+        return [a.kind for a in self.recording.sources]
 
     @property
     def _mark(self) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from ...core.loop.contract import Imu
 from ...core.mathematics.earth import RATE
 from ...preprocessing.stationary import at_rest
-from ...sensor_models.imu import grade
+from ...sensor_models.imu import imu as imu_spec
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY as G
 from ...units.conversion import in_units
@@ -56,13 +56,13 @@ def nearest_grade(imu: Imu) -> tuple[str, str]:
 
 def _is_allowed(name: str, seen: ShownGrade) -> bool:
     """Return True where a grade allows all that was seen; NaN is allowed."""
-    spec = grade(name)
-    accel_sd, gyro_sd = spec.bias_sd()
+    spec = imu_spec(name)
+    accel_std, gyro_std = spec.bias_std()
     return not (
         seen.gyro > MARGIN * spec.gyro.noise
         or seen.accel > MARGIN * spec.accel.noise
-        or seen.rate > SIGMAS * np.sqrt(3) * gyro_sd + RATE
-        or abs(seen.excess) > SIGMAS * accel_sd + GRAVITY_RANGE
+        or seen.rate > SIGMAS * np.sqrt(3) * gyro_std + RATE
+        or abs(seen.excess) > SIGMAS * accel_std + GRAVITY_RANGE
     )
 
 
@@ -75,7 +75,7 @@ def shown_grade(imu: Imu) -> ShownGrade:
     means = [_blocks(each[rest], many).mean(axis=1) for each in (rate, force)]
     steps = [np.abs(np.diff(each, axis=0)).max(axis=1) for each in means]
     steady = np.logical_and(
-        *(step < STEADY * np.sqrt(2 / MEANS) * sd for step, sd in zip(steps, (gyro, accel)))
+        *(step < STEADY * np.sqrt(2 / MEANS) * std for step, std in zip(steps, (gyro, accel)))
     )
     if not steady.any():
         return ShownGrade(gyro, accel, np.nan, np.nan)

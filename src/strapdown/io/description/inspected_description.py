@@ -6,15 +6,15 @@ from pathlib import Path
 
 from ...core.loop.contract import Imu
 from ...data.recording import Recording, RecordingMeta
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...data.verdict import Reason
 from ...inspection.height_differences import above_sea_level
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
 from ..facts import (
-    aiding_facts,
     clock_facts,
-    gyro_bias_sd,
+    gyro_bias_std,
     imu_facts,
+    source_facts,
     temperature_facts,
     unusual_imu,
 )
@@ -37,7 +37,7 @@ from .read import (
     read_sources,
 )
 from .schema import Description
-from .schema_aiding import AidingPart
+from .schema_source import SourcePart
 from .source_files import Files
 
 
@@ -61,7 +61,7 @@ def inspect_description(path: Path) -> Findings:
 def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
     """Findings on the files of devices that make one recording together, also where they do not
     make one. Raises DataError where one of them cannot be read."""
-    joined = join(open_logs(paths), take).graded()
+    joined = join(open_logs(paths), take).with_grade()
     found = Findings.of(fact for path in paths for fact in joined.logs[path].facts)
     found.add(joined.told, joined.asked)
     if joined.without_imu:
@@ -87,15 +87,15 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     wrong = mistakes(imu, description.imu.kind, description.vehicle)
     texts = [*found.problems, *(text for _, text in wrong)]
     without_gravity = any(NO_GRAVITY in text for text in texts)
-    unusual = doubts(imu, gyro_bias_sd(meta))
+    unusual = doubts(imu, gyro_bias_std(meta))
     if without_gravity:  # its direction says nothing
         unusual = [each for each in unusual if each.cause != "axes"]
     _add_imu(path, imu, meta, wrong, unusual, found)
-    aidings, more = _sources(path, description, imu, meta, files, found)
-    notes += more + _reference(description, imu, aidings, files, found)
-    recording = Recording(imu, tuple(aidings), None, meta)
+    sources, more = _sources(path, description, imu, meta, files, found)
+    notes += more + _reference(description, imu, sources, files, found)
+    recording = Recording(imu, tuple(sources), None, meta)
     _hear_fixes(recording, unusual, found)
-    of_fixes = aiding_facts(imu, aidings, meta)
+    of_fixes = source_facts(imu, sources, meta)
     # against what is no specific force fixes tell nothing
     found.add(*(of_fixes[:1] if without_gravity else of_fixes))
     return [*files.notes, *notes]
@@ -125,16 +125,16 @@ def _sources(
     meta: RecordingMeta,
     files: Files,
     found: Findings,
-) -> tuple[list[Aiding], list[str]]:
-    """(the aidings that can be read, notes)."""
+) -> tuple[list[Source], list[str]]:
+    """(the sources that can be read, notes)."""
     read, notes = read_sources(description, imu, files, found.attempt)
-    aidings, parts = list(read.values()), [(description.aiding[n - 1], n) for n in read]
-    notes = [*notes, *level_notes(aidings, meta)]
-    return aidings, notes + _magnetometers(path, parts, aidings, imu, meta, found)
+    sources, parts = list(read.values()), [(description.source[n - 1], n) for n in read]
+    notes = [*notes, *level_notes(sources, meta)]
+    return sources, notes + _magnetometers(path, parts, sources, imu, meta, found)
 
 
 def _reference(
-    description: Description, imu: Imu, aidings: list[Aiding], files: Files, found: Findings
+    description: Description, imu: Imu, sources: list[Source], files: Files, found: Findings
 ) -> list[str]:
     """Notes on the reference, where one is described."""
     if description.reference is None:
@@ -142,7 +142,7 @@ def _reference(
     if description.reference.position is not None:
         column = height_column(description.reference.position)
         found.take([], above_sea_level("reference", column), [])
-    whereabouts = Whereabouts(aidings, description.lla)
+    whereabouts = Whereabouts(sources, description.lla)
     reference, notes = found.attempt(
         read_reference, description.reference, imu, files, whereabouts
     ) or (None, [])
@@ -153,7 +153,7 @@ def _reference(
 def _hear_fixes(recording: Recording, unusual: Iterable[Reason], found: Findings) -> None:
     """Take back what was said of the IMU alone and its fixes contradict: some of the `unusual`, and
     a gyro that tilts unfelt."""
-    kept = unusual_imu(recording, gyro_bias_sd(recording.meta))
+    kept = unusual_imu(recording, gyro_bias_std(recording.meta))
     denied = tuple(each.line for each in unusual if each not in kept)
     found.problems[:] = [line for line in found.problems if not line.endswith(denied)]
     if any(UNFELT in line for line in found.problems) and fixes_confirm(recording):
@@ -165,21 +165,21 @@ def _hear_fixes(recording: Recording, unusual: Iterable[Reason], found: Findings
 
 def _magnetometers(
     path: Path,
-    parts: Iterable[tuple[AidingPart, int]],
-    aidings: list[Aiding],
+    parts: Iterable[tuple[SourcePart, int]],
+    sources: list[Source],
     imu: Imu,
     meta: RecordingMeta,
     found: Findings,
 ) -> list[str]:
-    """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`,
+    """Notes; each magnetometer among the sources, made of the (SourcePart, number) in `parts`,
     gets the Earth's field in place."""
     notes: list[str] = []
     for k, (part, number) in enumerate(parts):
         with_field, more = found.attempt(
-            read_field, part, number, aidings[k], aidings, imu, meta, path
+            read_field, part, number, sources[k], sources, imu, meta, path
         ) or (None, [])
         if with_field is not None and part.sensor.parameters == "field":
-            aidings[k] = with_field
+            sources[k] = with_field
             facts, reasons = facts_and_reasons(
                 with_field,
                 imu,
@@ -188,7 +188,7 @@ def _magnetometers(
                 part.calibration is not None,
             )
             wrong = [each.line for each in reasons]
-            found.add(facts, (f"{path}: [[aiding]] {number} {text}" for text in wrong))
+            found.add(facts, (f"{path}: [[source]] {number} {text}" for text in wrong))
             more = [note for note in more if note not in wrong]
         notes += more
     return notes

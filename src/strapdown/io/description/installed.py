@@ -8,7 +8,7 @@ import numpy as np
 
 from ...checks import is_number
 from .schema import Description
-from .schema_aiding import AidingPart
+from .schema_source import SourcePart
 
 LOOK_THE_SAME = 1e-9
 """By which numbers may differ that are the same."""
@@ -16,7 +16,7 @@ LOOK_THE_SAME = 1e-9
 
 def installation_numbers(description: Description) -> dict[str, list[float]]:
     """{"[section] key": numbers}: offsets of time, s; lever arms, m; mounting, roll, pitch, heading,
-    rad; scales; standard deviations, or the scales of their columns; correlated errors, sd and time.
+    rad; scales; standard deviations, or the scales of their columns; correlated errors, std and time.
     In plain values, each as it is or, where it is not given, as it is taken."""
     imu = description.imu
     found = {
@@ -24,10 +24,10 @@ def installation_numbers(description: Description) -> dict[str, list[float]]:
         "[imu] mounting": list(imu.mounting.angles) if imu.mounting else [0.0] * 3,
         "[imu] lever_arm": list(imu.lever_arm),
     }
-    for number, part in enumerate(description.aiding, 1):
-        where = f"[[aiding]] {number} ({part.kind})"
+    for number, part in enumerate(description.source, 1):
+        where = f"[[source]] {number} ({part.kind})"
         found[f"{where} lever_arm"] = list(part.lever_arm or [0.0] * 3)
-        found[f"{where} sd"] = [_size(entry) for entry, _, _ in part.deviations]
+        found[f"{where} std"] = [_size(entry) for entry, _, _ in part.deviations]
         found[f"{where} correlated"] = _correlated_numbers(part)
         if part.time is not None:
             found[f"{where} time offset"] = [part.time.offset]
@@ -36,16 +36,16 @@ def installation_numbers(description: Description) -> dict[str, list[float]]:
 
 
 def _size(entry: Any) -> float:
-    """A number of `sd`, or the scale of its column."""
+    """A number of `std`, or the scale of its column."""
     if isinstance(entry, dict):
         entry = entry.get("scale", 1.0)
     return float(entry) if is_number(entry) else 1.0
 
 
-def _correlated_numbers(part: AidingPart) -> list[float]:
+def _correlated_numbers(part: SourcePart) -> list[float]:
     """Standard deviations and time of its correlated errors, SI; none: []."""
     errors = part.correlated_errors
-    return [] if errors is None else [*errors.sd, errors.time]
+    return [] if errors is None else [*errors.std, errors.time]
 
 
 def difference(there: dict[str, Any], read: dict[str, Any]) -> str:

@@ -36,7 +36,7 @@ OTHER_PIECE = {
     "gyro": ("accelerometer", "Accelerometer.csv"),
     "accel": ("gyroscope", "Gyroscope.csv"),
 }
-"""Of an IMU with gyro or accel alone: what is missing, and a name of a file that has it."""
+"""Missing part of an IMU with gyro or accel alone: its words, and a name of a file that has it."""
 Take = Mapping[str, int | None]
 """{role: instance} that a user asks for; None leaves the role out."""
 
@@ -122,15 +122,15 @@ class Joined(NamedTuple):
         notes = [f"note: {line}" for line, refused in self._slow() if not refused]
         return list(dict.fromkeys([*taken, *assumed, *notes, *left]))
 
-    def graded(self, grade: str | None = None) -> "Joined":
+    def with_grade(self, grade: str | None = None) -> "Joined":
         """The same with the grade of its IMU: `grade`, or the one that the log states, or else one
         that the samples fit, as assumed."""
         of_imu = [each for each in self.taken if each.section.of == "imu"]
         if grade is None and any("grade" in each.section.keys for each in of_imu):
             return self
-        name, why = (grade, "") if grade else self._fitting()
+        name, why = (grade, "") if grade else self._fitting_grade()
 
-        def known(each: Taken) -> Taken:
+        def set_grade(each: Taken) -> Taken:
             if each not in of_imu:
                 return each
             keys, assumed = dict(each.section.keys), dict(each.section.assumed)
@@ -138,9 +138,9 @@ class Joined(NamedTuple):
             told = {key: text for key, text in assumed.items() if text}
             return each._replace(section=each.section._replace(keys=keys, assumed=told))
 
-        return self._replace(taken=tuple(map(known, self.taken)))
+        return self._replace(taken=tuple(map(set_grade, self.taken)))
 
-    def _fitting(self) -> tuple[str, str]:
+    def _fitting_grade(self) -> tuple[str, str]:
         """(grade, why) that the samples fit; the worst one where they cannot be read."""
         label = Path(", ".join(map(str, self.paths)))
         try:
@@ -153,10 +153,10 @@ class Joined(NamedTuple):
     def content(self, folder: File) -> dict[str, Any]:
         """The description as a `recording.toml` in `folder` has it."""
         content: dict[str, Any] = dict(self.head)
-        for each in _whole(self.taken, folder):
+        for each in _join_imus(self.taken, folder):
             keys = _keys(each, folder)
-            if each.section.of == "aiding":
-                content.setdefault("aiding", []).append(keys)
+            if each.section.of == "source":
+                content.setdefault("source", []).append(keys)
             else:
                 content[each.section.of] = keys
         return content
@@ -166,9 +166,9 @@ class Joined(NamedTuple):
         parts = [HEAD.format(names=", ".join(printable(path.name) for path in self.paths))]
         parts[0] += "".join(f"{key} = {_value(value)}\n" for key, value in self.head.items())
         parts[0] += "".join(f"{line}\n" for key, line in OPTIONAL.items() if key not in self.head)
-        parts += [_text(each, folder) for each in _whole(self.taken, folder)]
+        parts += [_text(each, folder) for each in _join_imus(self.taken, folder)]
         for each, why in self.left:
-            if each.section.left and each.section.of == "aiding":
+            if each.section.left and each.section.of == "source":
                 lines = [f"left out: {why}", *_text(each, folder).splitlines()]
                 parts.append("".join(f"# {printable(line)}".rstrip() + "\n" for line in lines))
         return "\n".join(parts)
@@ -214,15 +214,15 @@ def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
         head |= {key: value for key, value in logs[path].head.items() if key not in head}
     clock = one_clock([(each.path, each.section) for each in taken], logs, head)
 
-    def completed(each: Taken) -> Taken:
+    def complete(each: Taken) -> Taken:
         return each._replace(section=clock.complete(each.path, each.section))
 
     return Joined(
         tuple(logs),
         logs,
         head,
-        tuple(map(completed, taken)),
-        tuple((completed(each), why) for each, why in left),
+        tuple(map(complete, taken)),
+        tuple((complete(each), why) for each, why in left),
         clock,
     )
 
@@ -278,9 +278,9 @@ def _role_name(section: Section) -> str:
     return f"gnss {section.keys['kind']}" if section.role == "gnss" else section.role
 
 
-def _whole(taken: Iterable[Taken], folder: File) -> list[Taken]:
+def _join_imus(taken: Iterable[Taken], folder: File) -> list[Taken]:
     """The same in the order of a description, an IMU of two pieces as one section."""
-    found = sorted(taken, key=lambda each: ["imu", "aiding", "reference"].index(each.section.of))
+    found = sorted(taken, key=lambda each: ["imu", "source", "reference"].index(each.section.of))
     pieces = {_piece(each.section): each for each in found if each.section.of == "imu"}
     if set(pieces) < {"gyro", "accel"} or "" in pieces:
         return found
@@ -309,7 +309,7 @@ def _keys(each: Taken, folder: File) -> dict[str, Any]:
 def _text(each: Taken, folder: File) -> str:
     """A section as text."""
     of, keys = each.section.of, _keys(each, folder)
-    lines = ["[[aiding]]" if of == "aiding" else f"[{of}]"]
+    lines = ["[[source]]" if of == "source" else f"[{of}]"]
     for key, value in keys.items():
         line, why = f"{key} = {_value(value)}", each.section.assumed.get(key, "")
         lines.append(f"{line:{COMMENT - 1}} # check: {printable(why)}" if why else line)
@@ -336,11 +336,11 @@ def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
     joined = join(open_logs(paths), take)
     if joined.asked:
         raise DataError(joined.asked[0])
-    joined = joined.graded()
+    joined = joined.with_grade()
     label = Path(", ".join(map(str, paths)))
     description = load(label, joined.content("."))
     recording = recording_of(description, Files(label, description.epoch, ".", dict(joined.logs)))
-    return recording.knowing(name=joined.name, read=joined.told)
+    return recording.with_meta(name=joined.name, read=joined.told)
 
 
 # ---- fast enough
@@ -350,7 +350,7 @@ MIN_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
 samples motion and vibration are lost, which no filter gets back; increments hold all of the motion.
 docs/how-to/flight-controllers.md has what was measured."""
 ROUNDED = 0.98
-"""Of a rate: it may be 99 for 100."""
+"""Ratio of rates that are the same: one may be 99 for 100."""
 
 
 def slow(section: Section, tables: Mapping[str, FileTable]) -> tuple[str, bool] | None:

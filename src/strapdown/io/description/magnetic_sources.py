@@ -7,14 +7,14 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.loop.contract import Imu
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...sensor_models.geomagnetism import geomagnetic_field
 from ...typing import Array
 from ...units.conversion import UNITS
 from ...units.wording import count_text
 from ..calibration_file import read_calibration
 from ..magnetic_record import facts_and_reasons, vertical
-from .schema_aiding import AidingPart
+from .schema_source import SourcePart
 from .source_files import Files
 
 MAX_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
@@ -22,7 +22,7 @@ MAX_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
 mistaken unit."""
 
 
-def calibrate_field(part: AidingPart, files: Files, raw: Array) -> Array:
+def calibrate_field(part: SourcePart, files: Files, raw: Array) -> Array:
     """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias)
     of the calibration file. Raises DataError.
 
@@ -40,32 +40,32 @@ def calibrate_field(part: AidingPart, files: Files, raw: Array) -> Array:
 
 
 def with_field(
-    part: AidingPart, aiding: Aiding, imu: Imu, date: str | None, place: Array | None
-) -> tuple[Aiding, list[str]]:
-    """(Aiding whose parameters are the Earth's field north, east, down in T, notes of it and of
+    part: SourcePart, source: Source, imu: Imu, date: str | None, place: Array | None
+) -> tuple[Source, list[str]]:
+    """(Source whose parameters are the Earth's field north, east, down in T, notes of it and of
     what contradicts it).
 
-    part: its AidingPart; date: ISO text or None; place: latitude, longitude (rad), height (m) or
+    part: its SourcePart; date: ISO text or None; place: latitude, longitude (rad), height (m) or
     None. Raises DataError.
     """
-    field, notes = _field(part, aiding, imu, date, place)
+    field, notes = _field(part, source, imu, date, place)
     known = part.field != "record"
-    _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH_FIELD)
-    aiding = replace(aiding, parameters=tuple(map(float, field)))
+    _refuse_strength(part, source, float(np.linalg.norm(field)) if known else EARTH_FIELD)
+    source = replace(source, parameters=tuple(map(float, field)))
     _, wrong = facts_and_reasons(
-        aiding, imu, part.vector_matrix, known, part.calibration is not None
+        source, imu, part.vector_matrix, known, part.calibration is not None
     )
-    return aiding, notes + [each.line for each in wrong]
+    return source, notes + [each.line for each in wrong]
 
 
-def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
+def _refuse_strength(part: SourcePart, source: Source, total: float) -> None:
     """Raises DataError where the median strength is beyond a factor MAX_STRENGTH_RATIO of `total`
     (T), which a mistaken unit makes of it, not hard iron."""
-    if len(aiding.t) < 10:
+    if len(source.t) < 10:
         return
     median, change = (
-        float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))),
-        float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2),
+        float(np.nanmedian(np.linalg.norm(source.y, axis=1))),
+        float(np.nanmax(np.ptp(source.y, axis=0)) / 2),
     )
     # a turn changes the field by its strength, whatever the hard iron
     if 1 / MAX_STRENGTH_RATIO <= median / total <= MAX_STRENGTH_RATIO or 0.5 < change / total < 2:
@@ -86,10 +86,10 @@ def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
 
 
 def _field(
-    part: AidingPart, aiding: Aiding, imu: Imu, date: str | None, place: Array | None
+    part: SourcePart, source: Source, imu: Imu, date: str | None, place: Array | None
 ) -> tuple[tuple[float, ...], list[str]]:
     if part.field == "record":
-        return _field_of_the_record(part, aiding, imu)
+        return _field_of_the_record(part, source, imu)
     if part.field is not None:
         return part.field, []
     if date is None or place is None:
@@ -109,27 +109,27 @@ def _field(
         raise DataError(f"field: {error}") from None
     latitude, longitude = np.degrees(place[:2])
     notes = [
-        f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, "
+        f"{source.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, "
         f"{longitude:.3f} deg: "
         f"declination {np.degrees(found.declination):.2f} deg, dip "
         f"{np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"
     ]
-    return found.field, notes + ([f"{aiding.name}: {found.note}"] if found.note else [])
+    return found.field, notes + ([f"{source.name}: {found.note}"] if found.note else [])
 
 
 def _field_of_the_record(
-    part: AidingPart, aiding: Aiding, imu: Imu
+    part: SourcePart, source: Source, imu: Imu
 ) -> tuple[tuple[float, ...], list[str]]:
     """Strengths along and across the vertical, medians over quiet times, with the given
     declination or none."""
-    down, quiet = vertical(aiding.t, imu)
+    down, quiet = vertical(source.t, imu)
     if quiet.sum() < 10:
         raise DataError(
             'field: "record" needs times without acceleration, and there are none; give north, east '
             "and down, "
             "or leave it out for the geomagnetic model"
         )
-    y, down = aiding.y[quiet], down[quiet]
+    y, down = source.y[quiet], down[quiet]
     along = np.einsum("ij,ij->i", y, down)
     vertically, horizontally = (
         np.median(along),
@@ -142,7 +142,7 @@ def _field_of_the_record(
         else "declination 0, so headings are from magnetic north; give declination for true north"
     )
     note = (
-        f"{aiding.name}: the field is that of the record, medians over "
+        f"{source.name}: the field is that of the record, medians over "
         f"{count_text(int(quiet.sum()), 'quiet sample')}: "
         f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}"
     )

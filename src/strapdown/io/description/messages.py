@@ -69,11 +69,11 @@ def _complaint(item: ErrorDetails, content: dict[str, Any]) -> str:
 def _place(location: Sequence[int | str], content: dict[str, Any]) -> str:
     if not location:
         return "top level"
-    if location[0] == "aiding" and len(location) > 1:
+    if location[0] == "source" and len(location) > 1:
         number = int(location[1])
-        entry = content["aiding"][number]
+        entry = content["source"][number]
         kind = entry.get("kind") if isinstance(entry, dict) else None
-        head, rest = f"[[aiding]] {number + 1}{f' ({kind})' if kind else ''}", location[2:]
+        head, rest = f"[[source]] {number + 1}{f' ({kind})' if kind else ''}", location[2:]
     elif isinstance(content.get(str(location[0])), dict):
         head, rest = f"[{location[0]}]", location[1:]
     else:

@@ -9,10 +9,10 @@ from typing import Any, cast
 import numpy as np
 
 from ...alignment.location import place_of
-from ...checks import DataError, located
+from ...checks import DataError, locate_errors
 from ...core.loop.contract import Imu
 from ...data.recording import Recording, RecordingMeta
-from ...data.solution import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
+from ...data.solution import ATTITUDE_COLUMNS, NAV_COLUMNS, Source, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import permute_axes
@@ -26,7 +26,7 @@ from ...preprocessing.wheel_slip import without_slip
 from ...typing import Array, File
 from ...units.conversion import DEG, factor
 from ...units.time_scales import iso, utc
-from ..magnetic_record import sound
+from ..magnetic_record import sound_samples
 from ..reader import Made
 from ..tables.table_file import FileTable
 from ..unfelt_tilt import accusation, decide_accusation
@@ -36,8 +36,8 @@ from .installed import installation_numbers
 from .magnetic_sources import calibrate_field, with_field
 from .messages import load
 from .schema import Description, ImuPart, ReferencePart, Vector
-from .schema_aiding import AidingPart
 from .schema_base import Signal
+from .schema_source import SourcePart
 from .source_files import Files
 
 OF_LOGS = (
@@ -57,7 +57,7 @@ def read_description(path: File) -> Recording:
     description = load(Path(path))
     recording = recording_of(description, Files(path, description.epoch))
     told = assumption_notes(description.imu)
-    return recording.knowing(read=told) if told else recording
+    return recording.with_meta(read=told) if told else recording
 
 
 def assumption_notes(part: ImuPart) -> list[str]:
@@ -75,32 +75,32 @@ def assumption_notes(part: ImuPart) -> list[str]:
 def recording_of(description: Description, files: Files) -> Recording:
     """The Recording of a description and the files that it names. Raises DataError of one line."""
     path = files.path
-    parts = [*description.aiding, description.reference]
+    parts = [*description.source, description.reference]
     files.later = {part.file for part in parts if part is not None and part.file is not None}
     imu, notes = read_imu(description.imu, files)
     accused = accusation(imu, description.imu.kind, description.vehicle, str(path))
-    aidings: list[Aiding] = []
+    sources: list[Source] = []
     found, more = read_sources(description, imu, files, _surely)
     notes += more
-    for number, aiding in sorted(found.items()):
-        others = [other.name for other in aidings]
-        aidings.append(aiding if aiding.name not in others else _number_aiding(aiding, number))
+    for number, source in sorted(found.items()):
+        others = [other.name for other in sources]
+        sources.append(source if source.name not in others else _number_source(source, number))
     meta = read_meta(description, files, float(imu.t[0]))
-    notes += level_notes(aidings, meta)
-    for k, part in enumerate(description.aiding):
-        aidings[k], more = read_field(part, k + 1, aidings[k], aidings, imu, meta, path)
+    notes += level_notes(sources, meta)
+    for k, part in enumerate(description.source):
+        sources[k], more = read_field(part, k + 1, sources[k], sources, imu, meta, path)
         notes += more
     reference = None
     if description.reference is not None:
-        whereabouts = Whereabouts(aidings, description.lla)
+        whereabouts = Whereabouts(sources, description.lla)
         reference, more = read_reference(description.reference, imu, files, whereabouts)
         notes += more
     notes = [*files.notes, *notes]
-    recording = Recording(imu, tuple(aidings), reference, meta)
-    recording = recording.knowing(**kept_temperatures(description.imu, files))
-    if sensors := frames(description, files, aidings):
-        recording = recording.knowing(sensors=sensors)
-    recording = recording.knowing(installed=installation_numbers(description), notes=notes)
+    recording = Recording(imu, tuple(sources), reference, meta)
+    recording = recording.with_meta(**kept_temperatures(description.imu, files))
+    if sensors := frames(description, files, sources):
+        recording = recording.with_meta(sensors=sensors)
+    recording = recording.with_meta(installed=installation_numbers(description), notes=notes)
     return decide_accusation(recording, accused)
 
 
@@ -110,29 +110,29 @@ def _surely(function: Callable[..., Made], *arguments: Any) -> Made | None:
 
 def read_sources(
     description: Description, imu: Imu, files: Files, attempt: Callable[..., Any]
-) -> tuple[dict[int, Aiding], list[str]]:
-    """({number of its [[aiding]]: Aiding} in the order of reading, notes); `attempt` calls what reads
+) -> tuple[dict[int, Source], list[str]]:
+    """({number of its [[source]]: Source} in the order of reading, notes); `attempt` calls what reads
     one, and gives None of one that is left out."""
-    found: dict[int, Aiding] = {}
+    found: dict[int, Source] = {}
     notes: list[str] = []
     for number, part in in_order(description):
         where = (files, list(found.values()), description.lla)
-        read = attempt(read_aiding, part, number, description.imu.lever_arm, imu, *where)
+        read = attempt(read_source, part, number, description.imu.lever_arm, imu, *where)
         if read is not None:
             found[number], more = read
             notes += more
     return found, notes
 
 
-def in_order(description: Description) -> list[tuple[int, AidingPart]]:
-    """(number, section) of every [[aiding]] in the order of reading: what is told in ECEF asks the
+def in_order(description: Description) -> list[tuple[int, SourcePart]]:
+    """(number, section) of every [[source]] in the order of reading: what is told in ECEF asks the
     positions where it is, and constraints at rest ask the sensors whether it is one."""
-    parts = enumerate(description.aiding, 1)
+    parts = enumerate(description.source, 1)
     return sorted(parts, key=lambda each: (not each[1].sensor.recorded, each[1].needs_place))
 
 
-def _number_aiding(aiding: Aiding, number: int) -> Aiding:
-    return replace(aiding, name=f"{aiding.name} {number}")
+def _number_source(source: Source, number: int) -> Source:
+    return replace(source, name=f"{source.name} {number}")
 
 
 def read_meta(description: Description, files: Files, first: float) -> RecordingMeta:
@@ -153,7 +153,7 @@ def read_meta(description: Description, files: Files, first: float) -> Recording
         "grade": grade,
         "vehicle": description.vehicle,
         "estimate": description.imu.estimate or None,
-        "height_columns": _height_columns(description.aiding) or None,
+        "height_columns": _height_columns(description.source) or None,
         "guessed_axes": description.imu.guessed_axes,
         "imu_mounting": mounting and mounting.angles,
         "point": description.point,
@@ -163,7 +163,7 @@ def read_meta(description: Description, files: Files, first: float) -> Recording
     return cast(RecordingMeta, known)
 
 
-def _height_columns(parts: Iterable[AidingPart]) -> dict[str, str]:
+def _height_columns(parts: Iterable[SourcePart]) -> dict[str, str]:
     """{column of heights above the ellipsoid: source that takes it}."""
     of_heights = [part for part in parts if part.sensor.name in ("position", "altitude")]
     return {
@@ -171,26 +171,26 @@ def _height_columns(parts: Iterable[AidingPart]) -> dict[str, str]:
     }
 
 
-def height_column(part: AidingPart | Vector) -> str:
+def height_column(part: SourcePart | Vector) -> str:
     """The column of a height above the ellipsoid; "" where it has no name or is above the geoid."""
     column = (part.columns or [""])[-1] if part.geoid is None else ""
     return column if isinstance(column, str) else ""
 
 
-def level_notes(aidings: Iterable[Aiding], meta: RecordingMeta) -> list[str]:
+def level_notes(sources: Iterable[Source], meta: RecordingMeta) -> list[str]:
     """Notes on a mean sea level that is far from the height of the `place` in meta."""
     found = [
-        (aiding, float(aiding.y[0, 0]), float(aiding.sd[0, 0]))
-        for aiding in aidings
-        if aiding.kind == "zero-sea-level" and len(aiding.t)
+        (source, float(source.y[0, 0]), float(source.std[0, 0]))
+        for source in sources
+        if source.kind == "zero-sea-level" and len(source.t)
     ]
     height = meta["place"][2] if "place" in meta else None
     return [
-        f"{aiding.name}: its level is {level:g} m and the height of place {height:g} m, "
-        f"{abs(level - height) / sd:.0f} of its standard "
+        f"{source.name}: its level is {level:g} m and the height of place {height:g} m, "
+        f"{abs(level - height) / std:.0f} of its standard "
         "deviations apart: check both, they are m above the ellipsoid"
-        for aiding, level, sd in found
-        if height is not None and abs(level - height) > FAR_LEVEL * sd
+        for source, level, std in found
+        if height is not None and abs(level - height) > FAR_LEVEL * std
     ]
 
 
@@ -207,7 +207,7 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     else:
         of_gyro, more = increments(t, gyro, gyro, part.kind, origin)
         of_accel, of_its_own = increments(t_accel, accel, accel, part.kind, own)
-        with located(f"{files.path}: [imu]"):
+        with locate_errors(f"{files.path}: [imu]"):
             imu, joining = join_imu(of_gyro, of_accel)
         more += of_its_own + [f"imu: {note}" for note in joining]
     notes += [note for note in left_out if note not in notes] + more
@@ -235,47 +235,47 @@ def _signal(
     return table.origin, t, values, notes
 
 
-def read_aiding(
-    part: AidingPart,
+def read_source(
+    part: SourcePart,
     number: int,
     imu_lever_arm: list[float],
     imu: Imu,
     files: Files,
-    others: Collection[Aiding] = (),
+    others: Collection[Source] = (),
     place: Sequence[float] | None = None,
-) -> tuple[Aiding, list[str]]:
-    """(Aiding, notes) of one section [[aiding]]; the speeds of `others` say when there is no rest,
+) -> tuple[Source, list[str]]:
+    """(Source, notes) of one section [[source]]; the speeds of `others` say when there is no rest,
     their positions, or else the `place` of the recording, where the vehicle is. Raises
     DataError."""
-    where = f"{files.path}: [[aiding]] {number} ({part.kind})"
+    where = f"{files.path}: [[source]] {number} ({part.kind})"
     if not part.sensor.recorded:
-        t, y, sd, notes = _constraint(part, imu, others, where)
-        return _make_aiding(part, imu_lever_arm, t, y, sd), notes
+        t, y, std, notes = _constraint(part, imu, others, where)
+        return _make_source(part, imu_lever_arm, t, y, std), notes
     fixes = _of_the_body(part, imu, files, Whereabouts(others, place), where)
-    made = _make_aiding(part, imu_lever_arm, fixes.t, fixes.y, fixes.sd)
-    aiding, more = clean(made, part.sensor, fixes.origin)
-    overlap(imu, aiding.t, where, files.epoch)
-    notes = [*fixes.notes, *more, *(each.line for each in little_overlap(imu, aiding))]
+    made = _make_source(part, imu_lever_arm, fixes.t, fixes.y, fixes.std)
+    source, more = clean(made, part.sensor, fixes.origin)
+    overlap(imu, source.t, where, files.epoch)
+    notes = [*fixes.notes, *more, *(each.line for each in little_overlap(imu, source))]
     if part.slip_test and part.kind == "speed":
-        aiding, slipped = without_slip(aiding, imu)
+        source, slipped = without_slip(source, imu)
         notes += slipped
-    return aiding, notes
+    return source, notes
 
 
-def _make_aiding(
-    part: AidingPart, imu_lever_arm: list[float], t: Array, y: Array, sd: Array
-) -> Aiding:
-    """The Aiding of these rows, with what its section says beside them."""
+def _make_source(
+    part: SourcePart, imu_lever_arm: list[float], t: Array, y: Array, std: Array
+) -> Source:
+    """The Source of these rows, with what its section says beside them."""
     arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
         if part.sensor.parameters in ("antenna", "reference")
         else ()
     )
-    return Aiding(
+    return Source(
         part.kind,
         t,
         y,
-        sd,
+        std,
         tuple(map(float, arm)),
         part.gate,
         part.name or part.kind,
@@ -288,7 +288,7 @@ def _make_aiding(
 
 
 def _of_the_body(
-    part: AidingPart, imu: Imu, files: Files, whereabouts: Whereabouts, where: str
+    part: SourcePart, imu: Imu, files: Files, whereabouts: Whereabouts, where: str
 ) -> FixColumns:
     """The rows of a recorded source in the axes that its kind is used in, without samples that are
     stuck or saturated."""
@@ -301,57 +301,57 @@ def _of_the_body(
     if matrix is None:
         return fixes
     return fixes._replace(
-        y=permute_axes(fixes.y, matrix), sd=permute_axes(fixes.sd, np.abs(matrix))
+        y=permute_axes(fixes.y, matrix), std=permute_axes(fixes.std, np.abs(matrix))
     )
 
 
 def _attitude(
-    part: AidingPart, fixes: FixColumns, imu: Imu, whereabouts: Whereabouts, where: str
+    part: SourcePart, fixes: FixColumns, imu: Imu, whereabouts: Whereabouts, where: str
 ) -> FixColumns:
     """Roll, pitch and heading of the body, rad, of an attitude as the columns hold it, without stuck
     fixes."""
-    t, y, sd, origin, _ = fixes
+    t, y, std, origin, _ = fixes
     if part.ecef:
         q = quaternions(y, part.quaternion, part.axes, origin)
-        with located(where):
+        with locate_errors(where):
             q = attitudes(q, whereabouts.at(t))
         y = Trajectory(t, np.empty((0, 3)), q_nb=q).rph
     else:
         y = angles(y, part.quaternion, part.axes, origin)
-    sd = np.c_[sd, np.full((len(sd), 3 - sd.shape[1]), np.nan)]
+    std = np.c_[std, np.full((len(std), 3 - std.shape[1]), np.nan)]
     keep, notes = sound_attitude(t, y, imu, part.name or part.kind, where)
-    return fixes._replace(y=y, sd=sd).kept(keep, notes)
+    return fixes._replace(y=y, std=std).keep_rows(keep, notes)
 
 
-def _field(part: AidingPart, fixes: FixColumns, imu: Imu, files: Files) -> FixColumns:
+def _field(part: SourcePart, fixes: FixColumns, imu: Imu, files: Files) -> FixColumns:
     """The calibrated samples of a magnetometer, without stuck and saturated ones."""
     name = part.name or part.kind
-    keep, notes = sound(fixes.t, fixes.y, imu, name, fixes.origin, part.vector_matrix)
-    fixes = fixes.kept(keep, notes)
+    keep, notes = sound_samples(fixes.t, fixes.y, imu, name, fixes.origin, part.vector_matrix)
+    fixes = fixes.keep_rows(keep, notes)
     return fixes._replace(y=calibrate_field(part, files, fixes.y))
 
 
 def read_field(
-    part: AidingPart,
+    part: SourcePart,
     number: int,
-    aiding: Aiding,
-    aidings: Sequence[Aiding],
+    source: Source,
+    sources: Sequence[Source],
     imu: Imu,
     meta: RecordingMeta,
     path: File,
-) -> tuple[Aiding, list[str]]:
-    """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place that of
+) -> tuple[Source, list[str]]:
+    """(Source, notes): a magnetometer with the Earth's field as parameters, its place that of
     `place_of`; others as they are."""
     if part.sensor.parameters != "field":
-        return aiding, []
-    place = place_of(meta, aidings)
+        return source, []
+    place = place_of(meta, sources)
     try:
-        return with_field(part, aiding, imu, meta.get("date"), place and place.lla)
+        return with_field(part, source, imu, meta.get("date"), place and place.lla)
     except DataError as error:
         lacks = part.field is None and (place is None or meta.get("date") is None)
         of_logs = lacks and Path(path).suffix.lower() != ".toml"
         raise DataError(
-            f"{path}: [[aiding]] {number} ({part.kind}) {error}{OF_LOGS if of_logs else ''}"
+            f"{path}: [[source]] {number} ({part.kind}) {error}{OF_LOGS if of_logs else ''}"
         ) from None
 
 
@@ -360,20 +360,20 @@ def _rotate_rows(vectors: Array, matrix: Array) -> Array:
 
 
 def _constraint(
-    part: AidingPart, imu: Imu, others: Iterable[Aiding], where: str
+    part: SourcePart, imu: Imu, others: Iterable[Source], where: str
 ) -> tuple[Array, Array, Array, list[str]]:
-    """(t, y, sd, notes) of a constraint. Raises DataError."""
+    """(t, y, std, notes) of a constraint. Raises DataError."""
     t, notes = _constraint_times(part, imu, others, where)
     shape = (len(t), len(part.sensor.quantities))
-    sd = np.broadcast_to(np.array(part.sd, float), shape).copy()
+    std = np.broadcast_to(np.array(part.std, float), shape).copy()
     if part.sensor.mean_of != "gyro":
-        return t, np.full(shape, part.level or 0.0), sd, notes
-    y, sd, scatter = _gyro_means(part, t, sd, imu)
-    return t, y, sd, notes + scatter
+        return t, np.full(shape, part.level or 0.0), std, notes
+    y, std, scatter = _gyro_means(part, t, std, imu)
+    return t, y, std, notes + scatter
 
 
 def _constraint_times(
-    part: AidingPart, imu: Imu, others: Iterable[Aiding], where: str
+    part: SourcePart, imu: Imu, others: Iterable[Source], where: str
 ) -> tuple[Array, list[str]]:
     """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says
     so, at rest; notes). Raises DataError."""
@@ -396,9 +396,9 @@ def _constraint_times(
     ]
 
 
-def _gyro_means(part: AidingPart, t: Array, sd: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
-    """(y, sd, notes): the mean rate that the gyro reads over the step before each of the times t,
-    of which rest is sure for 1 s; no sd is below the scatter of these means from step to step."""
+def _gyro_means(part: SourcePart, t: Array, std: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
+    """(y, std, notes): the mean rate that the gyro reads over the step before each of the times t,
+    of which rest is sure for 1 s; no std is below the scatter of these means from step to step."""
     assert part.rate is not None
     edges, step = np.r_[imu.t[0] - imu.dt[0], imu.t], 1.0 / part.rate
     over_time = min(step, WINDOW)
@@ -410,17 +410,17 @@ def _gyro_means(part: AidingPart, t: Array, sd: Array, imu: Imu) -> tuple[Array,
     y = over[:, :3] / over[:, 3:]
     neighbours = np.diff(t) < 1.5 * step
     if not neighbours.any():
-        return y, sd, []
+        return y, std, []
     # halved: the difference of two means has twice the variance of one
     scatter = np.sqrt(0.5 * np.mean(np.diff(y, axis=0)[neighbours] ** 2, axis=0))
-    if np.all(scatter <= sd[0]):
-        return y, sd, []
+    if np.all(scatter <= std[0]):
+        return y, std, []
     return (
         y,
-        np.maximum(sd, scatter),
+        np.maximum(std, scatter),
         [
-            f"{part.kind}: its means scatter by {scatter.max():.2g} rad/s, more than sd = "
-            f"{sd[0, scatter.argmax()]:.2g}; that is taken"
+            f"{part.kind}: its means scatter by {scatter.max():.2g} rad/s, more than std = "
+            f"{std[0, scatter.argmax()]:.2g}; that is taken"
         ],
     )
 

@@ -29,7 +29,7 @@ class Keyed(Protocol):
 
     @property
     def source(self) -> int | None:
-        """[[aiding]], from 0; None: [imu]."""
+        """[[source]], from 0; None: [imu]."""
 
     @property
     def key(self) -> str:
@@ -40,11 +40,13 @@ def change_installation(section: Any, edit: Edit, mark: str) -> None:
     """Set the key of a section, and its comment."""
     key = edit.key
     if edit.of is CLOCK:
-        time, sd = section[TIME], edit.sd[0]
-        set_key(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, edit), TIME)
+        time, std = section[TIME], edit.std[0]
+        set_key(
+            section, "offset", _number(time.get("offset", 0.0) + edit.value[0], std, edit), TIME
+        )
         inline = isinstance(time, InlineTable)
         where, key = (section, TIME) if inline else (section[TIME], "offset")
-        said = f"{'offset ' if where is section else ''}+- {round_std(sd)} s"
+        said = f"{'offset ' if where is section else ''}+- {round_std(std)} s"
     elif edit.of is MOUNTING:
         where, said = section, deviations(edit)
         _set_mounting(section, edit)
@@ -52,9 +54,9 @@ def change_installation(section: Any, edit: Edit, mark: str) -> None:
         where, said = section, deviations(edit)
         _set_arm(section, edit)
     else:
-        where, said = section, f"+- {round_std(edit.sd[0])} of it"
+        where, said = section, f"+- {round_std(edit.std[0])} of it"
         _set_scale(section, edit)
-    say(where[key], f"{said}, {mark}", mark)
+    notify(where[key], f"{said}, {mark}", mark)
 
 
 def rewrite_text(
@@ -65,7 +67,7 @@ def rewrite_text(
     change: Callable[[Any, Any, str], None] = change_installation,
 ) -> str:
     """The text of a description with its values changed; `mark` ends the comment of each, behind
-    their standard deviations. kinds: those of [[aiding]] that it must have; change: of a section of
+    their standard deviations. kinds: those of [[source]] that it must have; change: of a section of
     tomlkit by an edit and the mark.
 
     Raises DataError where the file is another one, or cannot be changed and stay what it is.
@@ -82,7 +84,7 @@ def rewrite_text(
             )
     try:
         for edit in edits:
-            section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]
+            section: Any = content["imu"] if edit.source is None else content["source"][edit.source]
             change(section, edit, mark)
             if edit.key != TIME and edit.key in section.get(ASSUMED, ()):
                 section[ASSUMED].remove(edit.key)
@@ -160,10 +162,10 @@ def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[s
         old, content = toml_of(text, path), tomlkit.parse(text)
     except TOMLKitError as error:
         raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
-    sources = old.get("aiding", [])
+    sources = old.get("source", [])
     found = [each.get("kind") for each in sources if isinstance(each, dict)]
     if "imu" not in old or found != list(kinds):
-        there = f"[imu] and {len(found)} [[aiding]]" if "imu" in old else "no [imu]"
+        there = f"[imu] and {len(found)} [[source]]" if "imu" in old else "no [imu]"
         raise DataError(
             f"{path}: has {there} ({', '.join(map(str, found))}), where the recording has "
             f"{', '.join(kinds)}; name the file from which it was read"
@@ -184,33 +186,33 @@ def _set_mounting(section: Any, edit: Edit) -> None:
         set_key(section, edit.key, tomlkit.value('{ unit = "deg" }'))
     given = section[edit.key]
     unit = DEG if given["unit"] == "deg" else 1.0
-    sd = min(each for each in edit.sd if each) / unit
+    std = min(each for each in edit.std if each) / unit
     for name, angle in zip(MOUNTING.components, edit.value):
-        item = _number(angle / unit, sd, edit)
+        item = _number(angle / unit, std, edit)
         if name in given or float(item.as_string()):
             set_key(section, name, item, edit.key)
 
 
 def _set_arm(section: Any, edit: Edit) -> None:
-    least = min(each for each in edit.sd if each)
-    items = [_number(x, sd or least, edit) for x, sd in zip(edit.value, edit.sd)]
+    least = min(each for each in edit.std if each)
+    items = [_number(x, std or least, edit) for x, std in zip(edit.value, edit.std)]
     if edit.key not in section:
         texts = ", ".join(item.as_string() for item in items)
         set_key(section, edit.key, tomlkit.value(f"[{texts}]"))
         return
-    for axis, (item, sd) in enumerate(zip(items, edit.sd)):
-        if sd:
+    for axis, (item, std) in enumerate(zip(items, edit.std)):
+        if std:
             section[edit.key][axis] = item
 
 
 def _set_scale(section: Any, edit: Edit) -> None:
-    (by,), (sd,) = edit.value, edit.sd
+    (by,), (std,) = edit.value, edit.std
     old = section.get(edit.key, 1.0)
     if isinstance(old, list):
         for i, each in enumerate(old):
-            old[i] = _number(each * by, abs(each) * sd, edit)
+            old[i] = _number(each * by, abs(each) * std, edit)
     else:
-        set_key(section, edit.key, _number(old * by, abs(old) * sd, edit))
+        set_key(section, edit.key, _number(old * by, abs(old) * std, edit))
 
 
 def set_key(section: Any, key: str, item: Item, within: str | None = None) -> None:
@@ -236,13 +238,13 @@ def set_key(section: Any, key: str, item: Item, within: str | None = None) -> No
         table[key] = item
 
 
-def _number(value: float, sd: float, edit: Edit) -> Item:
+def _number(value: float, std: float, edit: Edit) -> Item:
     """A number with the digits that its standard deviation leaves it."""
-    text = number(value, sd, edit.of.digits)
+    text = number(value, std, edit.of.digits)
     return Float(float(text), Trivia(), text)
 
 
-def say(item: Item, text: str, mark: str) -> None:
+def notify(item: Item, text: str, mark: str) -> None:
     """Put `text`, which has `+-` or `95 %` and ends with the mark, behind the comment of an item or
     of the last in a section, in the place of what was put there before."""
     if isinstance(item, Table):  # a section of its own
@@ -257,7 +259,7 @@ def say(item: Item, text: str, mark: str) -> None:
 
 def _path(edit: Keyed) -> tuple[Any, ...]:
     """Where the value of an edit lies."""
-    section: tuple[Any, ...] = ("imu",) if edit.source is None else ("aiding", edit.source)
+    section: tuple[Any, ...] = ("imu",) if edit.source is None else ("source", edit.source)
     return (*section, "time", "offset") if edit.key == TIME else (*section, edit.key)
 
 

@@ -12,30 +12,30 @@ from ...typing import File
 from ...units.conversion import spread_factor
 from ...units.quantities import dimension, innovation_dimension
 from .messages import load
-from .rewriting import say, set_key
-from .schema_aiding import AidingPart
+from .rewriting import notify, set_key
+from .schema_source import SourcePart
 
-SD, CORRELATED, GRADE = "sd", "correlated", "grade"
+STD, CORRELATED, GRADE = "std", "correlated", "grade"
 
 
 class NoiseEdit(NamedTuple):
     """One key of a section, with a new value."""
 
-    source: int | None  # [[aiding]], from 0; None: [imu]
-    key: str  # SD, CORRELATED or GRADE
-    values: tuple[str, ...]  # TOML: of an `sd` that is a list one per entry, else one
+    source: int | None  # [[source]], from 0; None: [imu]
+    key: str  # STD, CORRELATED or GRADE
+    values: tuple[str, ...]  # TOML: of a `std` that is a list one per entry, else one
     said: str  # which the comment says before its date, with `95 %` in it
 
 
 def scaled_deviations(path: File, source: int, factors: Sequence[float], said: str) -> NoiseEdit:
     """The edit that multiplies the standard deviations of a source of a description by factors, one
     per row of its innovation: numbers change, columns get another scale. Raises DataError."""
-    part = load(path).aiding[source]
-    entries = part.sd if isinstance(part.sd, list) else [part.sd]
+    part = load(path).source[source]
+    entries = part.std if isinstance(part.std, list) else [part.std]
     same = len(set(factors)) == 1
     if not same and (part.ecef or (part.form is not None and len(entries) == 1)):
         raise DataError(
-            f"{path}: [[aiding]] {source + 1} ({part.kind}): its sd is in other axes, so that the "
+            f"{path}: [[source]] {source + 1} ({part.kind}): its std is in other axes, so that the "
             f"horizontal ones alone cannot be changed; take the sources from a file of their own"
         )
     if same:
@@ -43,12 +43,12 @@ def scaled_deviations(path: File, source: int, factors: Sequence[float], said: s
     elif len(entries) == 1:
         entries = entries * len(factors)
     texts = [_scale_entry(part, *each) for each in zip(range(len(entries)), entries, factors)]
-    one = same or isinstance(part.sd, list)
-    return NoiseEdit(source, SD, tuple(texts) if one else (f"[{', '.join(texts)}]",), said)
+    one = same or isinstance(part.std, list)
+    return NoiseEdit(source, STD, tuple(texts) if one else (f"[{', '.join(texts)}]",), said)
 
 
-def _scale_entry(part: AidingPart, number: int, entry: Any, factor: float) -> str:
-    """TOML of an entry of `sd` that is `factor` times as large."""
+def _scale_entry(part: SourcePart, number: int, entry: Any, factor: float) -> str:
+    """TOML of an entry of `std` that is `factor` times as large."""
     if is_number(entry):
         return _number(entry * factor)
     _, quantity, unit = part.deviations[number]
@@ -64,15 +64,15 @@ def _scale_entry(part: AidingPart, number: int, entry: Any, factor: float) -> st
 def change_noise(section: Any, edit: NoiseEdit, mark: str) -> None:
     """Set the key of a section, and its comment."""
     given = section.get(edit.key)
-    if edit.key == SD and isinstance(given, list):
+    if edit.key == STD and isinstance(given, list):
         for number, text in enumerate(edit.values):
             if _content(given[number]) != _content(tomlkit.value(text)):
                 _replace(given, number, text)
-    elif edit.key == SD and isinstance(given, dict):
-        _replace(section, SD, edit.values[0])
+    elif edit.key == STD and isinstance(given, dict):
+        _replace(section, STD, edit.values[0])
     else:
         set_key(section, edit.key, _item(edit.values[0]))
-    say(section[edit.key], f"{edit.said}, {mark}", mark)
+    notify(section[edit.key], f"{edit.said}, {mark}", mark)
 
 
 def _replace(holder: Any, key: Any, text: str) -> None:

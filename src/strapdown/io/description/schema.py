@@ -18,14 +18,6 @@ from ...typing import Array
 from ...units.conversion import factor
 from ...units.time_scales import gps_of
 from ..reader import GUESS
-from .schema_aiding import (
-    ECEF,
-    FORMS,
-    AidingPart,
-    Form,
-    check_attitude_columns,
-    is_ecef,
-)
 from .schema_base import (
     MISSING,
     AngleUnit,
@@ -40,9 +32,17 @@ from .schema_base import (
     call_with_key,
     refuse,
 )
+from .schema_source import (
+    ECEF,
+    FORMS,
+    Form,
+    SourcePart,
+    check_attitude_columns,
+    is_ecef,
+)
 
 MAX_SOURCES = 200
-"""Sections [[aiding]]: each looks at all before it."""
+"""Sections [[source]]: each looks at all before it."""
 
 
 def _body_axes(text: str) -> str:
@@ -148,7 +148,7 @@ class ImuPart(KeyPart):
         return self
 
     @model_validator(mode="after")
-    def _assumed(self) -> Self:
+    def _check_assumed(self) -> Self:
         for name in self.assumed:
             refuse(
                 (
@@ -201,7 +201,7 @@ BOUNDS = {
     "lowest": "length",
     "highest": "length",
 }
-"""Of a vehicle, with their dimensions; SI, where the key NAME_unit names no unit."""
+"""Bounds of a vehicle, with their dimensions; SI, where the key NAME_unit names no unit."""
 
 
 def _vehicle(value: Any) -> GivenVehicle:
@@ -285,7 +285,7 @@ class Description(KeyPart):
     place: PlaceKeys | None = None
     vehicle: Annotated[Any, AfterValidator(_vehicle)] = None
     imu: ImuPart
-    aiding: Annotated[list[AidingPart], Field(max_length=MAX_SOURCES)] = []
+    source: Annotated[list[SourcePart], Field(max_length=MAX_SOURCES)] = []
     reference: ReferencePart | None = None
 
     @property

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...checks import DataError, did_you_mean, located
+from ...checks import DataError, did_you_mean, locate_errors
 from ...fileio.limits import check_inside, in_force
 from ...preprocessing.origin import RowsOfFile
 from ...typing import Array, File, Mask
@@ -75,7 +75,7 @@ class Files:
         if same in self._logs and header:
             tables = self._logs[same].tables
         else:
-            tables = self._opened(path, header, table is None)
+            tables = self._open_tables(path, header, table is None)
         if table is None and len(tables) == 1:
             (table,) = tables
         if table is None or table not in tables:
@@ -86,7 +86,7 @@ class Files:
         self.notes += [note for note in found.notes if note not in self.notes]
         return found
 
-    def _opened(self, path: Path, header: bool, alone: bool) -> Mapping[str, FileTable]:
+    def _open_tables(self, path: Path, header: bool, alone: bool) -> Mapping[str, FileTable]:
         """The tables of a file that is not yet read; `alone`: a description names none of them."""
         reader = looker(path)
         is_bare = reader.open is None or reader.name == "table"
@@ -103,7 +103,7 @@ class Files:
 
     def locate(self, file: str) -> Path:
         """The path that the description means by `file`."""
-        with located(self.path):
+        with locate_errors(self.path):
             path = locate(file, self.folder)
             if not in_force().outside and path.resolve() not in self._logs:
                 check_inside(path, self.folder)
@@ -239,7 +239,7 @@ def _counting_rows(table: FileTable, condition: KeyCondition) -> tuple[FileTable
     rows = RowsOfFile(table.origin, (np.arange(len(left_out)),), []).without(
         left_out, "row", f"of {len(left_out)} left out, which do not have {condition}"
     )
-    return table.taking(~left_out), rows.notes
+    return table.take(~left_out), rows.notes
 
 
 def holds(table: FileTable, condition: KeyCondition) -> Mask:

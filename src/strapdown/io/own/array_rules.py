@@ -9,7 +9,7 @@ from ...checks import DataError
 from ...fileio.checksum import DAMAGED
 
 UNIT_LENGTH = 1e-6
-"""How far the norm of a quaternion may be from 1: more than single precision rounds."""
+"""Largest difference of the norm of a quaternion from 1: more than single precision rounds."""
 
 
 class Column(NamedTuple):

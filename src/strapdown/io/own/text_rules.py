@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from ...checks import DataError
-from ...data.verdict import SEVERITY
+from ...data.verdict import QUANTITIES, SEVERITY
 from ...fileio.checksum import DAMAGED
 from ...units.time_scales import gps_of
 
@@ -67,7 +67,7 @@ def check_values(model: Any, values: Any, where: object) -> Any:
 # ---- recordings
 
 
-class AidingAttributes(SaidRules):
+class SourceAttributes(SaidRules):
     """Attributes of the group of a source."""
 
     kind: Name
@@ -76,7 +76,7 @@ class AidingAttributes(SaidRules):
     parameters: list[Finite] = []
     estimate: dict[Name, list[Deviation]] = {}
     slip: Annotated[Finite, Field(ge=0)] = 0.0
-    correlated_sd: list[Deviation] = []
+    correlated_std: list[Deviation] = []
     correlation_time: Annotated[Finite, Field(gt=0)] = 1.0
     correlated_states: bool = True
     robust: bool = False
@@ -116,7 +116,7 @@ class StartRules(SaidRules):
     """Where a filter began."""
 
     t: Finite
-    sd: list[float]
+    std: list[float]
     lla: list[float] = []
     v: list[float] = []
     rph: list[float] = []
@@ -150,7 +150,7 @@ class SolutionMetaRules(SaidRules):
     start: StartRules | None = None
     noise: dict[Name, float] | None = None
     kinds: dict[Name, Name] = {}
-    bias_sd: list[float] | None = None
+    bias_std: list[float] | None = None
     fixes_outside: int = 0
     point: Name = "imu"
     withheld: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = []
@@ -168,10 +168,31 @@ class ReasonRules(Only):
     weight: Annotated[float, Field(ge=0)] = 1.0
 
 
+class UntestedRules(Only):
+    """A thing that a verdict could not test."""
+
+    what: Line
+    why: Line
+    remedy: Line = ""
+    rests: list[Literal[QUANTITIES]] = []  # type: ignore[valid-type]  # a tuple of texts
+    cause: Name = ""
+
+
+class BoundRules(Only):
+    """An error that a recording would have shown."""
+
+    cause: Name
+    what: Line
+    size: Annotated[float, Field(ge=0)]
+    unit: Name
+    component: Name = ""
+
+
 class VerdictRules(SaidRules):
     """A verdict, as `Verdict.as_dict` gives it."""
 
     word: Literal[SEVERITY]  # type: ignore[valid-type]  # a tuple of texts
     reasons: list[ReasonRules]
-    untested: list[Line]
+    untested: list[UntestedRules]
+    bounds: list[BoundRules]
     rows: Annotated[int, Field(ge=0)] | None = None  # of the table, in a CSV

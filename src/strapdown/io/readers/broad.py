@@ -21,12 +21,12 @@ import numpy as np
 from ...checks import DataError
 from ...core.loop.contract import Imu
 from ...data.recording import Recording, RecordingMeta
-from ...data.solution import Aiding, Trajectory
+from ...data.solution import Source, Trajectory
 from ...fileio.file_access import Zip
 from ...geometry.geodesy import displace_lla
 from ...preprocessing.attitude_record import quaternions
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
-from ...preprocessing.fixes import checked_aidings
+from ...preprocessing.fixes import checked_sources
 from ...preprocessing.origin import Origin
 from ...preprocessing.stationary import at_rest, stretches
 from ...sensor_models.errors import Triad
@@ -58,7 +58,7 @@ BROAD_IMU = ImuSpec(
     "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first "
     "and last rest, 150 to 160 s apart.",
 )
-"""What filters assume of the IMU, from its records at rest alone."""
+"""Errors that filters assume of the IMU, from its records at rest alone."""
 
 
 def read_broad(path: File) -> Recording:
@@ -171,19 +171,19 @@ def _reference(t: Array, arrays: dict[str, Any]) -> Trajectory | None:
 
 
 def with_positions(
-    trial: Recording, rate: float = 1.0, sd: ArrayLike = 0.05, seed: int = 0
+    trial: Recording, rate: float = 1.0, std: ArrayLike = 0.05, seed: int = 0
 ) -> Recording:
-    """The trial with position fixes as further aiding: the optical position `rate` times a second
-    with white noise of `sd` (m north, east, down).
+    """The trial with position fixes as a further source: the optical position `rate` times a second
+    with white noise of `std` (m north, east, down).
 
     trial: a Recording of `read_broad`. Fixes are at samples; where the cameras had lost the body
-    there are none. `sd` is one number or three; the noise of an epoch depends on `seed` and the
+    there are none. `std` is one number or three; the noise of an epoch depends on `seed` and the
     epoch alone. Raises DataError.
     """
     name, step = trial.meta.get("name", "trial"), float(np.median(trial.imu.dt))
-    if np.shape(sd) not in ((), (3,)) or not np.all((np.asarray(sd) > 0) & np.isfinite(sd)):
+    if np.shape(std) not in ((), (3,)) or not np.all((np.asarray(std) > 0) & np.isfinite(std)):
         raise DataError(
-            f"{name}: sd of the positions is {sd!r}; it must be one number or three, above 0, in m"
+            f"{name}: std of the positions is {std!r}; it must be one number or three, above 0, in m"
         )
     if not 0 < rate * step <= 1 + 1e-6:
         raise DataError(
@@ -192,19 +192,19 @@ def with_positions(
         )
     if trial.reference is None:
         raise DataError(f"{name}: the trial has no optical position")
-    known, sd = trial.reference.t, np.broadcast_to(np.asarray(sd, float), (3,))
+    known, std = trial.reference.t, np.broadcast_to(np.asarray(std, float), (3,))
     start, stop = trial.imu.t[[0, -1]]
     epochs = start + np.arange(1, int((stop - start) * rate + 1e-9) + 1) / rate
     after = np.clip(np.searchsorted(known, epochs), 1, len(known) - 1)
     row = np.where(epochs - known[after - 1] < known[after] - epochs, after - 1, after)
     seen = np.abs(known[row] - epochs) <= 0.5 * step * (1 + 1e-6)
-    noise = sd * np.random.default_rng(seed).standard_normal((len(epochs), 3))
+    noise = std * np.random.default_rng(seed).standard_normal((len(epochs), 3))
     lla = displace_lla(trial.reference.lla[row[seen]], noise[seen])
-    fixes = Aiding(
+    fixes = Source(
         "position",
         known[row[seen]],
         lla,
-        np.tile(sd, (len(lla), 1)),
+        np.tile(std, (len(lla), 1)),
         (0.0, 0.0, 0.0),
         name="optical position",
     )
@@ -213,9 +213,9 @@ def with_positions(
         if not seen.all()
         else ""
     )
-    said = ", ".join(f"{each:g}" for each in sd)
+    said = ", ".join(f"{each:g}" for each in std)
     note = f"optical position: {len(lla)} fixes at {rate:g} Hz, white noise of {said} m north, east, down added{lost}"
-    return replace(trial, aidings=(*trial.aidings, fixes)).noting([note])
+    return replace(trial, sources=(*trial.sources, fixes)).with_notes([note])
 
 
 def body_to_ned(q: ArrayLike) -> Array:
@@ -228,7 +228,7 @@ def body_to_ned(q: ArrayLike) -> Array:
 
 
 def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Recording:
-    """The recording with its magnetometer as aiding; without, and a note, where no rest tells
+    """The recording with its magnetometer as a source; without, and a note, where no rest tells
     the reference field."""
     rest = first_rest(recording.imu)
     inside = (
@@ -240,16 +240,16 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
     )
     if not inside.any():
         missing = f"no rest of {MIN_REST:g} s with a magnetic field to take its reference from: magnetometer left out"
-        return recording.noting([missing])
+        return recording.with_notes([missing])
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
     m = np.median(field[inside], axis=0)  # a magnet that comes near for a while must not shift it
     reference = (float(np.linalg.norm(m - down * (m @ down))), 0.0, float(m @ down))
-    sd = np.full(field.shape, MAG_DENSITY * np.sqrt(fs))
-    aidings, more = checked_aidings(
-        recording.imu, [Aiding("magnetic-field", t, field, sd, reference, name="magnetometer")]
+    std = np.full(field.shape, MAG_DENSITY * np.sqrt(fs))
+    sources, more = checked_sources(
+        recording.imu, [Source("magnetic-field", t, field, std, reference, name="magnetometer")]
     )
-    return replace(recording, aidings=aidings).noting(more)
+    return replace(recording, sources=sources).with_notes(more)
 
 
 def first_rest(imu: Imu) -> slice | None:

@@ -17,7 +17,7 @@ from ..reader import Log, Reader, Section
 from ..tables.table_file import FileTable, head_of, packed_suffixes, read_bytes
 
 MAGIC = HEAD + b"\x80"
-"""How a log begins: with the record of the format of formats."""
+"""First bytes of a log: those of the record of the format of formats."""
 BY_VERSION = {"ArduCopter": "multicopter", "ArduPlane": "aircraft", "ArduRover": "car"}
 """Vehicles by the first word of the version that the autopilot writes."""
 BY_PARAMETER = {"LAND_SPEED": "multicopter", "TRIM_ARSPD_CM": "aircraft", "CRUISE_SPEED": "car"}

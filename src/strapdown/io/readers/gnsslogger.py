@@ -79,14 +79,14 @@ class Lines(NamedTuple):
         data = np.frombuffer(content + b"\n", np.uint8)
         ends = np.flatnonzero(data == ord("\n"))
         found = cls(data, np.r_[0, ends[:-1] + 1], ends, {})
-        for line in found.beginning(b"#"):
+        for line in found.lines_with_prefix(b"#"):
             text = content[found.starts[line] : found.ends[line]].decode("utf-8", "replace")
             names = [name.strip() for name in text.strip("# \r").split(",")]
             if names[0] in WANTED:
                 found.names[names[0]] = names
         return found
 
-    def beginning(self, prefix: bytes) -> Ints:
+    def lines_with_prefix(self, prefix: bytes) -> Ints:
         """Indices of the lines that begin so."""
         lines = np.flatnonzero(self.ends - self.starts >= len(prefix))
         for k, byte in enumerate(prefix):
@@ -94,7 +94,7 @@ class Lines(NamedTuple):
         return lines
 
     def cells(self, lines: Ints) -> Ints:
-        """How many cells each of these lines has."""
+        """Number of cells of each of these lines."""
         commas = np.flatnonzero(self.content == ord(","))
         until = np.searchsorted(commas, self.ends[lines])
         return until - np.searchsorted(commas, self.starts[lines]) + 1
@@ -133,13 +133,15 @@ def open_log(path: Path) -> Log:
         columns = _triple(tables[magnetometer])
         if columns:
             sections.append(magnetometer_section(magnetometer, time, columns, head))
-    left += [f"{kind}: {why}" for kind, why in LEFT.items() if len(file.beginning(kind.encode()))]
+    left += [
+        f"{kind}: {why}" for kind, why in LEFT.items() if len(file.lines_with_prefix(kind.encode()))
+    ]
     return Log(tables, tuple(sections), tuple(facts + said), tuple(left), head=head)
 
 
 def _table(path: Path, kind: str, file: Lines, left: list[str]) -> FileTable:
     """The FileTable of one kind; rows with other cells than its header line names are left out."""
-    names, lines = file.names[kind], file.beginning(kind.encode() + b",")
+    names, lines = file.names[kind], file.lines_with_prefix(kind.encode() + b",")
     text = file.text(lines)
     if text.count(b",") != (len(names) - 1) * len(lines):
         whole = file.cells(lines) == len(names)
@@ -254,7 +256,7 @@ def _fixes(
             f"Fix: {count} of the provider {str(name)[:20]}, which mixes other sources in"
             for name, count in provider[~use].value_counts().items()
         ]
-        table = table.taking(use)
+        table = table.take(use)
     if time["column"] not in table.frame.columns:
         return [*left, f"Fix: lacks {CLOCK} and any UTC"]
     tables["Fix"], names = table, FIX.among(table.titles)

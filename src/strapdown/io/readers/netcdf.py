@@ -1,4 +1,4 @@
-"""A whole Recording in one NetCDF file: group imu, a group per aiding, group reference; every
+"""A whole Recording in one NetCDF file: group imu, a group per source, group reference; every
 variable says its unit. SI and radians."""
 
 import json
@@ -11,13 +11,13 @@ from typing import Any, cast
 import numpy as np
 
 from ...aiding import find
-from ...checks import DataError, located
+from ...checks import DataError, check_path, locate_errors
 from ...core.loop.contract import Imu
-from ...data.recording import Recording, RecordingMeta as RecordingFacts
-from ...data.solution import Aiding, Correlated, Trajectory
+from ...data.recording import Recording, RecordingMeta as RecordingFacts, check_recording
+from ...data.solution import Correlated, Source, Trajectory
 from ...fileio.checksum import DAMAGED
 from ...fileio.files import netcdf, replacing
-from ...preprocessing.fixes import checked_aidings, overlap
+from ...preprocessing.fixes import checked_sources, overlap
 from ...typing import Array, File
 from ...units.quantities import dimension, innovation_dimension, si
 from ..facts import recording_facts
@@ -33,7 +33,7 @@ FORMAT = OwnFormat(
     others="solutions are read with read_solution",
     again="read what it was made of, and write it again with write_recording",
 )
-SOURCE = re.compile(r"aiding_\d{1,9}", re.ASCII)
+SOURCE = re.compile(r"source_\d{1,9}", re.ASCII)
 AXES = {"axis": 3, "quaternion": 4}
 IMU_COLUMNS = {
     "t": Column("time", "s", "end of the interval", rising=True),
@@ -55,7 +55,7 @@ REFERENCE_COLUMNS = {
         unit_length=True,
         optional=True,
     ),
-    "sd": Column(
+    "std": Column(
         "time state",
         "SI",
         "standard deviations in the order of the error states",
@@ -68,20 +68,43 @@ REFERENCE_COLUMNS = {
 
 
 def write_recording(recording: Recording, path: File) -> None:
-    """Write a Recording as NetCDF, atomically. Raises DataError where the path cannot be
-    written."""
+    """Write a recording as NetCDF, whole or not at all; `read` gives it back as it was.
+
+    Parameters
+    ----------
+    recording : Recording
+        With all its sources, its reference and its meta.
+    path : str or path
+        Ending in .nc.
+
+    Raises
+    ------
+    DataError
+        Where the path cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, strapdown as sd
+    >>> recording = sd.simulate("car", 10.0, seed=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sd.write_recording(recording, f"{folder}/car.nc")
+    ...     sd.read(f"{folder}/car.nc") == recording
+    True
+    """
+    check_recording(recording)
+    check_path(path)
     groups: dict[str, tuple[Schema, dict[str, Any], dict[str, Any]]]
     groups = {"imu": (IMU_COLUMNS, recording.imu._asdict(), {})}
-    for number, aiding in enumerate(recording.aidings, 1):
-        attributes: dict[str, Any] = {"kind": aiding.kind, "name": aiding.name}
+    for number, source in enumerate(recording.sources, 1):
+        attributes: dict[str, Any] = {"kind": source.kind, "name": source.name}
         attributes |= (
-            {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
+            {"parameters": np.array(source.parameters, float)} if len(source.parameters) else {}
         )
-        attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
-        attributes |= {"estimate": json.dumps(dict(aiding.estimate))} if aiding.estimate else {}
-        attributes |= {"slip": float(aiding.slip)} if aiding.slip else {}
-        attributes |= _noise_attributes(aiding)
-        groups[f"aiding_{number}"] = (_aiding_columns(aiding.kind), vars(aiding), attributes)
+        attributes |= {"gate": float(source.gate)} if source.gate is not None else {}
+        attributes |= {"estimate": json.dumps(dict(source.estimate))} if source.estimate else {}
+        attributes |= {"slip": float(source.slip)} if source.slip else {}
+        attributes |= _noise_attributes(source)
+        groups[f"source_{number}"] = (_source_columns(source.kind), vars(source), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
     columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
@@ -100,7 +123,7 @@ def write_recording(recording: Recording, path: File) -> None:
             fill(group, variables)
 
 
-def _aiding_columns(kind: str) -> Schema:
+def _source_columns(kind: str) -> Schema:
     quantities = find(kind).quantities
     units = [
         names[0] if len(set(names)) == 1 else ", ".join(names)
@@ -112,7 +135,7 @@ def _aiding_columns(kind: str) -> Schema:
     return {
         "t": Column("time", "s", "time of the fix", ordered=True),
         "y": Column("time component", units[0], ", ".join(quantities), missing=True),
-        "sd": Column(
+        "std": Column(
             "time component",
             units[1],
             "standard deviation per component",
@@ -163,18 +186,18 @@ def _columns(layout: Schema, values: Mapping[str, Any], where: str) -> Variables
 def read_recording(path: File) -> Recording:
     """The Recording in a file of `write_recording`, checked as when it was first read. Raises
     DataError."""
-    meta, imu, aidings, reference = parts(path)
+    meta, imu, sources, reference = parts(path)
     accused = accusation(imu, None, meta.get("vehicle"), str(path), field=False)
-    checked, notes = checked_aidings(imu, aidings)
+    checked, notes = checked_sources(imu, sources)
     if reference is not None:
         overlap(imu, reference.t, f"{path}: reference")
     recording = Recording(imu, checked, reference, meta)
     notes = list(dict.fromkeys([*meta.get("notes", []), *notes]))
-    return decide_accusation(recording.knowing(notes=notes), accused)
+    return decide_accusation(recording.with_meta(notes=notes), accused)
 
 
-def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | None]:
-    """(meta, Imu, aidings, reference) as they stand in the file, which is as the format declares it.
+def parts(path: File) -> tuple[RecordingFacts, Imu, list[Source], Trajectory | None]:
+    """(meta, Imu, sources, reference) as they stand in the file, which is as the format declares it.
     Raises DataError."""
     path = Path(path)
     if not os.path.isfile(path):
@@ -188,16 +211,16 @@ def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | N
     imu = Imu(**_check_group(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))
     if len(imu.t) < 2:
         raise DataError(f"{path}: group imu: t has {len(imu.t)} samples, it must have 2 or more")
-    sources = {name: SOURCE.fullmatch(name) for name in found.groups}
-    aidings = [
-        _aiding(found.groups[name], f"{path}: group {name}")
-        for name in sorted(filter(sources.get, sources), key=lambda name: int(name[7:]))
+    groups = {name: SOURCE.fullmatch(name) for name in found.groups}
+    sources = [
+        _source(found.groups[name], f"{path}: group {name}")
+        for name in sorted(filter(groups.get, groups), key=lambda name: int(name[7:]))
     ]
     truth = found.groups.get("reference")
     reference = truth and Trajectory(
         **_check_group(truth, REFERENCE_COLUMNS, f"{path}: group reference")
     )
-    return _meta_of(found, path), imu, aidings, reference
+    return _meta_of(found, path), imu, sources, reference
 
 
 def _check_group(group: Content, schema: Schema, where: str) -> dict[str, Array]:
@@ -232,27 +255,27 @@ def _meta_of(found: Content, path: Path) -> RecordingFacts:
     return cast(RecordingFacts, {**meta, **arrays})
 
 
-def _aiding(group: Content, where: str) -> Aiding:
-    from ..own.text_rules import AidingAttributes, check_values, from_json
+def _source(group: Content, where: str) -> Source:
+    from ..own.text_rules import SourceAttributes, check_values, from_json
 
     said = dict(group.attributes)
-    for name in {"parameters", "correlated_sd"} & set(said):
+    for name in {"parameters", "correlated_std"} & set(said):
         said[name] = np.atleast_1d(said[name]).tolist()
     for name in {"robust", "correlated_states"} & set(said):
         said[name] = said[name] if said[name] not in (0, 1) else bool(said[name])
     if "estimate" in said:
         said["estimate"] = from_json(said["estimate"], f"{where}: estimate")
-    check_values(AidingAttributes, said, where)
-    with located(where):
-        schema = _aiding_columns(said["kind"])
+    check_values(SourceAttributes, said, where)
+    with locate_errors(where):
+        schema = _source_columns(said["kind"])
     columns = _check_group(group, schema, where)
-    return Aiding(
+    return Source(
         said["kind"],
         **columns,
         parameters=tuple(map(float, said.get("parameters", ()))),
         gate=None if said.get("gate") is None else float(said["gate"]),
         name=said["name"],
-        estimate={name: tuple(sd) for name, sd in said.get("estimate", {}).items()},
+        estimate={name: tuple(std) for name, std in said.get("estimate", {}).items()},
         slip=float(said.get("slip", 0.0)),
         correlated=_correlated_errors(said),
         robust=bool(said.get("robust", False)),
@@ -260,22 +283,22 @@ def _aiding(group: Content, where: str) -> Aiding:
     )
 
 
-def _noise_attributes(aiding: Aiding) -> dict[str, Any]:
-    """How the errors of a source are followed, as far as it is no plain noise."""
-    said: dict[str, Any] = {"robust": 1} if aiding.robust else {}
-    said |= {"adaptive": float(aiding.adaptive)} if aiding.adaptive else {}
-    if aiding.correlated is not None:
-        sd, time, states = aiding.correlated
-        said |= {"correlated_sd": np.array(sd, float), "correlation_time": float(time)}
+def _noise_attributes(source: Source) -> dict[str, Any]:
+    """Attributes by which the errors of a source are followed, as far as it is no plain noise."""
+    said: dict[str, Any] = {"robust": 1} if source.robust else {}
+    said |= {"adaptive": float(source.adaptive)} if source.adaptive else {}
+    if source.correlated is not None:
+        std, time, states = source.correlated
+        said |= {"correlated_std": np.array(std, float), "correlation_time": float(time)}
         said |= {"correlated_states": int(states)}
     return said
 
 
 def _correlated_errors(said: dict[str, Any]) -> Correlated | None:
-    if not said.get("correlated_sd"):
+    if not said.get("correlated_std"):
         return None
     return Correlated(
-        tuple(map(float, said["correlated_sd"])),
+        tuple(map(float, said["correlated_std"])),
         float(said.get("correlation_time", 1.0)),
         bool(said.get("correlated_states", True)),
     )
@@ -284,10 +307,10 @@ def _correlated_errors(said: dict[str, Any]) -> Correlated | None:
 def inspect(path: Path) -> Findings:
     """Findings on a recording, also where its samples cannot be true. Raises DataError where the
     file is no whole recording."""
-    meta, imu, aidings, reference = parts(path)
+    meta, imu, sources, reference = parts(path)
     found = Findings.of()
     found.attempt(read_recording, path)
-    found.add(*recording_facts(Recording(imu, tuple(aidings), reference, meta)))
+    found.add(*recording_facts(Recording(imu, tuple(sources), reference, meta)))
     return found
 
 

@@ -15,7 +15,7 @@ START = 1 << 18
 """Bytes in which a log must show a sentence to be known by its content."""
 SENTENCE = re.compile(rb"[$!][A-Z]{2}[A-Z]{3},[^$*\r\n]{0,120}\*[0-9A-Fa-f]{2}")
 ANDROID = b"NMEA,$"
-"""How the logs of Android's GnssLogger quote sentences; they have a reader of their own."""
+"""First bytes of sentences that logs of Android's GnssLogger quote; they have a reader of their own."""
 
 
 def open_nmea(path: Path) -> Log:

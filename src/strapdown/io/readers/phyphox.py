@@ -115,7 +115,7 @@ def open_export(path: Path) -> Log:
             left.append(f"{name}: has no rows below the columns that its head names")
     sections, more = _inertial(found, tables, kinds, time)
     facts += more
-    left += _aidings(tables, kinds, sections, head, time, _is_android(found))
+    left += _sources(tables, kinds, sections, head, time, _is_android(found))
     return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
 
 
@@ -180,7 +180,7 @@ def _inertial(
     return inertial(pieces.get("gyro"), pieces.get("accelerometer"), tables, RECORD, found.alone)
 
 
-def _aidings(
+def _sources(
     tables: dict[str, FileTable],
     kinds: dict[str, list[str]],
     sections: list[Section],

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...data.recording import Recording, RecordingMeta
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import mistakes, refuse_mistakes
@@ -30,7 +30,7 @@ from ..tables.table_file import is_number, open_text, packed_suffixes, reading_f
 
 ARCSEC = np.pi / 180 / 3600
 """rad"""
-POSITION_SD, VELOCITY_SD = 10.0, 1.0
+POSITION_STD, VELOCITY_STD = 10.0, 1.0
 """Assumed of the header's position (m) and velocity (m/s), for which the format states none."""
 
 
@@ -52,8 +52,8 @@ def read_psins(path: File) -> Recording:
     """The Recording of a PSINS log: IMU samples in FRD; the header in meta ("position", "attitude",
     "velocity" and "gravity", SI, NED).
 
-    The header's position and velocity are one fix each, at the start, with `POSITION_SD` and
-    `VELOCITY_SD`: enough to start a filter from. Such a file has no other fixes and no reference.
+    The header's position and velocity are one fix each, at the start, with `POSITION_STD` and
+    `VELOCITY_STD`: enough to start a filter from. Such a file has no other fixes and no reference.
     Raises DataError of one line.
     """
     recording = read_unchecked(path)
@@ -82,15 +82,15 @@ def read_unchecked(path: File) -> Recording:
         "notes": notes,
     }
 
-    def at_start(kind: str, values: tuple[float, ...], sd: float) -> Aiding:
+    def at_start(kind: str, values: tuple[float, ...], std: float) -> Source:
         t = imu.t[:1] - imu.dt[:1]
-        return Aiding(kind, t, np.array([values]), np.full((1, 3), sd), name=f"header {kind}")
+        return Source(kind, t, np.array([values]), np.full((1, 3), std), name=f"header {kind}")
 
     return Recording(
         imu,
         (
-            at_start("position", header.lla, POSITION_SD),
-            at_start("velocity", header.v_n, VELOCITY_SD),
+            at_start("position", header.lla, POSITION_STD),
+            at_start("velocity", header.v_n, VELOCITY_STD),
         ),
         meta=meta,
     )
@@ -190,7 +190,7 @@ def inspect(path: Path) -> Findings:
     recording = read_unchecked(path)
     latitude, longitude, height = recording.meta["position"]
     found = recording_facts(
-        replace(recording, aidings=()),
+        replace(recording, sources=()),
         f"header: {np.degrees(latitude):.6f} deg north, {np.degrees(longitude):.6f} deg east, "
         f"{height:.1f} m, heading {np.degrees(recording.meta['attitude'][2]):.1f} deg",
     )

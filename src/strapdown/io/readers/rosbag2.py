@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 SUFFIXES = packed_suffixes(".db3")
 METADATA = "metadata.yaml"
 SQLITE, START = b"SQLite format 3\0", 1 << 16
-"""How a database begins, and bytes of it in which its tables are named."""
+"""First bytes of a database, and number of bytes of it in which its tables are named."""
 RECOVER = "sqlite3 FILE.db3 .recover | sqlite3 whole.db3"
-"""What SQLite's own program does with a damaged database."""
+"""Command of SQLite's own program for a damaged database."""
 MAX_TOPICS = 10_000
 AT_ONCE = 5000
 """Messages."""
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""How a frame of zstd begins; of a bag whose messages are packed each for itself."""
+"""First bytes of a frame of zstd, in a bag whose messages are packed each for itself."""
 MAX_UNPACKED = 1 << 16
 """Bytes of a packed message that is of use here."""
 STEPS = 100_000
-"""Of SQLite's machine, between two looks at whether it has done more of them than a file has bytes:
+"""Steps of SQLite's machine between two looks at whether it has done more of them than a file has bytes:
 a whole one needs a tenth of it, a damaged one may go round in circles."""
 
 Row = tuple[int, int, bytes]

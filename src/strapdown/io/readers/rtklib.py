@@ -24,7 +24,7 @@ START = 1 << 16
 """Bytes in which the line of column names must stand."""
 NAMES = re.compile(r"^%\s*(GPST|UTC|JST)[\s,;]+(.*(?:latitude|x-ecef|e-baseline).*)$", re.MULTILINE)
 REFERENCE = re.compile(r"^%\s*ref pos\s*:[ \t]*(.*)$", re.MULTILINE)
-MIN_SD = 1e-4
+MIN_STD = 1e-4
 """m and m/s, the last digit that RTKLIB writes: a smaller standard deviation reads 0."""
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "DGPS", 5: "single", 6: "PPP"}
 DEGREES = np.array([np.pi / 180, np.pi / 180, 1.0])
@@ -37,9 +37,9 @@ class Form(NamedTuple):
     axes of both as a description has them."""
 
     position: tuple[str, ...]
-    sd: tuple[str, ...]
+    std: tuple[str, ...]
     velocity: tuple[str, ...]
-    velocity_sd: tuple[str, ...]
+    velocity_std: tuple[str, ...]
     axes: dict[str, str]
     velocity_axes: str
 
@@ -191,15 +191,15 @@ def _form_columns(
     form = ECEF if "x-ecef" in columns else GEODETIC
     if "e-baseline" in columns:
         columns = _from_baseline(path, columns, text)
-    missing = [name for name in (*form.position, *form.sd[:3]) if name not in columns]
+    missing = [name for name in (*form.position, *form.std[:3]) if name not in columns]
     if missing:
         raise DataError(f"{path}: lacks the columns {', '.join(missing)}; write all of RTKLIB's")
-    if {*form.velocity, *form.velocity_sd[:3]} <= set(columns):
-        untold = np.all([columns[name] == 0 for name in form.velocity_sd[:3]], axis=0)
+    if {*form.velocity, *form.velocity_std[:3]} <= set(columns):
+        untold = np.all([columns[name] == 0 for name in form.velocity_std[:3]], axis=0)
         columns |= {name: np.where(untold, np.nan, columns[name]) for name in form.velocity}
-    for name in (*form.sd[:3], *form.velocity_sd[:3]):
+    for name in (*form.std[:3], *form.velocity_std[:3]):
         if name in columns:
-            columns[name] = np.maximum(columns[name], MIN_SD)
+            columns[name] = np.maximum(columns[name], MIN_STD)
     return columns, form
 
 
@@ -233,17 +233,17 @@ def _sections(
         **geoid,
     }
     moved = {"columns": list(form.velocity), "unit": "m/s", "axes": form.velocity_axes}
-    every = [{"kind": "position", **common, **where, "sd": _all_or_three(form.sd, there)}]
+    every = [{"kind": "position", **common, **where, "std": _all_or_three(form.std, there)}]
     reference = {**common, "position": where}
-    if {*form.velocity, *form.velocity_sd[:3]} <= there:
-        sd = _all_or_three(form.velocity_sd, there)
-        every.append({"kind": "velocity", **common, **moved, "sd": sd})
+    if {*form.velocity, *form.velocity_std[:3]} <= there:
+        std = _all_or_three(form.velocity_std, there)
+        every.append({"kind": "velocity", **common, **moved, "std": std})
         reference["velocity"] = moved
     why = "the same fixes again; --take reference=0 scores outages against them"
     assumed = {"geoid": "heights are above the geoid (out-height = geodetic)"} if geoid else {}
     return [
         *(
-            Section("aiding", "gnss", keys, 0, title, assumed if "geoid" in keys else {})
+            Section("source", "gnss", keys, 0, title, assumed if "geoid" in keys else {})
             for keys in every
         ),
         Section("reference", "reference", reference, 0, title, left=why),

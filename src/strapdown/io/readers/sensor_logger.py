@@ -99,7 +99,7 @@ def open_recording(path: Path) -> Log:
     head = _head(tables)
     platform = _platform(found, tables)
     sections, facts = _inertial(found, tables, platform)
-    left += _aidings(tables, sections, head, platform.name == "android")
+    left += _sources(tables, sections, head, platform.name == "android")
     for name in names:
         if name not in wanted:
             left.append(f"{name}: {UNUSED.get(name, 'not a sensor that is read')}")
@@ -189,7 +189,7 @@ def _signs(platform: Platform, name: str, norm: float) -> Signs:
     return Signs(-1.0 if bare else 1.0, f"{kind} signs, {platform.why}", True)
 
 
-def _aidings(
+def _sources(
     tables: dict[str, FileTable], sections: list[Section], head: dict[str, Any], android: bool
 ) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""

@@ -138,17 +138,17 @@ def _pair(
         **common,
         "columns": ["lat", "lon", "height"],
         "unit": ["deg", "deg", "m"],
-        "sd": ["hAcc", "hAcc", "vAcc"],
+        "std": ["hAcc", "hAcc", "vAcc"],
     }
     velocity = {
         "kind": "velocity",
         **common,
         "columns": ["velN", "velE", "velD"],
         "unit": "m/s",
-        "sd": "sAcc",
+        "std": "sAcc",
     }
     every = [position, velocity] if moving else [position]
-    return [Section("aiding", "gnss", keys, instance, title, left=why) for keys in every]
+    return [Section("source", "gnss", keys, instance, title, left=why) for keys in every]
 
 
 def _vehicle(

@@ -38,7 +38,7 @@ class Format(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """How a device frames what it sends: packets with a length and a checksum behind."""
+    """Framing of what a device sends: packets with a length and a checksum behind."""
 
     mark: bytes  # how it begins
     head: int  # bytes that say the length

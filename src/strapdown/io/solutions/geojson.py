@@ -25,7 +25,7 @@ def geojson(solution: Solution, path: Path) -> bytes:
     times = np.round(track.t, 6).tolist()
     pieces = track.pieces
 
-    def nested(values: list[Any]) -> list[Any]:
+    def nest(values: list[Any]) -> list[Any]:
         # a line has two positions at least
         lines = [values[piece] * (2 if piece.stop - piece.start == 1 else 1) for piece in pieces]
         return lines[0] if len(lines) == 1 else lines
@@ -33,13 +33,13 @@ def geojson(solution: Solution, path: Path) -> bytes:
     properties: dict[str, Any] = {"name": track.name, "description": track.said.strip()}
     if solution.verdict.word != NOT_JUDGED:
         properties["verdict"] = solution.verdict.word
-    properties["t"] = nested(times)
+    properties["t"] = nest(times)
     if track.stamps:
-        properties["coordTimes"] = nested(track.stamps)
+        properties["coordTimes"] = nest(track.stamps)
     kind = "LineString" if len(pieces) == 1 else "MultiLineString"
     feature = {
         "type": "Feature",
-        "geometry": {"type": kind, "coordinates": nested(place)},
+        "geometry": {"type": kind, "coordinates": nest(place)},
         "properties": properties,
     }
     return json.dumps({"type": "FeatureCollection", "features": [feature]}).encode()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import DataError, located
+from ...checks import DataError, locate_errors
 from ...data.solution import NAV_COLUMNS, UNITS, Innovations, Solution, SolutionMeta
 from ...data.verdict import NOT_JUDGED
 from ...fileio.checksum import DAMAGED
@@ -55,7 +55,7 @@ def write_csv(solution: Solution, part: Path, path: Path, utc: bool = False) -> 
 def _texts(solution: Solution, utc: bool) -> Iterator[bytes]:
     """The header and the rows, some thousands at a time."""
     for k in range(0, max(len(solution.t), 1), ROWS):
-        part = solution.taking(slice(k, k + ROWS))
+        part = solution.take(slice(k, k + ROWS))
         columns = columns_of(part)
         if not k:
             names = ["t", *([UTC] if utc else []), *map(str, columns)]
@@ -146,7 +146,7 @@ def _check_cells(table: FileTable, columns: Mapping[str, str]) -> None:
         table.origin.refuse(
             wrong,
             lambda row: (
-                f"{column} is {values[row]:.9g}, which no solution has there (times rise, sd are "
+                f"{column} is {values[row]:.9g}, which no solution has there (times rise, std are "
                 f"not negative, status is 0 to 3); {DAMAGED}"
             ),
         )
@@ -171,7 +171,7 @@ def _epoch_of(table: FileTable) -> str | None:
     if not len(known):
         return None
     first = int(known[0])
-    with located(f"{table.origin.row(first)}, column {UTC!r}"):
+    with locate_errors(f"{table.origin.row(first)}, column {UTC!r}"):
         return iso(gps_of(str(table.cells(UTC)[first])) - table.numbers("t [s]")[first])
 
 

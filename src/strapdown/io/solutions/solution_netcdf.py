@@ -14,8 +14,8 @@ from ...core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from ...data.solution import (
     BIAS_COLUMNS,
     NAV_COLUMNS,
-    SD_COLUMNS,
-    SD_SCALE,
+    STD_COLUMNS,
+    STD_SCALE,
     UNITS,
     Innovations,
     Separation,
@@ -47,28 +47,28 @@ STANDARD_NAMES = {
     "pitch": "platform_pitch_fore_up",
     "heading": "platform_orientation",
 }
-"""Of the CF conventions, for those that have one."""
+"""Standard names of the CF conventions, for those that have one."""
 ERROR_STATES = (
     *(f"position {axis}" for axis in ("north", "east", "down")),
     *(f"velocity {axis}" for axis in ("north", "east", "down")),
     *(f"rotation about {axis}" for axis in ("north", "east", "down")),
     *(f"{sensor} bias {axis}" for sensor in ("accelerometer", "gyro") for axis in "xyz"),
 )
-"""What each column of standard deviations is of."""
+"""Quantity of each column of standard deviations."""
 LONG_NAMES = {
     **dict(zip(NAV_COLUMNS[:3], ("latitude", "longitude", "height above the WGS-84 ellipsoid"))),
     **dict(zip(NAV_COLUMNS[3:6], ERROR_STATES[3:6])),
     **dict(zip(NAV_COLUMNS[6:], ("roll", "pitch", "heading, clockwise from true north"))),
     **dict(zip(BIAS_COLUMNS, ERROR_STATES[9:])),
-    **{name: f"standard deviation of {of}" for name, of in zip(SD_COLUMNS, ERROR_STATES)},
+    **{name: f"standard deviation of {of}" for name, of in zip(STD_COLUMNS, ERROR_STATES)},
 }
 CLAIMS = {
-    **dict(zip(NAV_COLUMNS[:6] + BIAS_COLUMNS, SD_COLUMNS[:6] + SD_COLUMNS[9:])),
-    **dict.fromkeys(NAV_COLUMNS[6:], " ".join(SD_COLUMNS[6:9])),
+    **dict(zip(NAV_COLUMNS[:6] + BIAS_COLUMNS, STD_COLUMNS[:6] + STD_COLUMNS[9:])),
+    **dict.fromkeys(NAV_COLUMNS[6:], " ".join(STD_COLUMNS[6:9])),
 }
 """{column: those of its standard deviation}."""
 CF_UNITS = {"deg": "degree", "deg/h": "degree/hour", "deg/s": "degree/s"}
-"""What UDUNITS calls a unit, where that is not its name here."""
+"""Names of UDUNITS for a unit, where that is not its name here."""
 SINCE = re.compile("seconds since ")
 """Begins the unit of times that are dates."""
 EXTRA = re.compile(r"extra_\d+", re.ASCII)
@@ -100,12 +100,13 @@ SCHEMA = {
     },
     **{
         name: Column("time", _units(name), missing=True, infinite=True, least=0.0)
-        for name in SD_COLUMNS
+        for name in STD_COLUMNS
     },
     "status": Column("time", "1", least=VALID, most=DOUBTFUL, whole=True),
     "covariance": Column("time state state", missing=True, infinite=True, optional=True),
     **dict.fromkeys(
-        ("separation", "separation_sd"), Column("time part", missing=True, least=0.0, optional=True)
+        ("separation", "separation_std"),
+        Column("time part", missing=True, least=0.0, optional=True),
     ),
     "fix_time": Column("fix", "s", ordered=True),
     "fix_source": Column("fix", "1", least=0, whole=True),
@@ -113,7 +114,7 @@ SCHEMA = {
     "nis": Column("fix", "1", missing=True, infinite=True, least=0.0),
     "accepted": Column("fix", "1", least=0, most=1, whole=True),
 }
-"""What the arrays of a solution must be."""
+"""Rules for the arrays of a solution."""
 
 
 def write_netcdf(solution: Solution, part: Path) -> None:
@@ -179,7 +180,7 @@ def arrays_of(solution: Solution) -> Variables:
     }
     found |= {
         name: (("time",), columns[name], attributes(name))
-        for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS
+        for name in NAV_COLUMNS + BIAS_COLUMNS + STD_COLUMNS
     }
     if q_nb is not None:
         found |= {
@@ -205,9 +206,9 @@ def arrays_of(solution: Solution) -> Variables:
         apart = "of the filter from the smoother: position, velocity, attitude, m, m/s, rad"
         found |= {
             "separation": (("time", "part"), solution.separation.size, {"long_name": apart}),
-            "separation_sd": (
+            "separation_std": (
                 ("time", "part"),
-                solution.separation.sd,
+                solution.separation.std,
                 {"long_name": "standard deviation of the separation"},
             ),
         }
@@ -291,10 +292,10 @@ def read_netcdf(path: Path) -> Solution:
 
 def _separation(columns: Mapping[str, Any], path: Path) -> Separation | None:
     """Raises DataError where the file has one half of it."""
-    size, sd = (columns.get(name) for name in ("separation", "separation_sd"))
-    if (size is None) != (sd is None):
-        raise DataError(f"{path}: separation and separation_sd belong together; {DAMAGED}")
-    return None if size is None or sd is None else Separation(size, sd)
+    size, std = (columns.get(name) for name in ("separation", "separation_std"))
+    if (size is None) != (std is None):
+        raise DataError(f"{path}: separation and separation_std belong together; {DAMAGED}")
+    return None if size is None or std is None else Separation(size, std)
 
 
 def _texts(found: Content, path: Path) -> dict[str, Any]:
@@ -360,7 +361,7 @@ def columns_of(solution: Solution) -> dict[str, Any]:
     """The columns of a solution's table by name, (n,) each, NaN where its trajectory does not have
     them; without pandas, which takes 0.3 s to load."""
     known, none = solution.as_columns(), np.full(len(solution.t), np.nan)
-    names = [*NAV_COLUMNS, *BIAS_COLUMNS, *SD_COLUMNS, *solution.columns, "status"]
+    names = [*NAV_COLUMNS, *BIAS_COLUMNS, *STD_COLUMNS, *solution.columns, "status"]
     return {name: known.get(name, none) for name in names}
 
 
@@ -369,5 +370,9 @@ def state_of(
 ) -> tuple[Trajectory, Array, Array]:
     """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
     lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
-    b_a, b_g = np.hsplit(table(BIAS_COLUMNS) / SD_SCALE[9:], 2)
-    return Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(SD_COLUMNS) / SD_SCALE), b_a, b_g
+    b_a, b_g = np.hsplit(table(BIAS_COLUMNS) / STD_SCALE[9:], 2)
+    return (
+        Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(STD_COLUMNS) / STD_SCALE),
+        b_a,
+        b_g,
+    )

@@ -1,17 +1,21 @@
 """The poses of a Solution as TUM text (the format of the RGB-D benchmark of TU Munich, Sturm et al.
 2012), which evo and others compare: `t x y z qx qy qz qw` a line.
 
-Positions are east, north and up in the plane that touches the ellipsoid at the first position, m;
-the quaternion turns body axes forward, left, up into these, as ROS has it (REP 103).
+Positions are east, north and up in the plane that touches the ellipsoid at an origin, m, by default
+the first position; the quaternion turns body axes forward, left, up into these, as ROS has it (REP 103).
 """
 
+import math
+import re
 from pathlib import Path
 
 import numpy as np
 
-from ...checks import DataError
+from ...checks import DataError, check_array, locate_errors
 from ...data.solution import Solution
+from ...fileio.file_access import open_file
 from ...geometry.geodesy import ned_axes, to_ecef
+from ...typing import Array, ArrayLike, File
 from .track import track_of
 
 HEAD = """# {name}
@@ -19,15 +23,20 @@ HEAD = """# {name}
 # x, y, z: east, north, up in m from {origin} (latitude, longitude in deg, height above the WGS-84 ellipsoid in m)
 # quaternion: body axes forward, left, up to east, north, up there
 """
+ORIGIN = re.compile(rb"^# x, y, z: .* from (-?\d+\.\d+), (-?\d+\.\d+), (-?\d+\.\d+) \(", re.M)
+"""The line of HEAD with the origin."""
+MAX_HEAD = 4096
+"""Bytes in which the head of a file ends."""
 TURN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """From north, east, down to east, north, up, and back."""
 FLU = np.array([1.0, -1.0, -1.0])
-"""Of the columns of a matrix: from forward, right, down to forward, left, up."""
+"""Signs of the columns of a matrix: from forward, right, down to forward, left, up."""
 
 
-def tum(solution: Solution, path: Path) -> bytes:
-    """The text of a Solution that is written to `path`; rows without position or attitude are left
-    out. Raises DataError where there is none of these."""
+def tum(solution: Solution, path: Path, origin: ArrayLike | None = None) -> bytes:
+    """The text of a Solution that is written to `path`, with positions from an origin (latitude and
+    longitude, rad, and height, m; None: the first position); rows without position or attitude are
+    left out. Raises DataError where there is none of these."""
     from scipy.spatial.transform import Rotation
 
     track, trajectory = track_of(solution, path), solution.trajectory
@@ -37,22 +46,53 @@ def tum(solution: Solution, path: Path) -> bytes:
         raise DataError(
             f"{path}: the solution has no attitude, which TUM needs; use .gpx, .geojson, .nc or .csv"
         )
-    part = trajectory.taking(rows)
+    part = trajectory.take(rows)
+    zero = part.lla[0] if origin is None else _check_origin(origin, path)
     axes = ned_axes(part.lla)
-    here = TURN @ axes[0]
-    place = (to_ecef(part.lla) - to_ecef(part.lla[0])) @ here.T
+    here = TURN @ ned_axes(zero)
+    place = (to_ecef(part.lla) - to_ecef(zero)) @ here.T
     turned = here @ axes.transpose(0, 2, 1) @ (part.rotation.as_matrix() * FLU)
     quaternion = Rotation.from_matrix(turned).as_quat(canonical=True)
-    latitude, longitude = np.degrees(part.lla[0, :2])
+    latitude, longitude = np.degrees(zero[:2])
     head = HEAD.format(
         name=" ".join(track.name.split()),
         clock=", POSIX (UTC)" if track.stamps else " of the recording",
-        origin=f"{latitude:.9f}, {longitude:.9f}, {part.lla[0, 2]:.3f}",
+        origin=f"{latitude:.12f}, {longitude:.12f}, {zero[2]:.6f}",
     )
     row = "{} {:.6f} {:.6f} {:.6f} {:.9f} {:.9f} {:.9f} {:.9f}\n".format
     values = np.c_[place, quaternion].tolist()
     times = _times(solution)[rows].tolist()
     return (head + "".join(row(t, *each) for t, each in zip(times, values))).encode()
+
+
+def read_origin(path: File) -> tuple[float, float, float]:
+    """Return the origin that a .tum file says of its positions: latitude and longitude in rad, height
+    above the ellipsoid in m; as `write_solution` takes it, so that two files have one frame. Raises
+    DataError."""
+    with locate_errors(path):
+        try:
+            with open_file(path) as file:
+                head = file.read(MAX_HEAD)
+        except OSError as error:
+            raise DataError(f"cannot be read ({error.strerror})") from None
+        if (found := ORIGIN.search(head)) is None:
+            raise DataError("no line says its origin; is it a .tum file that strapdown wrote?")
+        latitude, longitude, height = map(float, found.groups())
+    return math.radians(latitude), math.radians(longitude), height
+
+
+def _check_origin(origin: ArrayLike, path: Path) -> Array:
+    """(3,) an origin. Raises DataError where it is no place on Earth."""
+    with locate_errors(path):
+        place = check_array(
+            origin, "origin", (3,), what="numbers: latitude and longitude in rad, height in m"
+        )
+        if abs(place[0]) > np.pi / 2 or abs(place[1]) > 2 * np.pi:
+            raise DataError(
+                f"origin is ({place[0]:g} rad, {place[1]:g} rad, {place[2]:g} m); latitude goes to "
+                f"1.571 rad (90 deg): is it in deg?"
+            )
+    return place
 
 
 def _times(solution: Solution) -> np.ndarray[tuple[int], np.dtype[np.str_]]:

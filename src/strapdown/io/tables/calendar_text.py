@@ -34,7 +34,7 @@ class Moments(NamedTuple):
 
 
 class Pattern(NamedTuple):
-    """How a cell is written: directives as "%Y", and characters that stand between them."""
+    """Format of a cell: directives as "%Y", and characters that stand between them."""
 
     tokens: tuple[str, ...]
     # dashes and colons may be missing and T may stand for the blank, as ISO 8601 has it

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
-"""What `open_text` unpacks."""
+"""Endings of files that `open_text` unpacks."""
 
 
 def zstd() -> Any:
@@ -88,7 +88,7 @@ class NumberColumns(dict[str | int, np.ndarray[Any, Any]]):
 
         return pd.DataFrame(self, copy=False)
 
-    def taking(self, rows: Mask) -> "NumberColumns":
+    def take(self, rows: Mask) -> "NumberColumns":
         """These rows of it."""
         return NumberColumns({name: column[rows] for name, column in self.items()})
 
@@ -134,10 +134,10 @@ class FileTable(NamedTuple):
         """Names of the columns as text, their numbers where there is no header."""
         return [str(name) for name in self.names]
 
-    def taking(self, rows: Mask) -> "FileTable":
+    def take(self, rows: Mask) -> "FileTable":
         """These rows of it."""
         content = self.content
-        some = content.taking(rows) if isinstance(content, NumberColumns) else content[rows]
+        some = content.take(rows) if isinstance(content, NumberColumns) else content[rows]
         return self._replace(content=some, lines=self.lines[rows])
 
     @property
@@ -149,7 +149,7 @@ class FileTable(NamedTuple):
         """The column as it is read (n,): whole numbers stay such. Raises DataError for a missing
         one."""
         if column not in self.content:
-            raise DataError(f"{self.name}: {self._missing(column)}")
+            raise DataError(f"{self.name}: {self._missing_text(column)}")
         cells = self.content[column]
         return cells if isinstance(cells, np.ndarray) else cells.to_numpy()
 
@@ -157,7 +157,7 @@ class FileTable(NamedTuple):
         """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column
         or a cell that is no number."""
         if column not in self.content:
-            raise DataError(f"{self.name}: {self._missing(column)}")
+            raise DataError(f"{self.name}: {self._missing_text(column)}")
         cells = self.content[column]
         if isinstance(cells, np.ndarray):
             return cells.astype(float)
@@ -176,7 +176,7 @@ class FileTable(NamedTuple):
             )
         return values
 
-    def _missing(self, column: str | int) -> str:
+    def _missing_text(self, column: str | int) -> str:
         names = [
             "".join(each if each.isprintable() else "?" for each in str(name))
             for name in self.names

@@ -1,4 +1,4 @@
-"""How a file writes a table of text: encoding, separator, decimal mark, header and units, by its first
+"""Layout of a table of text: encoding, separator, decimal mark, header and units, by its first
 lines."""
 
 import csv
@@ -34,11 +34,11 @@ UNIT = re.compile(
     r"°?c|degc|k|[hkm]?pa|m?bar|v|%|utc|gpst?|unix|iso.*|yyyy.*|hh.*|dd.*|mm.*)\s*[)\]]?",
     re.IGNORECASE,
 )
-"""What stands in a line of units."""
+"""Pattern of a cell in a line of units."""
 
 
 class TableLayout(NamedTuple):
-    """How a file writes its table."""
+    """Layout of the table in a file."""
 
     encoding: str
     separator: str  # as pandas takes it

@@ -15,7 +15,7 @@ from .layout import BYTES, RECORDS, ExportLayout
 RUN, ATTITUDE = "strapdown_run", "strapdown_attitude"
 """Their symbols."""
 HEAD = 'target datalayout = ""\ntarget triple = ""'
-"""What the target fills in."""
+"""Lines that the target fills in."""
 
 
 class BoundFunction(NamedTuple):

@@ -13,11 +13,11 @@ from ...core.loop.contract import Filter, InitialState, Noise
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.source import PARAMETERS
 from ...data.recording import Recording
-from ...data.solution import Aiding
+from ...data.solution import Source
 from ...data.vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from ...engine.heading_hypotheses import align_start
 from ...engine.installation import without_estimates
-from ...engine.options import GivenImu, run_options
+from ...engine.options import run_options
 from ...engine.plausible_limits import limits
 from ...engine.prepare import (
     Run,
@@ -31,8 +31,8 @@ from ...engine.prepare import (
     ready,
     usable,
 )
-from ...sensor_models.imu import ImuSpec, grade
-from ...typing import Say
+from ...sensor_models.imu import GivenImu, ImuSpec, imu as imu_spec
+from ...typing import Notify
 
 WAITING = 16
 """Fixes that an exported filter has room for until the sample that reaches their time, where nobody
@@ -51,7 +51,7 @@ class Chosen(NamedTuple):
 
     filter: Filter
     options: dict[str, Any]
-    aidings: tuple[Aiding, ...]  # the sources, in their order, with the fixes of the recording
+    sources: tuple[Source, ...]  # the sources, in their order, with the fixes of the recording
     names: tuple[str, ...]  # of the sources
     spec: ImuSpec
     noise: Noise
@@ -65,7 +65,7 @@ class Chosen(NamedTuple):
         """All records of a run from `start` on before its first sample, by their names in
         `layout.RECORDS`; with room for one sample and `waiting` fixes. Raises DataError."""
         noise = noise or self.noise
-        none = [replace(a, t=a.t[:0], y=a.y[:0], sd=a.sd[:0]) for a in self.aidings]
+        none = [replace(a, t=a.t[:0], y=a.y[:0], std=a.std[:0]) for a in self.sources]
         belief = new_belief(self.filter, start, noise, self.options, none)
         cursor = new_cursor(self.filter, start.t, none, limits(self.spec, noise, self.vehicle))
         room = np.zeros(self.waiting)
@@ -76,7 +76,7 @@ class Chosen(NamedTuple):
                 t=room,
                 source=np.zeros(self.waiting, np.int64),
                 y=np.zeros((self.waiting, 3)),
-                sd=np.zeros((self.waiting, 3)),
+                std=np.zeros((self.waiting, 3)),
             ),
             "noise": noise,
             "cursor": cursor._replace(log=cursor.log[:LOG_ROWS]),
@@ -86,9 +86,9 @@ class Chosen(NamedTuple):
             ],
         }
 
-    def replayed(self, say: Say | None = None) -> Run:
+    def replay(self, notify: Notify | None = None) -> Run:
         """The run of the filter over the recording, to its end. Raises DataError."""
-        asked = run_options(options=self.options, say=say, vehicle=self.vehicle)
+        asked = run_options(options=self.options, notify=notify, vehicle=self.vehicle)
         run = ready(self.recording, self.filter, self.start, self.noise, self.spec, asked)
         run.complete()
         if run.cursor.state[0].fault:
@@ -118,7 +118,7 @@ def choose_export(
 ) -> Chosen:
     """Check the arguments of an export, which are those of `fuse`, and return the choice.
 
-    sources: kinds of aiding; the second of a kind is the second of the recording. One that the
+    sources: kinds of measurement; the second of a kind is the second of the recording. One that the
     recording does not have is a source without fixes there. waiting: fixes that there is room for.
 
     Raises DataError.
@@ -127,14 +127,14 @@ def choose_export(
     check_number(waiting, "waiting", least=1, most=MAX_WAITING, whole=True)
     if not sources:
         raise DataError("sources: there are none; name one or more, as position,velocity")
-    aidings = _of(recording, sources)
-    found, notes = usable(filter, aidings)
-    if len(found) < len(aidings):
+    chosen = _of(recording, sources)
+    found, notes = usable(filter, chosen)
+    if len(found) < len(chosen):
         raise DataError(f"filter {filter.name!r} cannot be exported with them: {notes[0]}")
     check_needs(filter, found, "name it among the sources")
     fit, said = configure_options(filter, dict(options or {}), found)
-    spec = grade(imu or recording.meta.get("grade") or "tactical")
-    recording = replace(recording, aidings=found).forgetting("estimate")
+    spec = imu_spec(imu or recording.meta.get("grade") or "tactical")
+    recording = replace(recording, sources=found).without_meta("estimate")
     vehicle = find_vehicle(vehicle or recording.meta.get("vehicle"))
     start = align_start(recording, spec, has_position(filter))
     counts = [[a.kind for a in found[:i]].count(a.kind) for i, a in enumerate(found)]
@@ -145,7 +145,7 @@ def choose_export(
         found,
         names,
         spec,
-        filter.assumed(spec.noise(), fit),
+        filter.with_bias_model(spec.noise(), fit),
         vehicle,
         recording,
         start._replace(motion=()),  # what it erred by belongs to states that are not exported
@@ -154,15 +154,15 @@ def choose_export(
     )
 
 
-def _of(recording: Recording, kinds: Sequence[str]) -> tuple[Aiding, ...]:
+def _of(recording: Recording, kinds: Sequence[str]) -> tuple[Source, ...]:
     """The sources of these kinds, of which those that the recording has with their fixes."""
-    rest, found = list(without_estimates(recording.aidings)), []
+    rest, found = list(without_estimates(recording.sources)), []
     for kind in kinds:
         sensor = aiding.find(kind)
         own = next((a for a in rest if a.kind == sensor.name), None)
         if own is not None:
             rest.remove(own)
         width = len(sensor.quantities)
-        none = Aiding(sensor.name, np.empty(0), np.empty((0, width)), np.empty((0, width)))
+        none = Source(sensor.name, np.empty(0), np.empty((0, width)), np.empty((0, width)))
         found.append(own or none)
     return tuple(found)

@@ -20,7 +20,7 @@ from ...core.loop import loop, stages
 from ...core.loop.contract import Cursor, Fixes
 from ...fileio.files import replacing, together
 from ...fileio.locks import part_of
-from ...typing import Say
+from ...typing import Notify
 from .. import ir, object_files
 from ..emit import TARGETS, Object, TargetMachine, emit
 from .binding import ATTITUDE, RUN, BoundFunction, binding_ir
@@ -68,18 +68,20 @@ def find_target(name: str) -> TargetMachine:
     return TARGETS[HOSTS[machine]]
 
 
-def export(of: Chosen, target: TargetMachine, folder: Path, say: Say | None = None) -> Exported:
+def export(
+    of: Chosen, target: TargetMachine, folder: Path, notify: Notify | None = None
+) -> Exported:
     """Write the object of a filter for a target, its header, its functions in C, an example with a
-    replay and a README into an existing folder. Calls `say` before steps that take long.
+    replay and a README into an existing folder. Calls `notify` before steps that take long.
 
     Raises DataError for a filter that cannot be exported.
     """
-    _own(of)
+    _refuse_plugins(of)
     made = layout(sizes_of(of.records(of.start)))
     first = image(of.filter, of.records, made, of.start, of.noise)
-    run = of.replayed(say)
-    if say:
-        say(f"compiling {of.filter.name} for {target.name}, about a minute ...")
+    run = of.replay(notify)
+    if notify:
+        notify(f"compiling {of.filter.name} for {target.name}, about a minute ...")
     code = compile_filter_object(of, made, target)
     sizes = Sizes(
         object_files.loaded_size(code.content),
@@ -110,10 +112,10 @@ def export(of: Chosen, target: TargetMachine, folder: Path, say: Say | None = No
     return Exported(tuple(contents), target, sizes, tuple(notes))
 
 
-def _own(of: Chosen) -> None:
+def _refuse_plugins(of: Chosen) -> None:
     """Refuse what plugins bring: its code is found in this process alone."""
     brought = [filters.REGISTRY.brought_by(of.filter.name)]
-    brought += [aiding.REGISTRY.brought_by(a.kind) for a in of.aidings]
+    brought += [aiding.REGISTRY.brought_by(a.kind) for a in of.sources]
     if names := [plugin.name for plugin in brought if plugin]:
         raise DataError(
             f"filter {of.filter.name!r} cannot be exported with what plugin {names[0]} brings: only "
@@ -125,11 +127,11 @@ def compile_filter_object(of: Chosen, made: ExportLayout, target: TargetMachine)
     """The object of the filter with these sizes."""
     observers: dict[int, Kernel] = {
         aiding.number(a.kind): aiding.find(a.kind).observe  # type: ignore[misc]  # typed as functions
-        for a in of.aidings
+        for a in of.sources
     }
     run, predict, correct = cast(Any, (loop.run, of.filter.predict, of.filter.correct))
     records = of.records(of.start)
-    needed = stages.needed(Fixes(*records["fixes"]), Cursor(*records["cursor"]))
+    needed = stages.needed_stages(Fixes(*records["fixes"]), Cursor(*records["cursor"]))
     bound = BoundFunction(run, predict, correct, observers, needed)
     kernels = list(dict.fromkeys((*bound.all, attitude)))
     texts = [binding_ir(made, bound, attitude), *_texts(kernels, made.sizes)]

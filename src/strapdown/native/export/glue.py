@@ -15,13 +15,13 @@ from .header import template
 from .image import Image, Known
 from .layout import MemoryPlace
 
-HERE = {"C": "C[{}]", "variance": "variance[{}]", "t": "values->t"}
+HERE = {"C_nb": "C[{}]", "variance": "variance[{}]", "t": "values->t"}
 """Parts of a start that C computes or has as one number; others are arrays of strapdown_values."""
 
 
 def glue(of: Chosen, made: Image) -> str:
     """The text of strapdown_calls.c."""
-    components = (len(aiding.find(a.kind).quantities) for a in of.aidings)
+    components = (len(aiding.find(a.kind).quantities) for a in of.sources)
     return template("strapdown_calls.c").substitute(
         most_latitude=repr(LATITUDE_LIMIT),
         longest_sample=repr(MAX_INTERVAL),
@@ -38,7 +38,7 @@ def glue(of: Chosen, made: Image) -> str:
 
 
 def _example(start: InitialState, noise: Noise) -> Iterator[str]:
-    for name in ("t", "lla", "v", "rph", "ba", "bg", "sd"):
+    for name in ("t", "lla", "v_n", "rph", "b_a", "b_g", "std"):
         value = getattr(start, name)
         numbers = [value] if name == "t" else list(value[:15])
         listed = ", ".join(repr(float(each)) for each in numbers)

@@ -11,7 +11,7 @@ from textwrap import wrap
 from ... import aiding
 from ...core.compile.records import notes
 from ...core.compile.signatures import Row
-from ...core.loop.contract import Measurement
+from ...core.loop.contract import MeasurementModel
 from ...core.mathematics import solution_row
 from ...engine.prepare import augmented_states, axes_of_rows
 from ...units import quantities
@@ -27,10 +27,10 @@ PARAMETERS = {
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
 }
-"""What the parameters of a source are, by `Measurement.parameters`."""
+"""Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 
 QUANTITIES = {"length": "height", "speed": "velocity"}
-"""What a quantity of a fix is called in the header."""
+"""Names of the quantities of a fix in the header."""
 
 
 def template(name: str) -> Template:
@@ -43,10 +43,10 @@ def header(of: Chosen, made: ExportLayout) -> str:
     sources = ExportNames(
         "strapdown_source_index",
         "SOURCE_",
-        "The sources. y and sd are what strapdown_fix takes, parameters what strapdown_source takes.",
+        "The sources. y and std are what strapdown_fix takes, parameters what strapdown_source takes.",
         tuple(
             Name(identifier(name), i, source_text(aiding.find(a.kind)))
-            for i, (a, name) in enumerate(zip(of.aidings, of.names))
+            for i, (a, name) in enumerate(zip(of.sources, of.names))
         ),
     )
     sizes = [(text[0], made.sizes[size], text[1]) for size, text in SIZES.items()]
@@ -87,23 +87,23 @@ def identifier(name: str) -> str:
 
 def columns(of: Chosen) -> list[str]:
     """Return the meaning of each column behind the status."""
-    states = [each.name for each in augmented_states(of.aidings)]
+    states = [each.name for each in augmented_states(of.sources)]
     return [*of.filter.columns, *states, *(f"standard deviation of {name}" for name in states)]
 
 
-def source_text(sensor: Measurement) -> str:
+def source_text(sensor: MeasurementModel) -> str:
     """Return a description of its measurements and parameters, with units."""
     units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
     named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
     count = len(named)
     y = f"{named[0]} ({count})" if len({*named}) == 1 and count > 1 else ", ".join(named)
     rows = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]
-    sd = f"{rows[0]}, {', '.join(axes_of_rows(sensor))}" if count == 3 else rows[0]
+    std = f"{rows[0]}, {', '.join(axes_of_rows(sensor))}" if count == 3 else rows[0]
     when = f"; hand one in only {sensor.when}" if sensor.when else ""
     frame = {"n": ", NED", "b": ", body"}.get(sensor.vector, "")
     zero = ": 0" if sensor.name.startswith("zero-") else ""
     return (
-        f"y: {y}{frame}{zero}; sd ({count}): {sd}; parameters: "
+        f"y: {y}{frame}{zero}; std ({count}): {std}; parameters: "
         f"{PARAMETERS[sensor.parameters]}{when}"
     )
 

@@ -41,7 +41,7 @@ class Image(NamedTuple):
 
 Records = Callable[[InitialState, Noise], Mapping[str, Sequence[Any]]]
 MAY_BE_FIXED = ("noise", "lla")
-"""Of one vehicle these are often the same: its IMU, and where it is, as far as attitude goes."""
+"""Options that are often the same in one vehicle: its IMU, and where it is, as far as attitude goes."""
 
 
 def image(
@@ -82,16 +82,16 @@ def known_numbers(start: InitialState, noise: Noise) -> dict[Known, float]:
     C = np.empty((3, 3))
     roll, pitch, heading = (float(angle) for angle in start.rph)
     euler_to_matrix(roll, pitch, heading, C)
-    sd = np.asarray(start.sd, float)
+    std = np.asarray(start.std, float)
     parts: dict[str, Iterable[float]] = {
         "t": np.array([start.t]),
         "lla": start.lla,
-        "v": start.v,
-        "C": C.ravel(),
-        "ba": start.ba,
-        "bg": start.bg,
-        "variance": sd**2,
-        "sd": sd,
+        "v_n": start.v_n,
+        "C_nb": C.ravel(),
+        "b_a": start.b_a,
+        "b_g": start.b_g,
+        "variance": std**2,
+        "std": std,
         "rph": start.rph,
         "noise": np.array(noise),
     }
@@ -113,11 +113,11 @@ def _probes(
         drawn = start._replace(
             t=numbers(1e3, 1)[0],
             lla=numbers(1.5, 1) + numbers(3.0, 1) + numbers(1e4, 1),
-            v=numbers(10.0 ** rng.uniform(-2, 3)),
+            v_n=numbers(10.0 ** rng.uniform(-2, 3)),
             rph=numbers(3.0, 1) + numbers(1.5, 1) + numbers(3.0, 1),
-            ba=numbers(0.5),
-            bg=numbers(0.05),
-            sd=tuple((10.0 ** rng.uniform(-6, 6, STATES)).tolist()),
+            b_a=numbers(0.5),
+            b_g=numbers(0.05),
+            std=tuple((10.0 ** rng.uniform(-6, 6, STATES)).tolist()),
         )
         assumed = Noise(*(10.0 ** rng.uniform(-6, 0, len(noise))).tolist())
         yield (

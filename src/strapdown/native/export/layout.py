@@ -23,7 +23,7 @@ RECORDS: Mapping[str, Record] = {
 }
 """The records in the order in which the loop takes them, by the name of its argument."""
 BYTES = 8
-"""Of every number, so that no compiler leaves a gap between them."""
+"""Size of every number, so that no compiler leaves a gap between them."""
 
 
 class MemoryPlace(NamedTuple):
@@ -39,7 +39,7 @@ class MemoryPlace(NamedTuple):
 
     @property
     def length(self) -> int:
-        """How many numbers."""
+        """Number of numbers."""
         return prod(self.shape) * (words(self.row) if self.row else 1)
 
     def within(self, k: int) -> tuple[str, bool]:

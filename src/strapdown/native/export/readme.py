@@ -22,7 +22,7 @@ COMPILE = {
     "aarch64": "aarch64-linux-gnu-gcc -std=c99 -O2 -ffp-contract=off main.c strapdown_calls.c strapdown.o -lm -o main\n"
     "./main",
 }
-"""How to compile, by target."""
+"""Commands that compile, by target."""
 USUAL = "cc -std=c99 -O2 -ffp-contract=off main.c strapdown_calls.c strapdown.o -lm -o main\n./main"
 ABOUT = {
     "strapdown.o": "the loop, the filter and the observations of its sources",
@@ -64,7 +64,7 @@ def readme(
     """The text of README.md."""
     sources = "\n".join(
         f"| {i} | `STRAPDOWN_SOURCE_{identifier(name)}` | {source_text(aiding.find(a.kind))} |"
-        for i, (a, name) in enumerate(zip(of.aidings, of.names))
+        for i, (a, name) in enumerate(zip(of.sources, of.names))
     )
     fixed = "".join(
         f"\nWith this filter {FIXED[part]} of `strapdown_values` must be those of "

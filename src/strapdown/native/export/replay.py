@@ -7,7 +7,7 @@ Numbers of eight bytes, the least byte first: doubles, but for whole numbers whe
     values  strapdown_values
     sources parameters and gate of each
     then    whole SAMPLE, t, dt, dtheta (3), dv (3)
-            whole FIX, whole source, t, y (3), sd (3)
+            whole FIX, whole source, t, y (3), std (3)
             whole ROW, STRAPDOWN_COLUMNS numbers: out.nav of the filter after the sample before
             whole END
 """
@@ -34,9 +34,9 @@ def replay(of: Chosen, run: Run, every: int) -> bytes:
 
 def _begin(of: Chosen, run: Run) -> Iterator[bytes]:
     start = of.start
-    values = [start.t, *start.lla, *start.v, *start.rph, *start.ba, *start.bg, *start.sd[:15]]
+    values = [start.t, *start.lla, *start.v_n, *start.rph, *start.b_a, *start.b_g, *start.std[:15]]
     values += of.noise
-    yield pack("<5q", MAGIC, len(values), len(of.aidings), GIVEN, run.out.nav.shape[1])
+    yield pack("<5q", MAGIC, len(values), len(of.sources), GIVEN, run.out.nav.shape[1])
     yield _doubles(*values)
     for source in run.fixes.sources:
         yield _doubles(*source.parameters, source.gate)
@@ -50,7 +50,7 @@ def _events(run: Run, every: int) -> Iterator[bytes]:
     for k in range(run.first, len(imu.t)):
         while fix < len(fixes.t) and given[fix] <= k:
             yield pack("<2q", FIX, fixes.source[fix])
-            yield _doubles(fixes.t[fix], *fixes.y[fix], *fixes.sd[fix])
+            yield _doubles(fixes.t[fix], *fixes.y[fix], *fixes.std[fix])
             fix += 1
         yield pack("<q", SAMPLE) + _doubles(imu.t[k], imu.dt[k], *imu.dtheta[k], *imu.dv[k])
         if (k - run.first) % every == 0 or k == last:

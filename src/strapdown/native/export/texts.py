@@ -16,17 +16,17 @@ from ...core.mathematics.source import SourceRow
 FIELDS: Mapping[str, Mapping[str, str]] = {
     "belief": {
         "lla": "latitude rad, longitude rad, height above the ellipsoid m, of the IMU",
-        "v": "velocity north, east, down, m/s",
-        "C": "rotation matrix, body to navigation frame",
-        "ba": "accelerometer bias, body, m/s^2: what it reads too much",
-        "bg": "gyro bias, body, rad/s: what it reads too much",
+        "v_n": "velocity north, east, down, m/s",
+        "C_nb": "rotation matrix, body to navigation frame",
+        "b_a": "accelerometer bias, body, m/s^2: what it reads too much",
+        "b_g": "gyro bias, body, rad/s: what it reads too much",
         "P": "covariance of the errors true - estimate: position m NED, velocity m/s NED, "
         "attitude rad (a rotation in the navigation frame), accelerometer bias, gyro bias, "
         "then the states that sources bring along",
         "omega": "last angular rate without bias, body against inertial space, rad/s",
         "f": "last specific force without bias, body, m/s^2",
         "workspace": "what this filter alone keeps; its own output columns come first",
-        "extra_states": "the states that sources bring along",
+        "augmented": "the states that sources bring along",
     },
     "imu": {
         "t": "end of the sample, s",
@@ -38,7 +38,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "t": "when the fix holds, s; the fixes that wait, in the order of time",
         "source": "its source",
         "y": "what was measured; NaN where nothing was",
-        "sd": "standard deviations of its innovation",
+        "std": "standard deviations of its innovation",
         "sources": "what each source is",
     },
     "noise": {
@@ -143,7 +143,7 @@ ROW = ExportNames(
             "V": "velocity north, east, down, m/s",
             "Q": "quaternion, body to navigation frame, scalar first",
             "BIASES": "accelerometer bias (3) m/s^2, gyro bias (3) rad/s",
-            "SD": "15 standard deviations: position m NED, velocity m/s NED, attitude rad, "
+            "STD": "15 standard deviations: position m NED, velocity m/s NED, attitude rad, "
             "accelerometer bias, gyro bias",
             "ROW_STATUS": "status",
         },

@@ -23,7 +23,7 @@ FUNCTIONS = (
     "strapdown_example",
     "__heap_base",
 )
-"""What a module shows."""
+"""Functions that a module exports."""
 OPTIONS = ("--target=wasm32", "-std=c99", "-O2", "-mbulk-memory", "-nostdlib", "-Wl,--no-entry")
 
 
@@ -59,7 +59,7 @@ def script(of: Chosen, made: ExportLayout, bytes_of_filter: int) -> str:
         books=BYTES * words(row_of(Books)),
         accepted=BYTES * (books.first + place(Books, "accepted")),
         rejected=BYTES * (books.first + place(Books, "rejected")),
-        sources=len(of.aidings),
+        sources=len(of.sources),
         columns=made.sizes["columns"],
-        sd=solution_row.SD,
+        std=solution_row.STD,
     )

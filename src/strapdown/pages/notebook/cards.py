@@ -12,7 +12,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...data.recording import Recording
-from ...data.solution import Aiding, Solution, Trajectory
+from ...data.solution import Solution, Source, Trajectory
 from ...data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 from ...evaluation import metrics
 from ...installation.findings import Diagnosis
@@ -106,7 +106,7 @@ def _verdict(verdict: Verdict, whose: str = "") -> str:
     """HTML of a verdict inside a card."""
     name = f" {escape(whose)}" if whose else ""
     word = f"<span class='word {LOOKS.get(verdict.word, '')}'>{escape(verdict.word)}</span>{name}"
-    untested = f"not tested: {'; '.join(verdict.untested)}" if verdict.untested else ""
+    untested = f"not tested: {'; '.join(map(str, verdict.untested))}" if verdict.untested else ""
     return f"<div>{word}{numbered_list(verdict.reasons)} {escape(untested)}</div>"
 
 
@@ -124,17 +124,19 @@ def of_recording(recording: Recording) -> str:
     facts = {
         "time": f"{start:.1f} to {stop:.1f} s, {duration_text(stop - start)}",
         "date": meta.get("date") if moments is None else span(moments),
-        "IMU": ", ".join(filter(None, [f"{len(imu.t)} samples", rate(imu.t), grade(recording)])),
+        "IMU": ", ".join(
+            filter(None, [f"{len(imu.t)} samples", rate(imu.t), grade_name(recording)])
+        ),
         "gaps of the IMU": gaps(imu.t),
         "reference": "" if reference is None else _known_parts(reference),
     }
-    rows = [[a.name or a.kind, a.kind, len(a.t), rate(a.t), gaps(a.t)] for a in recording.aidings]
+    rows = [[a.name or a.kind, a.kind, len(a.t), rate(a.t), gaps(a.t)] for a in recording.sources]
     sources = table(["source", "kind", "fixes", "rate", "gaps"], rows) if rows else ""
     notes = [*meta.get("notes", ())]
     return card(f"Recording {meta.get('name', '')}", facts, sources, lines(notes))
 
 
-def grade(recording: Recording) -> str:
+def grade_name(recording: Recording) -> str:
     """The name of the IMU of a recording, as far as it says one."""
     named = recording.meta.get("grade")
     return str(
@@ -148,7 +150,7 @@ def rate(t: Array) -> str:
 
 
 def gaps(t: Array) -> str:
-    """How many intervals of times t (n,), s, are far beyond the usual one, and the longest."""
+    """Number of intervals of times t (n,), s, are far beyond the usual one, and the longest."""
     steps = np.diff(t)
     if len(steps) < 2:
         return ""
@@ -170,8 +172,8 @@ def _known_parts(made: Trajectory) -> str:
     return f"{join_words(known) or 'nothing'}{when}".rstrip(", ")
 
 
-@card_of.register(Aiding)
-def of_aiding(source: Aiding) -> str:
+@card_of.register(Source)
+def of_source(source: Source) -> str:
     """A source of fixes."""
     facts = {
         "kind": source.kind,
@@ -212,20 +214,20 @@ def _statuses(solution: Solution) -> Iterable[str]:
 
 def _last(solution: Solution) -> str:
     """The last row, with the standard deviations that the filter claims."""
-    last = solution.trajectory.taking(slice(-1, None))
-    sd = np.full(15, np.nan) if last.sd is None else last.sd[0]
+    last = solution.trajectory.take(slice(-1, None))
+    std = np.full(15, np.nan) if last.std is None else last.std[0]
     parts = []
     if np.isfinite(last.lla[0]).all():
         lat, lon = np.degrees(last.lla[0, :2])
         parts.append(
-            f"{lat:.7f}, {lon:.7f} deg ± {number(np.hypot(sd[0], sd[1]))} m, "
-            f"height {last.lla[0, 2]:.2f} ± {number(sd[2])} m"
+            f"{lat:.7f}, {lon:.7f} deg ± {number(np.hypot(std[0], std[1]))} m, "
+            f"height {last.lla[0, 2]:.2f} ± {number(std[2])} m"
         )
     if last.q_nb is not None and np.isfinite(last.q_nb).all():
         roll, pitch, heading = np.degrees(last.rph[0])
         parts.append(
             f"roll {roll:.2f}, pitch {pitch:.2f}, heading {heading:.2f} ± "
-            f"{number(float(np.degrees(sd[8])))} deg"
+            f"{number(float(np.degrees(std[8])))} deg"
         )
     return "; ".join(parts)
 
@@ -240,12 +242,12 @@ def _error(solution: Solution) -> str:
     except DataError as error:
         return f"not known: {error}"
     parts = []
-    if found.position is not None:
+    if metrics.any_known(found.position):
         north, east, down = found.position
         parts.append(f"horizontal {number(np.hypot(north, east))} m, height {number(down)} m")
-    if found.velocity is not None:
+    if metrics.any_known(found.velocity):
         parts.append(f"velocity {number(float(np.linalg.norm(found.velocity)))} m/s")
-    if found.angles is not None:
+    if metrics.any_known(found.angles):
         _, inclination, heading = np.degrees(found.angles)
         parts.append(f"inclination {number(inclination)} deg, heading {number(heading)} deg")
     return ", ".join(parts)

@@ -16,9 +16,9 @@ from ...data.recording import Recording
 from ...data.solution import (
     ATTITUDE_COLUMNS,
     NAV_COLUMNS,
-    Aiding,
     Solution,
     SolutionMeta,
+    Source,
     Trajectory,
 )
 from ...evaluation.metrics import EULER, NED_AXES
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 IMU_COLUMNS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 """As `Recording.from_frames` takes them."""
 IMU = "imu"
-"""What names the IMU among the parts of a recording."""
+"""Name of the IMU among the parts of a recording."""
 NAMES = {
     "position": NAV_COLUMNS[:3],
     "velocity": NAV_COLUMNS[3:6],
@@ -50,7 +50,7 @@ NAMES = {
     "altitude": NAV_COLUMNS[2:3],
     "heading": ATTITUDE_COLUMNS[2:],
 }
-"""{kind of aiding: columns of its values}; others are named after the kind."""
+"""{kind of measurement: columns of its values}; others are named after the kind."""
 
 
 @singledispatch
@@ -229,10 +229,10 @@ def _imu(recording: Recording) -> Variables:
     }
 
 
-def _sources(recording: Recording) -> dict[str, Aiding]:
+def _sources(recording: Recording) -> dict[str, Source]:
     """{name: source}; names that occur twice are numbered."""
-    found: dict[str, Aiding] = {}
-    for source in recording.aidings:
+    found: dict[str, Source] = {}
+    for source in recording.sources:
         name = base = source.name or source.kind
         number = 1
         while name in found:
@@ -242,7 +242,7 @@ def _sources(recording: Recording) -> dict[str, Aiding]:
     return found
 
 
-def _source(source: Aiding) -> Variables:
+def _source(source: Source) -> Variables:
     """Values and standard deviations of the fixes of a source, in the units of tables."""
     kind = find(source.kind)
     word = _word(source.kind)
@@ -256,17 +256,17 @@ def _source(source: Aiding) -> Variables:
         if name in STANDARD_NAMES:
             said["standard_name"] = STANDARD_NAMES[name]
         found[name] = ("fix",), values * factor, said
-    rows = _rows(source.kind, kind.vector, source.sd)
-    for name, quantity, values in zip(rows, kind.quantities, source.sd.T):
+    rows = _rows(source.kind, kind.vector, source.std)
+    for name, quantity, values in zip(rows, kind.quantities, source.std.T):
         unit, factor = shown_unit(quantity)
         said = {"units": CF_UNITS.get(unit, unit), "long_name": f"standard deviation, {name}"}
-        found[f"sd_{name}"] = ("fix",), values * factor, said
+        found[f"std_{name}"] = ("fix",), values * factor, said
     return found
 
 
-def _rows(kind: str, vector: str, sd: Array) -> tuple[str, ...]:
+def _rows(kind: str, vector: str, std: Array) -> tuple[str, ...]:
     """Names of the rows of its innovation."""
-    if sd.shape[1] == 1:
+    if std.shape[1] == 1:
         return (_word(kind),)
     return EULER if kind == "attitude" else tuple("xyz") if vector == "b" else NED_AXES
 

@@ -17,7 +17,7 @@ from ..drawing import (
     GREY,
     column,
     corners,
-    even,
+    even_indices,
     finish,
     ground,
     origin,
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 
 def sources(recording: Recording) -> go.Figure:
     """A row of marks for the IMU and for each source: when there are samples and fixes."""
-    parts = [("IMU", recording.imu.t), *((a.name or a.kind, a.t) for a in recording.aidings)]
+    parts = [("IMU", recording.imu.t), *((a.name or a.kind, a.t) for a in recording.sources)]
     if recording.reference is not None:
         parts.append(("reference", recording.reference.t))
     zero = origin(recording.imu.t)
     figure = panels([""], 25 + 34 * len(parts))
     for i, (name, t) in enumerate(parts):
-        at = t[even(len(t))]
+        at = t[even_indices(len(t))]
         figure.add_trace(
             go.Scatter(
                 x=column(at - zero),
@@ -73,17 +73,17 @@ def track(recording: Recording) -> go.Figure | None:
         boxes.append(corners(places))
         if fixes:
             marker = {"size": 5, "color": COLOURS[i % len(COLOURS)]}
-            path(figure, places[even(len(places))], name, mode="markers", marker=marker)
+            path(figure, places[even_indices(len(places))], name, mode="markers", marker=marker)
         else:
             style = {"color": GREY, "width": 1.5, "dash": "dash"}
-            path(figure, places[even(len(places))], name, line=style)
+            path(figure, places[even_indices(len(places))], name, line=style)
     box = np.array([np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0)])
     return seen_from_above(figure, box, 0.06)
 
 
 def _places(recording: Recording) -> Iterator[tuple[str, Array, bool]]:
     """(name, known positions (n, 3), whether they are fixes) of all that has any."""
-    found = [(a.name or a.kind, a.y, True) for a in recording.aidings if a.kind == "position"]
+    found = [(a.name or a.kind, a.y, True) for a in recording.sources if a.kind == "position"]
     if recording.reference is not None:
         found.append(("reference", recording.reference.lla, False))
     for name, lla, fixes in found:

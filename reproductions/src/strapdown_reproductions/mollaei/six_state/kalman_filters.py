@@ -14,7 +14,7 @@ from strapdown.core.loop.contract import (
     Observe,
     kernel,
 )
-from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
+from strapdown.flight.aircraft_model.parameters import aircraft as find_aircraft
 from strapdown.typing import Array
 
 from .model import (
@@ -33,13 +33,13 @@ from .model import (
     copy,
     correct_gaussian,
     craft_in,
-    linearised,
+    innovation_at,
+    propagate_linearised,
     publish,
-    seen,
     takes_options,
     turn,
 )
-from .operating_point import ESTIMATE, READING, point_of, sampled
+from .operating_point import ESTIMATE, READING, point_of, sample_model
 
 HELD = 1.0
 """s that the last fix is held without a filter; after that position and velocity are told as
@@ -72,8 +72,8 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     if workspace[POINT + READING] != ESTIMATE:
         attitude, gravity = matrix(workspace, TURNED, 3, 3), craft_in(workspace, CRAFT).gravity
         told, own = workspace[INPUTS:], workspace[POINT:]
-        sampled(own, told, attitude, belief, gravity, dt, workspace[DV])
-    linearised(belief, belief.workspace[X], belief.P, dt, noise)
+        sample_model(own, told, attitude, belief, gravity, dt, workspace[DV])
+    propagate_linearised(belief, belief.workspace[X], belief.P, dt, noise)
     publish(belief)
 
 
@@ -81,7 +81,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     parameters: Array,
@@ -90,10 +90,10 @@ def correct(
 ) -> float:
     """Correct state and covariance by a fix within the gate."""
     workspace, x, P = belief.workspace, belief.workspace[X], belief.P
-    first = seen(workspace, y, kind, x, innovation)
+    first = innovation_at(workspace, y, kind, x, innovation)
     trial, spread = workspace[TRIAL], matrix(workspace, TRIAL_P, 6, 6)
     copy(x, P, trial, spread)
-    nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
+    nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, std)
     if nis <= gate:
         copy(trial, spread, x, P)
         publish(belief)
@@ -121,7 +121,7 @@ def hold(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
 def take(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     parameters: Array,
@@ -130,7 +130,7 @@ def take(
 ) -> float:
     """No filter: the fix is the state, whatever it is."""
     workspace, x = belief.workspace, belief.workspace[X]
-    first = seen(workspace, y, kind, x, innovation)
+    first = innovation_at(workspace, y, kind, x, innovation)
     for i in range(3):
         if innovation[i] == innovation[i]:
             x[first + i] += innovation[i]

@@ -16,8 +16,8 @@ from inspect import Parameter, Signature, signature
 from typing import Any, NamedTuple, TypeVar
 
 from strapdown.checks import check_number
-from strapdown.core.compile.jit import helper, inlined, matrix, row_in
-from strapdown.core.loop.contract import FilterState, InitialState, Kind, Noise, Slots, Source
+from strapdown.core.compile.jit import helper, inline, matrix, row_in
+from strapdown.core.loop.contract import FilterState, InitialState, Kind, Noise, Slots, SourceLike
 from strapdown.core.mathematics.rotation import (
     Three,
     orthonormalise,
@@ -26,8 +26,8 @@ from strapdown.core.mathematics.rotation import (
     wrap,
 )
 from strapdown.flight import inputs
-from strapdown.flight.aircraft.forces import density, forces
-from strapdown.flight.aircraft.parameters import (
+from strapdown.flight.aircraft_model.forces import density, forces
+from strapdown.flight.aircraft_model.parameters import (
     PARAMETERS,
     Aircraft,
     aircraft as find_aircraft,
@@ -38,7 +38,7 @@ from ...common.signatures import keywords
 from . import operating_point
 
 SIX = Slots(room=8)
-"""Of every filter here."""
+"""Workspace of every filter here."""
 INPUTS = SIX.part("INPUTS", inputs.TOLD).start
 """First of the numbers of `workspace` that whoever flies the aircraft writes before each sample,
 see strapdown.flight.inputs. Before them: output columns."""
@@ -115,7 +115,7 @@ def begin(start: InitialState, slots: Slots, options: Options, rest: int = 0) ->
     workspace = slots.zeros(rest)
     belief = start.belief(workspace)
     belief.P[6:], belief.P[:, 6:] = 0.0, 0.0
-    workspace[X][3:], workspace[ORIGIN] = start.v, start.lla
+    workspace[X][3:], workspace[ORIGIN] = start.v_n, start.lla
     workspace[Q], workspace[R], workspace[UNKNOWN] = q * rate, r, model
     flown, kept = find_aircraft(craft), craft_in(workspace, CRAFT)
     parameters = flown.parameters(earth="flat", origin=start.lla)
@@ -125,13 +125,13 @@ def begin(start: InitialState, slots: Slots, options: Options, rest: int = 0) ->
 
 
 def configure(
-    options: dict[str, Any], aidings: Sequence[Source]
+    options: dict[str, Any], sources: Sequence[SourceLike]
 ) -> tuple[dict[str, Any], list[str]]:
     """Refuses an antenna away from the IMU: six states know no lever arm."""
-    for aiding in aidings:
-        if any(aiding.parameters[:3]):
+    for source in sources:
+        if any(source.parameters[:3]):
             raise ValueError(
-                f"{aiding.name or aiding.kind} has a lever arm of {tuple(aiding.parameters[:3])} m; "
+                f"{source.name or source.kind} has a lever arm of {tuple(source.parameters[:3])} m; "
                 f"the six-state form knows none: "
                 "give the fixes of the IMU's own place"
             )
@@ -142,10 +142,10 @@ def configure(
 def turn(belief: FilterState, u: Array, dt: float) -> None:
     """Advance the attitude by the measured increments u, and leave in workspace what they say of
     the velocity and the attitude at mid-sample."""
-    workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
+    workspace, C, half = belief.workspace, belief.C_nb, matrix(belief.workspace, TURNED, 3, 3)
     dv, craft = workspace[DV], craft_in(workspace, CRAFT)
-    r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
-    a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
+    r0, r1, r2 = u[0] - belief.b_g[0] * dt, u[1] - belief.b_g[1] * dt, u[2] - belief.b_g[2] * dt
+    a0, a1, a2 = u[3] - belief.b_a[0] * dt, u[4] - belief.b_a[1] * dt, u[5] - belief.b_a[2] * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
     d0, d1, d2 = rotate_vector(
         C,
@@ -162,14 +162,14 @@ def turn(belief: FilterState, u: Array, dt: float) -> None:
     orthonormalise(C)
     if dt > 0:
         for i in range(3):
-            belief.omega[i] = (u[i] - belief.bg[i] * dt) / dt
-            belief.f[i] = (u[3 + i] - belief.ba[i] * dt) / dt
+            belief.omega[i] = (u[i] - belief.b_g[i] * dt) / dt
+            belief.f[i] = (u[3 + i] - belief.b_a[i] * dt) / dt
     workspace[SINCE] += dt
     if by_model(workspace):
         workspace[DENSITY] = density(craft, workspace[ORIGIN][2] - workspace[X][2])
 
 
-@inlined
+@inline
 def by_model(workspace: Array) -> bool:
     """True where the aircraft's model predicts, not the IMU."""
     return workspace[INPUTS:][inputs.BY_MODEL] != 0
@@ -202,7 +202,7 @@ def acceleration(
 
 
 @helper
-def moved(
+def propagate_velocity(
     workspace: Array, omega: Array, v0: float, v1: float, v2: float, dt: float
 ) -> tuple[float, float, float]:
     """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration
@@ -217,8 +217,8 @@ def moved(
     return v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
 
 
-@inlined
-def linearised(belief: FilterState, x: Array, P: Array, dt: float, noise: Noise) -> None:
+@inline
+def propagate_linearised(belief: FilterState, x: Array, P: Array, dt: float, noise: Noise) -> None:
     """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman
     filter does."""
     workspace, omega, dv = belief.workspace, belief.omega, belief.workspace[DV]
@@ -240,7 +240,7 @@ def linearised(belief: FilterState, x: Array, P: Array, dt: float, noise: Noise)
     x[3], x[4], x[5] = w0, w1, w2
 
 
-@inlined
+@inline
 def drift(P: Array, dt: float) -> None:
     """P <- Phi P Phi' with Phi = [I, dt I; 0, I]: positions follow velocities, which only gain
     the same for all."""
@@ -284,7 +284,7 @@ def jacobian(workspace: Array, omega: Array, v: Three, a: Three, dt: float) -> N
     F[2, 2] += 1 + 0.5 * (j20 * j02 + j21 * j12 + j22 * j22)
 
 
-@inlined
+@inline
 def transform(P: Array, workspace: Array, dt: float) -> None:
     """P <- Phi P Phi' with Phi = [I, dt/2 (I + A); 0, A]."""
     F = matrix(workspace, A, 3, 3)
@@ -306,14 +306,14 @@ def transform(P: Array, workspace: Array, dt: float) -> None:
             P[i, j] = P[j, i]
 
 
-@inlined
+@inline
 def random_walk(workspace: Array, noise: Noise) -> float:
     """Return the random walk of the velocity, m/s/sqrt(s): of the accelerometers, or of what the
     model does not know."""
     return workspace[UNKNOWN] if by_model(workspace) else noise.accel
 
 
-@inlined
+@inline
 def add_noise(P: Array, workspace: Array, noise: Noise, dt: float) -> None:
     """Process noise of dt: white acceleration, or q on each of the six, as the paper has it."""
     if workspace[Q] > 0:
@@ -338,7 +338,7 @@ def copy(x: Array, P: Array, to: Array, To: Array) -> None:
 
 
 @helper
-def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> int:
+def innovation_at(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> int:
     """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the
     state x. Returns the first of the states that it sees."""
     origin, craft = workspace[ORIGIN], craft_in(workspace, CRAFT)
@@ -352,15 +352,15 @@ def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> 
     return 3
 
 
-@inlined
-def variance(workspace: Array, sd: Array, i: int) -> float:
+@inline
+def variance(workspace: Array, std: Array, i: int) -> float:
     """Return the variance of row i of a fix: r where it is given, else the fix's own."""
-    return workspace[R] if workspace[R] > 0 else sd[i] * sd[i]
+    return workspace[R] if workspace[R] > 0 else std[i] * std[i]
 
 
 @helper
 def correct_gaussian(
-    workspace: Array, x: Array, P: Array, first: int, innovation: Array, sd: Array
+    workspace: Array, x: Array, P: Array, first: int, innovation: Array, std: Array
 ) -> tuple[float, float]:
     """Correct one Gaussian by the measured rows of a fix, one after the other. Returns NIS and
     log det of their covariance; NaN without any."""
@@ -372,7 +372,7 @@ def correct_gaussian(
         if math.isnan(e):
             continue
         k = first + i
-        s = P[k, k] + variance(workspace, sd, i)
+        s = P[k, k] + variance(workspace, std, i)
         rows += 1
         nis += e * e / s
         spread *= s
@@ -396,11 +396,11 @@ def publish(belief: FilterState) -> None:
     belief.lla[1] = wrap(origin[1] + x[1] * craft.longitude_rate)
     belief.lla[2] = origin[2] - x[2]
     for i in range(3):
-        belief.v[i] = x[3 + i]
+        belief.v_n[i] = x[3 + i]
 
 
 @helper
-def changed(P: Array, left: Array) -> bool:
+def is_changed(P: Array, left: Array) -> bool:
     """True where the covariance differs from the one that the filter left."""
     for i in range(6):
         for j in range(6):

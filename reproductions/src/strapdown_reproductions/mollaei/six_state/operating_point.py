@@ -15,10 +15,10 @@ from strapdown.core.compile.jit import helper, matrix
 from strapdown.core.compile.workspace import Slots
 from strapdown.core.loop.contract import FilterState, InitialState
 from strapdown.core.mathematics.rotation import euler_terms, rotate_vector
-from strapdown.flight.aircraft.dynamics import CONTROLS, OMEGA
-from strapdown.flight.aircraft.forces import density, forces
-from strapdown.flight.aircraft.parameters import Aircraft
-from strapdown.flight.aircraft.trim import trim
+from strapdown.flight import trim
+from strapdown.flight.aircraft_model.dynamics import CONTROLS, OMEGA
+from strapdown.flight.aircraft_model.forces import density, forces
+from strapdown.flight.aircraft_model.parameters import Aircraft
 from strapdown.flight.inputs import CONTROLS as TOLD_CONTROLS, WIND
 from strapdown.typing import Array
 
@@ -93,7 +93,7 @@ def _turned_a_little(p0: float, p1: float, p2: float, x: Array) -> tuple[float, 
 
 
 @helper
-def sampled(
+def sample_model(
     own: Array, told: Array, C: Array, belief: FilterState, gravity: float, dt: float, dv: Array
 ) -> None:
     """Make A and B of a sample from the attitude C and the belief's rates in it; for ONCE and HELD also

@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 from strapdown.checks import check_choice, check_number
-from strapdown.core.compile.jit import flatten, helper, inlined, matrix
+from strapdown.core.compile.jit import flatten, helper, inline, matrix
 from strapdown.core.loop.contract import (
     CORRECT,
     PREDICT,
@@ -47,13 +47,13 @@ from .model import (
     Options,
     X,
     begin,
-    changed,
     copy,
     correct_gaussian,
+    innovation_at,
+    is_changed,
     keep,
-    linearised,
+    propagate_linearised,
     publish,
-    seen,
     takes_options,
     turn,
 )
@@ -88,7 +88,7 @@ class Views(NamedTuple):
     drawn: Array  # (N, 6): new deviations
 
 
-@inlined
+@inline
 def views(workspace: Array) -> Views:
     """The components and what belongs to each."""
     n, own = int(workspace[N]), workspace[COMPONENTS:]
@@ -134,7 +134,7 @@ def start(
     each = own[: size * WIDTH].reshape(size, WIDTH)
     each[:, :6], each[:, 6:] = workspace[X] + deviations, phi.ravel()
     own[size * WIDTH : size * (WIDTH + 1)] = 1 / size
-    SLOTS.named(workspace)["LEFT"][:] = belief.P[:6, :6]
+    SLOTS.views(workspace)["LEFT"][:] = belief.P[:6, :6]
     return belief
 
 
@@ -156,7 +156,7 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
                 workspace[REPAIRS] += through(belief, x, S, sets, workspace[ROOM], noise, dt)
                 covariance(S, 6, LANES, P)
             else:
-                linearised(belief, x, P, dt, noise)
+                propagate_linearised(belief, x, P, dt, noise)
             _add(workspace, m.weights[k], own, sums)
     _leave(belief)
 
@@ -170,7 +170,7 @@ def _follow(belief: FilterState) -> None:
         belief.P,
         matrix(belief.workspace, LEFT, 6, 6),
     )
-    if changed(P, left):
+    if is_changed(P, left):
         for k in range(components.shape[0]):
             own = matrix(components[k], 6, 6, 6)
             for i in range(6):
@@ -204,7 +204,7 @@ def _leave(belief: FilterState) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     parameters: Array,
@@ -217,8 +217,8 @@ def correct(
     _follow(belief)
     trial, spread = workspace[TRIAL], matrix(workspace, TRIAL_P, 6, 6)
     copy(workspace[X], belief.P, trial, spread)
-    first = seen(workspace, y, kind, trial, innovation)
-    nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
+    first = innovation_at(workspace, y, kind, trial, innovation)
+    nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, std)
     if not nis <= gate:
         return nis
     e0, e1, e2 = innovation[0], innovation[1], innovation[2]
@@ -226,8 +226,8 @@ def correct(
         if m.weights[k] > 0:
             x, P = m.components[k][:6], matrix(m.components[k], 6, 6, 6)
             copy(x, P, trial, spread)
-            seen(workspace, y, kind, x, innovation)
-            own, spread_of_own = correct_gaussian(workspace, trial, spread, first, innovation, sd)
+            innovation_at(workspace, y, kind, x, innovation)
+            own, spread_of_own = correct_gaussian(workspace, trial, spread, first, innovation, std)
             m.logs[k] = -0.5 * (own + spread_of_own)
             if math.isfinite(m.logs[k]):
                 copy(trial, spread, x, P)

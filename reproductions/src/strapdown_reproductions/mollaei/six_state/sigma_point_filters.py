@@ -42,12 +42,12 @@ from .model import (
     Q,
     X,
     begin,
-    changed,
+    innovation_at,
+    is_changed,
     keep,
-    moved,
+    propagate_velocity,
     publish,
     random_walk,
-    seen,
     takes_options,
     turn,
     variance,
@@ -121,17 +121,17 @@ def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
     the aircraft's model."""
     turn(belief, u, dt)
     workspace = belief.workspace
-    _rooted(belief)
+    _renew_root(belief)
     x, A, sets, room = workspace[X], workspace[S], workspace[SETS], workspace[ROOM]
     workspace[REPAIRS] += through(belief, x, A, sets, room, noise, dt)
     _leave(belief)
 
 
 @helper
-def _rooted(belief: FilterState) -> None:
+def _renew_root(belief: FilterState) -> None:
     """Make the square root anew where somebody else changed the covariance, as at the start and
     where a gate was opened."""
-    if changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
+    if is_changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
         belief.workspace[REPAIRS] += factor(belief.P, 6, LANES, belief.workspace[S])
 
 
@@ -156,14 +156,14 @@ def through(
     workspace, omega = belief.workspace, belief.omega
     mean, change, spread = room[MEAN], room[CHANGE], sets[0]
     v0, v1, v2 = x[3], x[4], x[5]
-    c0, c1, c2 = moved(workspace, omega, v0, v1, v2, dt)
+    c0, c1, c2 = propagate_velocity(workspace, omega, v0, v1, v2, dt)
     for i in range(6):
         row, far = LANES * i, LANES * (i + 6)
         for k in range(LANES):
             A[far + k] = -spread * A[row + k]
             A[row + k] *= spread
-        _propagated(belief, x, A[row : row + 6], (c0, c1, c2), dt)
-        _propagated(belief, x, A[far : far + 6], (c0, c1, c2), dt)
+        _propagate_deviation(belief, x, A[row : row + 6], (c0, c1, c2), dt)
+        _propagate_deviation(belief, x, A[far : far + 6], (c0, c1, c2), dt)
     take = deviations(A, 6, int(sets[2]), LANES, spread, sets[1], mean)
     _noise_rows(workspace, A[13 * LANES : 19 * LANES], noise, dt)
     triangle(A, 19, 6, LANES)
@@ -180,11 +180,13 @@ def through(
 
 
 @helper
-def _propagated(belief: FilterState, x: Array, d: Array, c: Three, dt: float) -> None:
+def _propagate_deviation(belief: FilterState, x: Array, d: Array, c: Three, dt: float) -> None:
     """The deviation d (6,) of a point from x becomes that of the point from the centre after dt,
     whose velocity is then c (m/s)."""
     d3, d4, d5 = d[3], d[4], d[5]
-    w0, w1, w2 = moved(belief.workspace, belief.omega, x[3] + d3, x[4] + d4, x[5] + d5, dt)
+    w0, w1, w2 = propagate_velocity(
+        belief.workspace, belief.omega, x[3] + d3, x[4] + d4, x[5] + d5, dt
+    )
     d[3], d[4], d[5] = w0 - c[0], w1 - c[1], w2 - c[2]
     d[0] += 0.5 * dt * (d3 + d[3])
     d[1] += 0.5 * dt * (d4 + d[4])
@@ -211,7 +213,7 @@ def _noise_rows(workspace: Array, rows: Array, noise: Noise, dt: float) -> None:
 def correct(
     belief: FilterState,
     y: Array,
-    sd: Array,
+    std: Array,
     kind: int,
     observe: Observe,
     parameters: Array,
@@ -231,10 +233,10 @@ def correct(
         workspace[VARIANCES],
         workspace[ROOM][WORK],
     )
-    _rooted(belief)
-    first = seen(workspace, y, kind, x, innovation)
+    _renew_root(belief)
+    first = innovation_at(workspace, y, kind, x, innovation)
     for a in range(3):
-        variances[a] = variance(workspace, sd, a)
+        variances[a] = variance(workspace, std, a)
         e[0, a] = innovation[a]
         for i in range(6):
             off = workspace[SPREAD_6] * A[LANES * i + first + a]

@@ -24,12 +24,12 @@ from . import (
 )
 
 PREPARE = (
-    (clock.look_back, clock.needed),
-    (side_slip.inflate_side_slip, side_slip.needed),
-    (time_correlated.fade_errors, time_correlated.needed),
-    (adaptive.inflate_std, adaptive.needed),
-    (heights.compare_heights, heights.needed),
-    (dead_reckoning.alone, dead_reckoning.needed),
+    (clock.look_back, clock.is_needed),
+    (side_slip.inflate_side_slip, side_slip.is_needed),
+    (time_correlated.fade_errors, time_correlated.is_needed),
+    (adaptive.inflate_std, adaptive.is_needed),
+    (heights.compare_heights, heights.is_needed),
+    (dead_reckoning.alone, dead_reckoning.is_needed),
 )
 """(kernel, whether a run with these sources and this cursor needs it) in the order in which a measurement goes through
 them."""
@@ -76,15 +76,15 @@ class Needed(NamedTuple):
 NONE = Needed()
 
 
-def needed(fixes: Fixes, cursor: Cursor) -> Needed:
+def needed_stages(fixes: Fixes, cursor: Cursor) -> Needed:
     """The stages of a run with these sources."""
     sources, of_imu = fixes.sources, cursor.coupled.size > 0
     after = [imu_errors.couple_prediction] if of_imu else []
     return Needed(
         tuple(kernel for kernel, by in PREPARE if by(sources, cursor)),
-        robust.weigh if robust.needed(sources, cursor) else None,
-        heights.exclude_contradicting if heights.needed(sources, cursor) else None,
+        robust.weigh if robust.is_needed(sources, cursor) else None,
+        heights.exclude_contradicting if heights.is_needed(sources, cursor) else None,
         imu_errors.remove_imu_errors if of_imu else None,
         imu_errors.add_imu_errors if of_imu else None,
-        (*after, *([clock.keep] if clock.needed(sources, cursor) else [])),
+        (*after, *([clock.keep] if clock.is_needed(sources, cursor) else [])),
     )

@@ -39,18 +39,18 @@ def inflate_std(
     below its floor."""
     s, work = fixes.source[k], cursor.work[0]
     if fixes.sources[s].memory > 0:
-        apply_factors(work.sd, cursor.books[s], work.factor)
+        apply_factors(work.stds, cursor.books[s], work.factor)
     return 0
 
 
 @helper
-def apply_factors(sd: Array, books: Books, factor: Array) -> None:
+def apply_factors(std: Array, books: Books, factor: Array) -> None:
     """Multiply standard deviations by the factors that the books tell, not below their floor."""
     lasting = books.alike > LASTING * books.power
     for i in range(3):
         square = books.factor[i]
         factor[i] = math.sqrt(max(square, 1.0) if lasting else square)
-        sd[i] = max(factor[i] * sd[i], books.floor[i])
+        std[i] = max(factor[i] * std[i], books.floor[i])
 
 
 @helper
@@ -97,6 +97,6 @@ def _correlate(books: Books, innovation: Array, share: float) -> None:
         books.power += share * (power / rows - books.power)
 
 
-def needed(sources: Any, cursor: Cursor) -> bool:
+def is_needed(sources: Any, cursor: Cursor) -> bool:
     """True where a run needs this stage: a source has adaptive R."""
     return bool(np.any(sources["memory"] > 0))

@@ -30,7 +30,7 @@ from ..body_motion import ANGLE, ROWS, BodyMotion, S, X
 from ..cursor import Cursor
 from ..integrity import flag_unreliable
 from ..kernels import STAGE, STEP as PREDICTED, Kernels
-from ..log import Code, say
+from ..log import Code, notify
 from ..tables import Fixes
 
 STEP = 0.0099  # s that rows are kept apart, at least
@@ -60,7 +60,7 @@ def keep(belief: FilterState, u: Array, dt: float, cursor: Cursor, record: Array
         for i in range(9):
             recent[following].sums[i] = recent[now].sums[i]
         cursor.state[0].latest = now = following
-    row, w, f, C = recent[now], belief.omega, belief.f, belief.C
+    row, w, f, C = recent[now], belief.omega, belief.f, belief.C_nb
     # force in the body at the end: half a turn back
     h = 0.5 * dt
     a = f[0] - h * (w[1] * f[2] - w[2] * f[1])
@@ -124,13 +124,13 @@ def look_back(
     source = fixes.sources[s]
     if source.clock_state > 0:
         if not followed_back(belief, source, cursor):
-            say(cursor, Code.CLOCK_OFF, s, fixes.t[k], source.clock)
+            notify(cursor, Code.CLOCK_OFF, s, fixes.t[k], source.clock)
             flag_unreliable(cursor, fixes.t[k])
         for i in range(3):
             if source.kind == Kind.POSITION:
-                work.sd[i] = math.hypot(work.sd[i], source.bent_position[i])
+                work.stds[i] = math.hypot(work.stds[i], source.bent_position[i])
             elif source.kind == Kind.VELOCITY:
-                work.sd[i] = math.hypot(work.sd[i], source.bent_velocity[i])
+                work.stds[i] = math.hypot(work.stds[i], source.bent_velocity[i])
     return 0
 
 
@@ -138,22 +138,22 @@ def look_back(
 def followed_back(belief: FilterState, source: SourceRow, cursor: Cursor) -> bool:
     """Write what happened since the measurement held; whether the clock is such that it can be
     told."""
-    clock = belief.extra_states[source.clock_state - STATES]
+    clock = belief.augmented[source.clock_state - STATES]
     age = max(-AHEAD, min(BEHIND, source.delay - clock))
     source.clock, source.age = clock, age
     _at_rest(belief, source, cursor.work[0].raw)
     _since(cursor.recent, cursor.state[0].latest, age, belief, source)
     _nonlinearity_std(cursor.recent, cursor.state[0].latest, age, belief, source)
     for i in range(3):
-        source.bias_then[i] = belief.ba[i]
+        source.bias_then[i] = belief.b_a[i]
     return age == source.delay - clock
 
 
 @helper
 def _at_rest(belief: FilterState, source: SourceRow, u: Array) -> None:
     """Gravity and Coriolis are what holds the velocity, the other way round; u (6) is written."""
-    C = belief.C
-    stationary_increments(belief.lla, belief.v, C, 1.0, u)
+    C = belief.C_nb
+    stationary_increments(belief.lla, belief.v_n, C, 1.0, u)
     a, b, c = u[3], u[4], u[5]
     for i in range(3):
         source.gravity[i] = -(C[i, 0] * a + C[i, 1] * b + C[i, 2] * c)
@@ -179,7 +179,7 @@ def _since(
 ) -> None:
     """From `force` to `turn` of the instant `age` s ago. Before the first row and behind the last
     the motion is taken to go on, by `off` s, as it was next to it."""
-    t, C, begin = recent[now].t, belief.C, _begin(recent, now)
+    t, C, begin = recent[now].t, belief.C_nb, _begin(recent, now)
     held = t - age
     s = min(max(held, begin), t)
     off, half = held - s, max(0.5 * WINDOW, _sigma(belief, source))
@@ -233,13 +233,13 @@ def _nonlinearity_std(
     is linear in the errors of clock and lever arm: with D the second difference of its motion over
     one standard deviation of the clock, D^2/4 times the mean fourth power of a normal error, and the
     change of the rate in that time times the error of the arm."""
-    C, sigma, arm, t = belief.C, _sigma(belief, source), 0.0, recent[now].t - age
+    C, sigma, arm, t = belief.C_nb, _sigma(belief, source), 0.0, recent[now].t - age
     l, bend, turn = source.bent_position, source.bent_velocity, source.bent_position  # for a moment
     for i in range(3):
         l[i] = source.parameters[i]
         k = source.arm_state[i]
         if k > 0:
-            l[i] += belief.extra_states[k - STATES]
+            l[i] += belief.augmented[k - STATES]
             arm += belief.P[k, k]
     x, y, z = l[0], l[1], l[2]
     begin, change = _begin(recent, now), 0.0
@@ -272,6 +272,6 @@ def _second_difference(
     return before - 2 * _at(recent, now, t, column) + after
 
 
-def needed(sources: Any, cursor: Cursor) -> bool:
+def is_needed(sources: Any, cursor: Cursor) -> bool:
     """True where a run needs this stage: a clock offset is a state."""
     return bool(cursor.recent.size)

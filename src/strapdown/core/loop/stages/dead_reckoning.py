@@ -53,6 +53,6 @@ def _carries_alone(
     return H[0, 3] != 0 or H[0, 4] != 0 or H[0, 5] != 0
 
 
-def needed(sources: Any, cursor: Cursor) -> bool:
+def is_needed(sources: Any, cursor: Cursor) -> bool:
     """True where a run needs this stage: a source measures neither position nor velocity."""
     return bool(np.any(sources["kind"] > Kind.VELOCITY))

@@ -24,7 +24,7 @@ from ...mathematics.source import Kind
 from ..cursor import Cursor
 from ..integrity import HEARD, flag_unreliable, forget
 from ..kernels import STAGE, Kernels
-from ..log import Code, say
+from ..log import Code, notify
 from ..observation import observed_alone
 from ..reacquisition import is_height, row_of_height
 from ..tables import Fixes
@@ -92,13 +92,13 @@ def _follow_level(
         return False
     if kind == Kind.VELOCITY:
         if books.suspended == 0:
-            _climb(e, fixes.sd[k, row], t, cursor)
+            _climb(e, fixes.std[k, row], t, cursor)
         return books.suspended > 0
     r = state.corrected + state.climb - e
     elapsed, since = t - books.level_at, max(books.level_since, state.climb_since)
     books.level_at = t
-    white = fixes.sd[k, row] * math.sqrt(min(max(elapsed, 1.0) / RECENT, 1.0))
-    books.level_sd = math.hypot(white, fixes.sources[s].correlated_sd[row])
+    white = fixes.std[k, row] * math.sqrt(min(max(elapsed, 1.0) / RECENT, 1.0))
+    books.level_std = math.hypot(white, fixes.sources[s].correlated_std[row])
     if elapsed > HEARD or state.climb_since > t - elapsed:
         books.level, books.moved, books.level_since = r, 0.0, t
     else:
@@ -108,14 +108,14 @@ def _follow_level(
         books.moved = books.level - before
     if books.suspended > 0 and _agrees(belief, fixes, k, row, cursor):
         books.suspended = 0
-        say(cursor, Code.HEIGHT_AGAIN, s, t, 0.0)
+        notify(cursor, Code.HEIGHT_AGAIN, s, t, 0.0)
     elif books.suspended > 0:
         _tell(s, t, cursor)
     return books.suspended > 0
 
 
 @helper
-def _climb(e: float, sd: float, t: float, cursor: Cursor) -> None:
+def _climb(e: float, std: float, t: float, cursor: Cursor) -> None:
     """Integrate the innovation of a vertical velocity; after a silence the levels begin anew."""
     state = cursor.state[0]
     elapsed = t - state.climb_at
@@ -123,17 +123,17 @@ def _climb(e: float, sd: float, t: float, cursor: Cursor) -> None:
         state.climb_since = t
     else:
         state.climb += 0.5 * (e + state.climb_off) * elapsed
-    state.climb_at, state.climb_off, state.climb_sd = t, e, sd
+    state.climb_at, state.climb_off, state.climb_std = t, e, std
 
 
 @helper
 def _agrees(belief: FilterState, fixes: Fixes, k: int, row: int, cursor: Cursor) -> bool:
     """True where the level of a source is inside its gate again, while another source measures the
     height."""
-    s, t, sd = fixes.source[k], fixes.t[k], fixes.sd[k, row]
+    s, t, std = fixes.source[k], fixes.t[k], fixes.std[k, row]
     off = cursor.state[0].corrected + cursor.state[0].climb - cursor.books[s].level
     return _farthest(fixes, s, t, cursor) >= 0 and off * off <= AGREE * fixes.sources[s].gate * (
-        sd * sd + belief.P[2, 2]
+        std * std + belief.P[2, 2]
     )
 
 
@@ -174,7 +174,7 @@ def _contradiction(fixes: Fixes, s: int, t: float, cursor: Cursor) -> tuple[int,
     if other < 0:
         return NOBODY, NOBODY, False, 0.0
     apart = abs(books[one].level - books[other].level)
-    apart /= math.hypot(books[one].level_sd, books[other].level_sd)
+    apart /= math.hypot(books[one].level_std, books[other].level_std)
     better = _compare_heights(fixes, one, other, LIKELY if velocity else CLEARLY, t, cursor)
     told = better != 0
     if not told:  # a position is preferred, then what is in use
@@ -206,7 +206,7 @@ def _tell(wrong: int, t: float, cursor: Cursor) -> None:
     right = which // 2 % books.size
     if t - books[right].level_at <= HEARD:
         off = books[wrong].level - books[right].level
-        say(cursor, Code.HEIGHT_APART, which, t, off)
+        notify(cursor, Code.HEIGHT_APART, which, t, off)
 
 
 @helper
@@ -219,7 +219,7 @@ def _make_room(P: Array, right: int, t: float, cursor: Cursor) -> None:
         forget(cursor.books[s])
     P[2, 2] += off * off
     if t - state.climb_at <= HEARD:
-        P[5, 5] += state.climb_off * state.climb_off + state.climb_sd * state.climb_sd
+        P[5, 5] += state.climb_off * state.climb_off + state.climb_std * state.climb_std
 
 
 @helper
@@ -231,9 +231,9 @@ def _compare_heights(fixes: Fixes, s: int, o: int, clearly: float, t: float, cur
     own, its, state = abs(books[s].moved), abs(books[o].moved), cursor.state[0]
     if t - state.climb_at <= HEARD and max(own, its) > PART * apart:
         since = max(books[s].level_since, books[o].level_since, state.climb_since)
-        walked = state.climb_sd * math.sqrt(min(t - since, 0.5 * MEMORY))  # by white noise at 1 Hz
-        own /= math.hypot(math.sqrt(2) * books[s].level_sd, walked)
-        its /= math.hypot(math.sqrt(2) * books[o].level_sd, walked)
+        walked = state.climb_std * math.sqrt(min(t - since, 0.5 * MEMORY))  # by white noise at 1 Hz
+        own /= math.hypot(math.sqrt(2) * books[s].level_std, walked)
+        its /= math.hypot(math.sqrt(2) * books[o].level_std, walked)
         if max(own, its) > clearly * max(min(own, its), 1.0):
             return 1 if its > own else -1
     votes = 0
@@ -261,6 +261,6 @@ def _mover(fixes: Fixes, t: float, cursor: Cursor) -> int:
     return found
 
 
-def needed(sources: Any, cursor: Cursor) -> bool:
+def is_needed(sources: Any, cursor: Cursor) -> bool:
     """True where a run needs this stage: several sources measure the height."""
     return bool(cursor.state[0].heights > 1)

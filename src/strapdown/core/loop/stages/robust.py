@@ -71,7 +71,7 @@ def weigh(
         work.weight = 0.0
     else:
         for i in range(3):
-            work.widened[i] = math.sqrt(factor) * work.sd[i]
+            work.widened[i] = math.sqrt(factor) * work.stds[i]
         _hand_over(kernels, belief, fixes, k, cursor, math.inf)
         work.weight = 1 / factor
     return 0
@@ -83,7 +83,7 @@ def _moments(kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor
     deviations; False where it has none."""
     work = cursor.work[0]
     for i in range(3):
-        work.widened[i] = 2 * work.sd[i]
+        work.widened[i] = 2 * work.stds[i]
     _hand_over(kernels, belief, fixes, k, cursor, -1.0)
     return moments(work.innovation, work.other, work.covariance, work.noise)
 
@@ -137,6 +137,6 @@ def variance_factor(S: Array, R: Array, innovation: Array) -> float:
     return math.exp(low)
 
 
-def needed(sources: Any, cursor: Cursor) -> bool:
+def is_needed(sources: Any, cursor: Cursor) -> bool:
     """True where a run needs this stage: a source is robust or adaptive."""
     return bool(np.any((sources["robust"] > 0) | (sources["memory"] > 0)))

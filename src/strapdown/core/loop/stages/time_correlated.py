@@ -24,12 +24,12 @@ def fade_errors(
     source = fixes.sources[s]
     if work.believable and source.correlation_time > 0:
         seconds = fixes.t[k] - cursor.books[s].last
-        fade(belief.P, belief.extra_states, source, seconds, record)
+        fade(belief.P, belief.augmented, source, seconds, record)
         cursor.state[0].recorded += 1
-        widen(work.sd, source)
+        widen(work.stds, source)
     return 0
 
 
-def needed(sources: Any, cursor: Cursor) -> bool:
+def is_needed(sources: Any, cursor: Cursor) -> bool:
     """True where a run needs this stage: the errors of a source are time-correlated."""
     return bool(np.any(sources["correlation_time"] > 0))

@@ -30,7 +30,7 @@ HARDWARE = re.compile(r"u-blox (\d+) HW: (\w{4})")
 """The text that says which u-blox a receiver is."""
 U_BLOX = dict.fromkeys(("0007", "0008", "0019", "000A"), 0.12)
 """s, delay that its driver knows of u-blox 7, M8, F9 with M9, and M10 (AP_GPS_UBLOX::get_lag)."""
-SD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
+STD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
 """ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
 one: m, m/s, gauss, m."""
 MESSAGES = {
@@ -186,7 +186,7 @@ def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
 def _setting(log: DataFlash, name: str) -> autopilot.Deviation:
     """Return the std that the autopilot's own filter used for a sensor."""
     filter_in_use = 2 if log.parameters.get("AHRS_EKF_TYPE", 3.0) == 2 else 3
-    return autopilot.setting(log.parameters, f"EK{filter_in_use}_{name}", SD[name])
+    return autopilot.setting(log.parameters, f"EK{filter_in_use}_{name}", STD[name])
 
 
 def receivers(log: DataFlash) -> tuple[dict[str, tuple[Columns, Any, list[Section]]], list[str]]:
@@ -215,15 +215,15 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
     columns = {"columns": ["Lat", "Lng", height], "unit": ["deg", "deg", "m"]}
     geoid = {"geoid": "EGM96"} if height == "Alt" else {}
     velocity = {"columns": ["VN", "VE", "VZ"], "unit": "m/s"}
-    sd, sd_of_velocity = (
+    std, std_of_velocity = (
         autopilot.deviation(fixes, names, _setting(log, own))
         for names, own in ((["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"), (["SAcc"], "VELNE_M_NSE"))
     )
     remarks = autopilot.UNSURE if "log names none" in why else ()
     return autopilot.receiver_sections(
-        Section("aiding", "gnss", common, instance, title, assumed, remarks=remarks),
-        ({**columns, **sd.key, **geoid}, sd.assumed),
-        ({**velocity, **sd_of_velocity.key}, sd_of_velocity.assumed),
+        Section("source", "gnss", common, instance, title, assumed, remarks=remarks),
+        ({**columns, **std.key, **geoid}, std.assumed),
+        ({**velocity, **std_of_velocity.key}, std_of_velocity.assumed),
     )
 
 

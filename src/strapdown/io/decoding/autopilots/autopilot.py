@@ -27,24 +27,24 @@ OTHERS = {"magnetometer": ("magnetic-field", "gauss"), "barometer": ("pressure",
 """Kind and unit of the sources by their roles."""
 Columns = Mapping[str, Any]
 UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
-"""Of a receiver whose delay is assumed."""
+"""Lines for a receiver whose delay is assumed."""
 
 
 class Deviation(NamedTuple):
-    """The key `sd` of a section."""
+    """The key `std` of a section."""
 
-    sd: Any  # a number or names of columns
+    std: Any  # a number or names of columns
     why: str  # where it comes from; "" where the log says it of each fix
 
     @property
     def key(self) -> dict[str, Any]:
-        """The entry in a section, {"sd": value}."""
-        return {"sd": self.sd}
+        """The entry in a section, {"std": value}."""
+        return {"std": self.std}
 
     @property
     def assumed(self) -> dict[str, str]:
-        """The reason for an assumed value, {"sd": reason}; {} where the log states the value."""
-        return {"sd": self.why} if self.why else {}
+        """The reason for an assumed value, {"std": reason}; {} where the log states the value."""
+        return {"std": self.why} if self.why else {}
 
 
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
@@ -90,7 +90,7 @@ def deviation(fixes: Columns, names: Sequence[str], own: Deviation) -> Deviation
     """The standard deviations that columns of a receiver say, else the autopilot's own setting."""
     if all(name in fixes and np.any(fixes[name] > 0) for name in names):
         return Deviation(names[0] if len(names) == 1 else list(names), "")
-    return Deviation(own.sd, f"the receiver says none; {own.why}")
+    return Deviation(own.std, f"the receiver says none; {own.why}")
 
 
 def imu_section(
@@ -147,7 +147,7 @@ def other_section(
     kind, unit = OTHERS[role]
     keys = {"kind": kind, "table": table, **keys, "unit": unit, **own.key, **more}
     left = "" if dated or role != "magnetometer" else NO_DATE
-    return Section("aiding", role, keys, instance, f"{table}, {hz:.3g} Hz", own.assumed, left)
+    return Section("source", role, keys, instance, f"{table}, {hz:.3g} Hz", own.assumed, left)
 
 
 def changes(

@@ -86,7 +86,7 @@ class DataFlash(Walked):
         self._lengths = [0] * 256
         self._lengths[FORMAT] = FORMAT_LENGTH
         self._walk(0, len(content))
-        self._rows = self._grouped(lambda starts: self.data[starts + 2], range(256))
+        self._rows = self._group_records(lambda starts: self.data[starts + 2], range(256))
         columns = self.columns("PARM")
         if {"Name", "Value"} <= set(columns):
             for raw, value in zip(columns["Name"].tolist(), columns["Value"].tolist()):
@@ -119,7 +119,7 @@ class DataFlash(Walked):
         texts = self.columns("MSG").get("Message", np.array([], "S1"))
         return [each.decode("utf-8", "replace") for each in texts.tolist()]
 
-    def _whole(self, at: int, end: int) -> int:
+    def _take_records(self, at: int, end: int) -> int:
         content, lengths, place = self.content, self._lengths, self._places.append
         while at + 3 <= end:
             kind = content[at + 2]

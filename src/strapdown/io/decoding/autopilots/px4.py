@@ -32,11 +32,11 @@ SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
 on."""
 SLOW = 20.0  # Hz of samples that have been averaged, below which raw ones are looked at
 NEARLY = 0.8
-"""Of the rate of another topic with the same samples, from which a topic is taken before it."""
+"""Share of the rate of another topic with the same samples, from which a topic is taken before it."""
 FASTER = (
     "set SDLOG_PROFILE to 3 (default and estimator replay), which logs the IMU at its full rate"
 )
-SD = {
+STD = {
     "EKF2_GPS_P_NOISE": 0.5,
     "EKF2_GPS_V_NOISE": 0.3,
     "EKF2_MAG_NOISE": 0.05,
@@ -90,9 +90,9 @@ def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray
 
 def _usable(fixes: Columns) -> None:
     """Standard deviations and velocities that the receiver does not give become missing."""
-    for sd in ("eph", "epv", "s_variance_m_s"):
-        if sd in fixes and (fixes[sd] > 0).any():
-            fixes[sd] = np.where(fixes[sd] > 0, fixes[sd], np.nan)
+    for std in ("eph", "epv", "s_variance_m_s"):
+        if std in fixes and (fixes[std] > 0).any():
+            fixes[std] = np.where(fixes[std] > 0, fixes[std], np.nan)
     valid = fixes.get("vel_ned_valid")
     if valid is not None and valid.any():
         for key in VELOCITY & fixes.keys():
@@ -235,7 +235,7 @@ def same_heights(columns: Mapping[str, Any], ellipsoid: str, sea_level: str) -> 
 
 def setting(log: ULog, parameter: str) -> autopilot.Deviation:
     """Return the std that the autopilot's own filter used for a sensor."""
-    return autopilot.setting(log.parameters, parameter, SD[parameter])
+    return autopilot.setting(log.parameters, parameter, STD[parameter])
 
 
 def others(log: ULog, dated: bool) -> list[Section]:
@@ -333,7 +333,7 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
     position, of_position = _position(fixes)
     moved = {"columns": [f"vel_{axis}_m_s" for axis in "ned"], "unit": "m/s"}
     left = "" if fixes["vel_ned_valid"].any() else "the log says vel_ned_valid = 0 of all of them"
-    sd, sd_of_velocity = (
+    std, std_of_velocity = (
         autopilot.deviation(fixes, columns, setting(log, own))
         for columns, own in (
             (["eph", "eph", "epv"], "EKF2_GPS_P_NOISE"),
@@ -342,9 +342,9 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
     )
     remarks = autopilot.UNSURE if why == NO_DELAY else ()
     return autopilot.receiver_sections(
-        Section("aiding", "gnss", common, instance, title, assumed, remarks=remarks),
-        ({**position, **sd.key}, {**sd.assumed, **of_position}),
-        ({**moved, **sd_of_velocity.key}, sd_of_velocity.assumed),
+        Section("source", "gnss", common, instance, title, assumed, remarks=remarks),
+        ({**position, **std.key}, {**std.assumed, **of_position}),
+        ({**moved, **std_of_velocity.key}, std_of_velocity.assumed),
         left,
     )
 

@@ -70,10 +70,10 @@ class ULog(Walked):
             ord("A"): self._subscription,
             ord("O"): self._dropout,
         }
-        edges = [HEADER, *self._appended(), len(content)]
+        edges = [HEADER, *self._appended_places(), len(content)]
         for begin, end in zip(edges, edges[1:]):
             self._walk(begin, end)
-        self._rows = self._grouped(self._ids, sorted(self._topics))
+        self._rows = self._group_records(self._ids, sorted(self._topics))
 
     def _ids(self, starts: NDArray[np.int64]) -> NDArray[Any]:
         """The ids of data messages that begin there."""
@@ -114,7 +114,7 @@ class ULog(Walked):
         found = structured_records(self.data, self._rows[number] + 5, kind)
         return {each: found[each] for each in names}
 
-    def _appended(self) -> list[int]:
+    def _appended_places(self) -> list[int]:
         """Where data are appended, of the flags that stand first. Raises DataError for flags that
         this reader does not know."""
         at = HEADER
@@ -130,7 +130,7 @@ class ULog(Walked):
         places = tuple(each for each in places if HEADER < each < len(self.content))
         return sorted(set(places)) if incompatible[0] & APPENDED else []
 
-    def _whole(self, at: int, end: int) -> int:
+    def _take_records(self, at: int, end: int) -> int:
         content, sizes, place, handlers = (
             self.content,
             self._sizes,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CSV = tuple(end for end in packed_suffixes(".csv") if not end.endswith(".zip"))
-"""How the names of the files end."""
+"""Endings of the names of the files."""
 MAX_FILES = 200
 """Files of an export: an app has some twenty sensors."""
 HEAD = 4096
@@ -48,7 +48,7 @@ class Export(NamedTuple):
 
     def head(self, name: str) -> str:
         """The header line of a file without quotes, "" where it has none. Raises DataError."""
-        with self._reading(), self.files[name]() as file:
+        with self._read_errors(), self.files[name]() as file:
             text = file.read(HEAD).decode("utf-8-sig", "replace")
         return text.splitlines()[0].replace('"', "") if text.strip() else ""
 
@@ -57,7 +57,7 @@ class Export(NamedTuple):
         label = str(self.path) if self.alone else f"{self.path} [{name}.csv]"
         head = self.head(name)
         separator = max(",;\t", key=head.count)
-        with self._reading(), self.files[name]() as file:
+        with self._read_errors(), self.files[name]() as file:
             content = file.read()
         # apps set in some languages write 1,5 between semicolons or tabs
         comma = separator != "," and re.search(rb"\d,\d", content[len(head) :][:HEAD])
@@ -66,7 +66,7 @@ class Export(NamedTuple):
         return FileTable(label, frame, np.arange(len(frame)) + 2)
 
     @contextmanager
-    def _reading(self) -> Iterator[None]:
+    def _read_errors(self) -> Iterator[None]:
         """Around what reads: what a damaged archive raises is a DataError of one line."""
         try:
             with reading_file(self.path):
@@ -102,7 +102,7 @@ def export(path: Path) -> Export:
     """The Export in a folder, a zip or a CSV file; without files where it is none. Raises
     DataError."""
     found = Export(path, {})
-    with found._reading():
+    with found._read_errors():
         if path.is_dir():
             files = _of_folder(path)
         elif path.suffix.lower() == ".zip":

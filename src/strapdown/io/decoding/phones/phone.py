@@ -18,21 +18,21 @@ GRADE = "a phone's MEMS IMU"
 FAR = 100.0
 """m: a fix whose accuracy is worse comes from cell towers or an old place, not from satellites."""
 RADIUS = 1.51
-"""Of Android's accuracy over the standard deviation along an axis, sqrt(-2 ln 0.32): it is the radius
-in which 68 % of the places lie (developer.android.com, Location.getAccuracy). That of an iPhone is
-documented by no share, and taken as the standard deviation."""
-SPEED_SD = 0.5
+"""Ratio of Android's accuracy over the standard deviation along an axis, sqrt(-2 ln 0.32): it is
+the radius in which 68 % of the places lie (developer.android.com, Location.getAccuracy). That of an
+iPhone is documented by no share, and taken as the standard deviation."""
+SPEED_STD = 0.5
 """m/s, of a velocity whose accuracy the phone does not state."""
 VERTICAL = 1.5
 """Ratio of vertical standard deviation to horizontal accuracy, where the phone does not state
 it."""
-MAGNETIC_SD = 5.0
+MAGNETIC_STD = 5.0
 """uT: not the noise, which is far less, but what is near bends the field by so much indoors."""
 GRAVITY = (5.0, 15.0)
 """m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
 out has almost none."""
 DISTURBED = "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
-ADDED = ("north sd (m)", "up sd (m)", "speed (m/s)", "course (deg)", "speed sd (m/s)")
+ADDED = ("north std (m)", "up std (m)", "speed (m/s)", "course (deg)", "speed std (m/s)")
 """Columns that `fixes` adds."""
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
@@ -90,19 +90,23 @@ def fixes(table: FileTable, names: PhoneFixColumns, android: bool) -> tuple[File
     def column(name: str) -> Array:
         return table.numbers(name) if name else np.full(len(table.lines), np.nan)
 
-    def known(name: str) -> Array:
+    def positive_or_nan(name: str) -> Array:
         values = column(name)
         return np.where(values > 0, values, np.nan)
 
-    accuracy, vertical = known(names.accuracy), known(names.vertical_accuracy)
+    accuracy, vertical = positive_or_nan(names.accuracy), positive_or_nan(names.vertical_accuracy)
     vertical = np.where(np.isfinite(vertical), vertical, VERTICAL * accuracy)
-    speed, course, sd = column(names.speed), column(names.course), known(names.speed_accuracy)
+    speed, course, std = (
+        column(names.speed),
+        column(names.course),
+        positive_or_nan(names.speed_accuracy),
+    )
     course = np.where(course >= 0, course, np.nan)
     speed = np.where((speed >= 0) & (np.isfinite(course) | (speed == 0)), speed, np.nan)
-    sd = np.where(np.isfinite(sd), sd, SPEED_SD)
-    across = np.nan_to_num(speed * np.radians(known(names.course_accuracy)))
+    std = np.where(np.isfinite(std), std, SPEED_STD)
+    across = np.nan_to_num(speed * np.radians(positive_or_nan(names.course_accuracy)))
     north = accuracy / RADIUS if android else accuracy
-    columns = (north, vertical, speed, course, np.maximum(sd, across))
+    columns = (north, vertical, speed, course, np.maximum(std, across))
     added = dict(zip(ADDED, columns))
     use = accuracy <= FAR
     frame = table.frame.assign(**added)[use]
@@ -148,19 +152,19 @@ def fix_sections(
         return []
     title = f"{name}, {len(table.lines)} fixes"
     radius = f"; Android's horizontal one is a radius of 68 %, {RADIUS:g} times that along an axis"
-    assumed = {"sd": f"the accuracies that the phone says{radius if android else ''}"}
+    assumed = {"std": f"the accuracies that the phone says{radius if android else ''}"}
     position = {
         "kind": "position",
         "table": name,
         "time": dict(time),
         "columns": [names.latitude, names.longitude, names.height],
         "unit": ["deg", "deg", "m"],
-        "sd": ["north sd (m)", "north sd (m)", "up sd (m)"],
+        "std": ["north std (m)", "north std (m)", "up std (m)"],
     }
     if geoid:
         position["geoid"] = "EGM96"
         assumed = assumed | {"geoid": geoid}
-    found = [Section("aiding", "gnss", position, title=title, assumed=assumed, **more)]
+    found = [Section("source", "gnss", position, title=title, assumed=assumed, **more)]
     if np.isfinite(table.numbers("speed (m/s)")).any():
         said = names.speed_accuracy or ""
         velocity = {
@@ -170,11 +174,11 @@ def fix_sections(
             "form": "speed, course",
             "columns": ["speed (m/s)", "course (deg)"],
             "unit": ["m/s", "deg"],
-            "sd": "speed sd (m/s)",
+            "std": "speed std (m/s)",
         }
-        why = "speed and course, " + (f"sd of {said}" if said else f"sd of {SPEED_SD:g} m/s")
-        more = more | {"title": "speed and course", "assumed": {"sd": why}}
-        found.append(Section("aiding", "gnss", velocity, **more))
+        why = "speed and course, " + (f"std of {said}" if said else f"std of {SPEED_STD:g} m/s")
+        more = more | {"title": "speed and course", "assumed": {"std": why}}
+        found.append(Section("source", "gnss", velocity, **more))
     return found
 
 
@@ -253,11 +257,11 @@ def magnetometer_section(
         "columns": columns,
         "unit": "uT",
         "axes": AXES,
-        "sd": MAGNETIC_SD,
+        "std": MAGNETIC_STD,
         **({} if "date" in head else {"field": "record"}),
     }
-    assumed = {"sd": "uT, because what is near a phone bends the field for seconds"}
-    return Section("aiding", "magnetometer", keys, title=name, assumed=assumed, left=DISTURBED)
+    assumed = {"std": "uT, because what is near a phone bends the field for seconds"}
+    return Section("source", "magnetometer", keys, title=name, assumed=assumed, left=DISTURBED)
 
 
 def barometer_section(name: str, time: Mapping[str, Any], column: str) -> Section:
@@ -268,9 +272,11 @@ def barometer_section(name: str, time: Mapping[str, Any], column: str) -> Sectio
         "time": dict(time),
         "columns": [column],
         "unit": "hPa",
-        "sd": 1.0,
+        "std": 1.0,
     }
-    return Section("aiding", "barometer", keys, title=name, assumed={"sd": "m, as MEMS barometers"})
+    return Section(
+        "source", "barometer", keys, title=name, assumed={"std": "m, as MEMS barometers"}
+    )
 
 
 def median_force(table: FileTable, columns: list[str]) -> tuple[float, Array]:
@@ -284,8 +290,8 @@ def median_force(table: FileTable, columns: list[str]) -> tuple[float, Array]:
 
 
 def holding_text(force: Array) -> str:
-    """How the phone was held, by the median specific force in its axes (x right, y top, z out of
-    the screen)."""
+    """The attitude in which the phone was held, by the median specific force in its axes (x right,
+    y top, z out of the screen)."""
     axis = int(np.argmax(np.abs(force)))
     ways = (("right side up", "left side up"), ("upright", "upside down"))
     way = (*ways, ("screen up", "screen down"))[axis][int(force[axis] < 0)]

@@ -22,15 +22,15 @@ float), to be multiplied by HDOP, of which less than 1 counts as 1. 4 m and 0.02
 nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one axis; 0.5 m is
 between."""
 VERTICAL = 2.0
-"""Of the vertical standard deviation to the horizontal one."""
-SPEED_SD = 0.6
+"""Ratio of the vertical standard deviation to the horizontal one."""
+SPEED_STD = 0.6
 """knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
-HEADING_SD = 2.0
+HEADING_STD = 2.0
 """deg"""
-MIN_SD, MIN_SD_RTK = 0.1, 0.01
+MIN_STD, MIN_STD_RTK = 0.1, 0.01
 """m: no fix is better, of quality 4 (RTK fixed) the second. GST of some receivers is 0 throughout."""
 QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
-"""Of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
+"""Modes of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
 GNSS = (b"GP", b"GN", b"GL", b"GA", b"GB", b"BD", b"GQ", b"QZ", b"GI")
 """Talkers of one receiver of several systems."""
 UNTOLD = (
@@ -139,13 +139,13 @@ def _positions(found: Sorting) -> list[Section]:
             "columns": ["lat", "lon", "altitude"],
             "unit": ["deg", "deg", "m"],
             **geoid,
-            "sd": ["sd_n", "sd_e", "sd_d"],
+            "std": ["std_n", "std_e", "std_d"],
         }
-        assumed = {"sd": why} if why else {}
+        assumed = {"std": why} if why else {}
         if geoid.get("geoid") == "EGM96":
             assumed["geoid"] = "the sentences do not say its separation"
         title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
-        return [Section("aiding", "gnss", keys, 0, title, assumed)]
+        return [Section("source", "gnss", keys, 0, title, assumed)]
     return []
 
 
@@ -209,9 +209,9 @@ def _with_deviations(
     quality, hdop = table.cells("quality"), table.numbers("hdop")
     assumed = np.array([ERRORS[each] for each in quality.tolist()]) * np.fmax(hdop, 1.0)
     assumed = np.where(np.isfinite(assumed), assumed, 10.0)
-    sd = np.stack([assumed, assumed, VERTICAL * assumed], axis=1)
-    told, raised = np.zeros(sd.shape, bool), False
-    least = np.where(quality == 4, MIN_SD_RTK, MIN_SD)[:, None]
+    std = np.stack([assumed, assumed, VERTICAL * assumed], axis=1)
+    told, raised = np.zeros(std.shape, bool), False
+    least = np.where(quality == 4, MIN_STD_RTK, MIN_STD)[:, None]
     if "GST" in sentences.kinds:
         gst = sentences.kinds["GST"]
         t = gst.time_of_day(1)
@@ -220,8 +220,8 @@ def _with_deviations(
         own = np.stack(every, axis=1)
         told = np.isfinite(own) & (own > 0)
         raised = bool((told & (own < least)).any())
-        sd = np.where(told, np.maximum(own, least), sd)
-    frame = table.frame.assign(sd_n=sd[:, 0], sd_e=sd[:, 1], sd_d=sd[:, 2])
+        std = np.where(told, np.maximum(own, least), std)
+    frame = table.frame.assign(std_n=std[:, 0], std_e=std[:, 1], std_d=std[:, 2])
     assumptions = []
     if not told.all():
         kinds = np.unique(quality[~told.all(axis=1)]).tolist()
@@ -230,7 +230,7 @@ def _with_deviations(
         assumptions.append(f"{where}{used}, times HDOP where above 1; height twice as much")
     if raised:
         assumptions.append(
-            f"those of GST raised to at least {MIN_SD_RTK:g} m for quality 4, else {MIN_SD:g} m"
+            f"those of GST raised to at least {MIN_STD_RTK:g} m for quality 4, else {MIN_STD:g} m"
         )
     return table._replace(content=frame), "; ".join(assumptions)
 
@@ -254,8 +254,8 @@ def _velocities(found: Sorting) -> list[Section]:
             continue
         beside = name in found.tables  # of the positions, which have told of these rows
         table = f"{name} velocity" if beside else name
-        telling = found._replace(left=[]) if beside else found
-        found.tables[table] = telling.table(table, kind, t, good, columns)
+        notifier = found._replace(left=[]) if beside else found
+        found.tables[table] = notifier.table(table, kind, t, good, columns)
         keys = {
             "kind": "velocity",
             "table": table,
@@ -263,11 +263,11 @@ def _velocities(found: Sorting) -> list[Section]:
             "form": "speed, course",
             "columns": ["speed", "course"],
             "unit": ["knot", "deg"],
-            "sd": SPEED_SD,
+            "std": SPEED_STD,
         }
         why = "the sentences state none; receivers claim 0.05 m/s and filter"
         title = f"{name}, speed and course, {len(found.tables[table].lines)} fixes"
-        return [Section("aiding", "gnss", keys, 0, title, {"sd": why})]
+        return [Section("source", "gnss", keys, 0, title, {"std": why})]
     return []
 
 
@@ -291,8 +291,8 @@ def _headings(found: Sorting) -> list[Section]:
             "time": found.clock.time,
             "columns": ["heading"],
             "unit": "deg",
-            "sd": HEADING_SD,
+            "std": HEADING_STD,
         }
         title = f"{name}, {len(found.tables[name].lines)} headings"
-        return [Section("aiding", "heading", keys, 0, title, {"sd": f"{name} states none"})]
+        return [Section("source", "heading", keys, 0, title, {"std": f"{name} states none"})]
     return []

@@ -12,8 +12,8 @@ from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
-"""Of NAV-PVT: date and time of day are valid."""
-MIN_SD = 1e-3
+"""Flags of NAV-PVT: date and time of day are valid."""
+MIN_STD = 1e-3
 """m and m/s, the resolution of NAV-PVT: a smaller standard deviation reads 0."""
 
 
@@ -142,5 +142,5 @@ def usable(found: Columns, kinds: tuple[int, ...]) -> tuple[Columns, int, int]:
             columns[name] = np.where(flat, np.nan, columns[name])
     for name in ("hAcc", "vAcc", "sAcc"):
         if name in columns:
-            columns[name] = np.maximum(columns[name], MIN_SD)
+            columns[name] = np.maximum(columns[name], MIN_STD)
     return columns, late, twice

@@ -50,7 +50,7 @@ class UbxFrames(NamedTuple):
     cut: int  # frames that would go on beyond the end
 
     def count(self, key: int) -> int:
-        """How many frames are of this kind."""
+        """Number of frames of this kind."""
         return int(np.count_nonzero(self.key == key))
 
     def records(self, key: UbxMessage, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:

@@ -35,7 +35,7 @@ TICKS = (1e-3, 1 / 25600)
 """s: what a tag counts, of ESF-MEAS (u-blox F9R integration manual) and, seen in files, of the
 ESF-RAW of an M8U."""
 PPM = 500e-6
-"""How far the rate of a clock may be from the stated one."""
+"""Relative error of the rate of a clock at most."""
 
 
 class Line(NamedTuple):

@@ -46,7 +46,7 @@ class Robot(NamedTuple):
             return ""
         return f"the log has no transform from {self.base} to its frame {frame}"
 
-    def said(self, stream: TopicStream, place: Pose | None) -> str:
+    def title_text(self, stream: TopicStream, place: Pose | None) -> str:
         """Words on it for a title."""
         if stream.frame == self.base or place is None:
             return ""
@@ -68,18 +68,18 @@ Made = tuple[list[Section], Columns]
 def deviations(
     name: str, variances: Array, unit: str, assumed: list[float]
 ) -> tuple[list[Any], Columns, dict[str, str]]:
-    """`sd` of the components of variances (n, k), columns for it, and why it was assumed."""
+    """`std` of the components of variances (n, k), columns for it, and why it was assumed."""
     known = np.where(variances > 0, variances, np.nan)
     if np.isnan(known).all(axis=0).any():
-        return assumed, {}, {"sd": "the log states none"}
-    sd = np.sqrt(known)
-    if (sd == sd[0]).all():
+        return assumed, {}, {"std": "the log states none"}
+    std = np.sqrt(known)
+    if (std == std[0]).all():
         return (
-            [float(f"{each:.6g}") for each in sd[0]],
+            [float(f"{each:.6g}") for each in std[0]],
             {},
-            {"sd": "constant in the log, as its driver was set"},
+            {"std": "constant in the log, as its driver was set"},
         )
-    columns = {f"sd_{name}_{k}": sd[:, k] for k in range(sd.shape[1])}
+    columns = {f"std_{name}_{k}": std[:, k] for k in range(std.shape[1])}
     return [{"column": column, "unit": unit} for column in columns], columns, {}
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from ....sensor_models.errors import MAX_NUMBER
 from ...reader import Log, Section
 from ...tables.table_file import FileTable
-from .robot_aiding import barometer, fix, imu, magnetometer, odometry, twist
 from .robot_parts import BASE, Made, Robot
+from .robot_sources import barometer, fix, imu, magnetometer, odometry, twist
 from .robot_streams import TopicStream, streams_of, unread
 from .ros_messages import Columns, Messages
 from .ros_transforms import RosFrames
@@ -107,7 +107,7 @@ def _base(streams: list[TopicStream], frames: RosFrames) -> str:
     children = [
         each.text("child_frame_id").lstrip("/") for each in streams if "Odometry" in each.type
     ]
-    usual = [each for each in [*frames.known(), *children] if BASE.search(each)]
+    usual = [each for each in [*frames.frame_names(), *children] if BASE.search(each)]
     for candidate in [*usual, *children]:
         if frames.pose(imus[0], candidate) is not None:
             return candidate
@@ -129,7 +129,7 @@ def _with_receivers(sections: list[Section], streams: list[TopicStream]) -> list
             fixes,
             key=lambda fix: (
                 not fix.left,
-                _alike(topic, fix.keys["table"]),
+                _common_parts(topic, fix.keys["table"]),
                 frames[fix.keys["table"]] == frames[topic],
                 -fix.instance,
             ),
@@ -141,7 +141,7 @@ def _with_receivers(sections: list[Section], streams: list[TopicStream]) -> list
     ]
 
 
-def _alike(one: str, other: str) -> int:
+def _common_parts(one: str, other: str) -> int:
     """Parts of the names of two topics that are the same."""
     pairs = zip(one.split("/"), other.split("/"))
     return next((k for k, (a, b) in enumerate(pairs) if a != b), 99)

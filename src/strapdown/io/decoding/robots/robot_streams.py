@@ -63,7 +63,7 @@ def streams_of(messages: Messages) -> tuple[list[TopicStream], list[str]]:
     nothing that is read.
     """
     found, left = [], []
-    for topic, decoded in messages.decoded():
+    for topic, decoded in messages.decode():
         stream, lines = _stream(topic, decoded)
         found += [stream] if stream is not None else []
         left += lines

@@ -203,7 +203,7 @@ class Messages:
             self.transforms.append((topic, content[offset : offset + length].tobytes()))
         self._looked[number] = seen + len(offsets)
 
-    def decoded(self) -> Iterator[tuple[RosTopic, Decoded]]:
+    def decode(self) -> Iterator[tuple[RosTopic, Decoded]]:
         """The messages of each topic, those of several nodes together, by the name of the topic."""
         by_topic: dict[tuple[str, str, str], list[int]] = {}
         for number in self._found:

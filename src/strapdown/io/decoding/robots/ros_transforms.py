@@ -115,7 +115,7 @@ class RosFrames:
                 return of_base[ancestor].inverse.of(pose)
         return None
 
-    def known(self) -> list[str]:
+    def frame_names(self) -> list[str]:
         """Names of all frames."""
         return list(
             dict.fromkeys(each for child, (up, _) in self._parents.items() for each in (up, child))

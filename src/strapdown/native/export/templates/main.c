@@ -28,7 +28,7 @@ static double difference(const double *got, const double *want)
     const double earth = 6.4e6;
     double worst = 0;
     for (int i = 0; i < 15; i++) {
-        double d, sd = want[STRAPDOWN_ROW_SD + i];
+        double d, std = want[STRAPDOWN_ROW_STD + i];
         if (i < 3)
             d = (got[STRAPDOWN_ROW_LLA + i] - want[STRAPDOWN_ROW_LLA + i]) * (i < 2 ? earth : 1);
         else if (i < 6)
@@ -37,9 +37,9 @@ static double difference(const double *got, const double *want)
             d = 2 * (got[STRAPDOWN_ROW_Q + i - 5] - want[STRAPDOWN_ROW_Q + i - 5]);
         else
             d = got[STRAPDOWN_ROW_BIASES + i - 9] - want[STRAPDOWN_ROW_BIASES + i - 9];
-        if (!(sd > 0)) /* not estimated */
+        if (!(std > 0)) /* not estimated */
             continue;
-        d = fmax(fabs(d), fabs(got[STRAPDOWN_ROW_SD + i] - sd)) / sd;
+        d = fmax(fabs(d), fabs(got[STRAPDOWN_ROW_STD + i] - std)) / std;
         if (!(d <= worst))
             worst = d;
     }

@@ -6,7 +6,7 @@
 import { readFile } from "node:fs/promises";
 
 const FILTER = $filter, NAV = $nav, COLUMNS = $columns, SOURCES = $sources; // bytes, or counts
-const BOOKS = $books, ACCEPTED = $accepted, REJECTED = $rejected, SD = $sd;
+const BOOKS = $books, ACCEPTED = $accepted, REJECTED = $rejected, STD = $std;
 const END = 0n, SAMPLE = 1n, FIX = 2n, ROW = 3n;
 
 const here = (name) => new URL(name, import.meta.url);
@@ -43,9 +43,9 @@ function difference(got, want) {
   for (let i = 0; i < 15; i++) {
     const scale = i < 2 ? 6.4e6 : i >= 6 && i < 9 ? 2 : 1;
     const column = i < 6 ? 1 + i : 2 + i; // the scalar part of the quaternion is left out
-    const sd = want[SD + i];
-    if (!(sd > 0)) continue;
-    const d = Math.max(scale * Math.abs(got[column] - want[column]), Math.abs(got[SD + i] - sd)) / sd;
+    const std = want[STD + i];
+    if (!(std > 0)) continue;
+    const d = Math.max(scale * Math.abs(got[column] - want[column]), Math.abs(got[STD + i] - std)) / std;
     if (!(d <= worst)) worst = d;
   }
   return worst;

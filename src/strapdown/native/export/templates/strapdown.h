@@ -39,16 +39,16 @@ typedef struct {
     /* latitude rad, longitude rad, height above the ellipsoid m, of the IMU */
     double lla[3];
     /* velocity north, east, down, m/s */
-    double v[3];
+    double v_n[3];
     /* roll, pitch, heading, rad; heading is clockwise from true north */
     double rph[3];
     /* accelerometer bias, body, m/s^2 */
-    double ba[3];
+    double b_a[3];
     /* gyro bias, body, rad/s */
-    double bg[3];
+    double b_g[3];
     /* standard deviations: position m NED, velocity m/s NED, attitude rad about north, east, down,
        accelerometer bias m/s^2, gyro bias rad/s */
-    double sd[15];
+    double std[15];
     /* noise of the IMU */
     strapdown_noise noise;
 } strapdown_values;
@@ -90,11 +90,11 @@ int strapdown_start(strapdown_filter *filter, const strapdown_values *values);
    fix in 1000; infinity rejects none; 0 or less leaves it. */
 int strapdown_source(strapdown_filter *filter, int source, const double *parameters, double gate);
 
-/* Hand in a fix of a source that holds at t, s: y and sd as strapdown_source_index says, NaN in y
+/* Hand in a fix of a source that holds at t, s: y and std as strapdown_source_index says, NaN in y
    where nothing was measured. It is used with the sample that reaches its time, so it must come
    before that sample; else the result is STRAPDOWN_LATE and it is not used. */
 int strapdown_fix(
-    strapdown_filter *filter, int source, double t, const double *y, const double *sd);
+    strapdown_filter *filter, int source, double t, const double *y, const double *std);
 
 /* Use a sample of the IMU, which ends at t and lasts dt, s: the integrals over it of the angular
    rate, rad, and of the specific force, m/s, body. Of a sensor that reports rates: times dt. Then

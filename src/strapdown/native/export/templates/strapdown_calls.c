@@ -49,15 +49,15 @@ static void copy(double *into, const double *from, int count)
 
 static int possible(const strapdown_values *values)
 {
-    const double *sd = values->sd;
-    if (!finite(values->t) || !all_finite(values->lla, 3) || !all_finite(values->v, 3)
-        || !all_finite(values->rph, 3) || !all_finite(values->ba, 3) || !all_finite(values->bg, 3)
-        || !all_finite(sd, 15))
+    const double *std = values->std;
+    if (!finite(values->t) || !all_finite(values->lla, 3) || !all_finite(values->v_n, 3)
+        || !all_finite(values->rph, 3) || !all_finite(values->b_a, 3) || !all_finite(values->b_g, 3)
+        || !all_finite(std, 15))
         return 0;
     if (!(values->lla[0] <= MOST_LATITUDE && values->lla[0] >= -MOST_LATITUDE))
         return 0;
     for (int i = 0; i < 15; i++) {
-        if (sd[i] < 0)
+        if (std[i] < 0)
             return 0;
     }
 $noise_possible
@@ -70,7 +70,7 @@ int strapdown_start(strapdown_filter *filter, const strapdown_values *values)
     if (!possible(values))
         return STRAPDOWN_BAD_NUMBER;
 $fixed    for (int i = 0; i < 15; i++)
-        variance[i] = values->sd[i] * values->sd[i];
+        variance[i] = values->std[i] * values->std[i];
     strapdown_attitude(values->rph, C);
 
     unsigned char *bytes = (unsigned char *)filter;
@@ -101,7 +101,7 @@ int strapdown_source(strapdown_filter *filter, int source, const double *paramet
 }
 
 int strapdown_fix(
-    strapdown_filter *filter, int source, double t, const double *y, const double *sd)
+    strapdown_filter *filter, int source, double t, const double *y, const double *std)
 {
     strapdown_loop_state_row *state = &filter->cursor.state;
     int64_t row = state->fixes;
@@ -111,7 +111,7 @@ int strapdown_fix(
     for (int i = 0; i < COMPONENTS[source]; i++) {
         if (finite(y[i])) {
             measured++;
-            if (!(finite(sd[i]) && sd[i] > 0))
+            if (!(finite(std[i]) && std[i] > 0))
                 return STRAPDOWN_BAD_NUMBER;
         }
     }
@@ -129,7 +129,7 @@ int strapdown_fix(
         filter->fixes.t[row] = filter->fixes.t[row - 1];
         filter->fixes.source[row] = filter->fixes.source[row - 1];
         copy(filter->fixes.y[row], filter->fixes.y[row - 1], 3);
-        copy(filter->fixes.sd[row], filter->fixes.sd[row - 1], 3);
+        copy(filter->fixes.std[row], filter->fixes.std[row - 1], 3);
         row--;
     }
     filter->fixes.t[row] = t;
@@ -137,7 +137,7 @@ int strapdown_fix(
     for (int i = 0; i < 3; i++) {
         int there = i < COMPONENTS[source];
         filter->fixes.y[row][i] = there && finite(y[i]) ? y[i] : NOT_MEASURED.number;
-        filter->fixes.sd[row][i] = there ? sd[i] : NOT_MEASURED.number;
+        filter->fixes.std[row][i] = there ? std[i] : NOT_MEASURED.number;
     }
     state->fixes++;
     return STRAPDOWN_OK;
@@ -171,7 +171,7 @@ int strapdown_sample(
         filter->fixes.t[row] = filter->fixes.t[row + used];
         filter->fixes.source[row] = filter->fixes.source[row + used];
         copy(filter->fixes.y[row], filter->fixes.y[row + used], 3);
-        copy(filter->fixes.sd[row], filter->fixes.sd[row + used], 3);
+        copy(filter->fixes.std[row], filter->fixes.std[row + used], 3);
     }
     state->fixes = waiting;
     filter->used = used;

@@ -1,0 +1,388 @@
+"""The schema of `[[source]]` in `recording.toml`: a source of fixes, whose kind decides which
+keys it takes."""
+
+import re
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ...aiding import find
+from ...checks import DataError, check_number, is_number
+from ...core.loop.contract import MeasurementModel
+from ...data.calibration_parameters import asked_at, requested_priors
+from ...data.solution import Correlated
+from ...preprocessing.attitude_record import QuaternionOrder, axes_of
+from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from ...typing import Array
+from ...units.constants import MAX_TIME_CONSTANT
+from ...units.conversion import factor, spread_factor
+from ...units.quantities import dimension, innovation_dimension, shown_unit
+from .schema_base import (
+    Column,
+    Declination,
+    EarthField,
+    Finite,
+    Geoid,
+    KeyPart,
+    Time,
+    Triple,
+    Where,
+    call_with_key,
+    column,
+    refuse,
+)
+
+ECEF = "ECEF"
+"""Axes of what is told about the centre of the Earth: x through latitude 0, longitude 0, z through
+the north pole."""
+FORMS = {
+    "speed, course": ("speed", "angle"),
+    "speed, course, down": ("speed", "angle", "speed"),
+    "speed, course, up": ("speed", "angle", "speed"),
+}
+"""Forms of a velocity over ground, with the quantities of their columns."""
+Form = Literal["speed, course", "speed, course, down", "speed, course, up"]
+COVARIANCE = 6
+"""Entries of `std` in ECEF that are x, y, z, then xy, yz and zx of a covariance."""
+HEADING = r"(yaw|heading|hdg|psi|azimuth)"
+"""Names of columns of a heading."""
+
+
+def is_ecef(axes: str | None) -> bool:
+    """Return True where axes are "ECEF" or, of an attitude, "... to ECEF"."""
+    return axes is not None and axes.split()[-1:] == [ECEF]
+
+
+class CorrelatedPart(KeyPart):
+    """correlated: errors that last, beside the white ones of `std`."""
+
+    std: Annotated[Finite, Field(ge=0)] | list[Annotated[Finite, Field(ge=0)]]
+    time: Annotated[Finite, Field(gt=0, le=MAX_TIME_CONSTANT)]
+    states: bool = True
+
+
+class SourcePart(KeyPart):
+    """[[source]]: what its kind measures decides which keys it takes."""
+
+    kind: str
+    file: str | None = None
+    table: str | None = None
+    time: Time | None = None
+    where: Where = []
+    columns: list[Column] | None = None
+    form: Form | None = None
+    unit: Any = None
+    scale: Any = 1.0
+    axes: str | None = None
+    quaternion: QuaternionOrder | None = None
+    std: Any = None
+    geoid: Geoid = None
+    lever_arm: Triple | None = None
+    calibration: str | None = None
+    field: EarthField = None
+    declination: Declination | None = None
+    rate: Annotated[Finite, Field(gt=0)] | None = None
+    level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
+    estimate: Any = None
+    slip_test: bool = True
+    slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
+    correlated: CorrelatedPart | None = None
+    robust: bool = False
+    adaptive: Annotated[Finite, Field(ge=0, le=MAX_TIME_CONSTANT)] = 0.0
+    gate: Annotated[float, Field(gt=0)] | None = None
+    name: str | None = None
+
+    @property
+    def sensor(self) -> MeasurementModel:
+        """The MeasurementModel of this kind: quantities, frame, what the lever arm means."""
+        return find(self.kind)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The quantities of the columns: those of the kind or of the form that is given; two for an
+        attitude without a heading column."""
+        sensor = self.sensor
+        if self.form is not None:
+            return FORMS[self.form]
+        if self.ecef and sensor.name == "position":
+            return ("length",) * 3
+        tilt = sensor.name == "attitude" and self.columns is not None and len(self.columns) == 2
+        return sensor.quantities[: 2 if tilt else None]
+
+    @property
+    def many(self) -> int:
+        """Components that the columns have."""
+        return len(self.quantities)
+
+    @property
+    def ecef(self) -> bool:
+        """True where the axes are ECEF."""
+        return is_ecef(self.axes)
+
+    @property
+    def needs_place(self) -> bool:
+        """True where its rows can be read only where the position of the vehicle is known."""
+        turned = self.ecef and self.kind != "position"
+        return turned or (self.kind == "altitude" and self.geoid == "EGM96")
+
+    @property
+    def units(self) -> list[Any]:
+        """A unit per component; of a quaternion that of its standard deviations."""
+        return self.unit if isinstance(self.unit, list) else [self.unit] * self.many
+
+    @property
+    def scales(self) -> list[Any]:
+        """A scale per column."""
+        return (
+            self.scale
+            if isinstance(self.scale, list)
+            else [self.scale] * (4 if self.quaternion else self.many)
+        )
+
+    @property
+    def factors(self) -> list[float]:
+        """The factor of each column to SI: its scale and, except for a quaternion, its unit."""
+        units = (
+            [1.0] * 4
+            if self.quaternion
+            else [
+                factor(unit, dimension(quantity))
+                for unit, quantity in zip(self.units, self.quantities)
+            ]
+        )
+        return [unit * scale for unit, scale in zip(units, self.scales)]
+
+    @property
+    def deviations(self) -> list[tuple[Any, str, Any]]:
+        """(a number, a column or a table of column, unit and scale; quantity; unit), one per
+        component. Of a speed with course the speed's may stand alone; in ECEF there may be
+        the six of a covariance."""
+        entries = self.std if isinstance(self.std, list) else [self.std] * self.many
+        if self.form is not None and not isinstance(self.std, list):
+            entries = entries[:1]
+        return list(zip(entries, self.quantities * 2, self.units * 2))
+
+    @property
+    def estimated(self) -> dict[str, tuple[float, ...]]:
+        """Its estimated parameters: {name: prior standard deviations, SI}."""
+        known = asked_at(self.sensor.calibration_parameters)
+        return {} if self.estimate is None else requested_priors(self.estimate, known)
+
+    @property
+    def correlated_errors(self) -> Correlated | None:
+        """Its correlated errors, whose standard deviations are in the unit of its innovation."""
+        if self.correlated is None:
+            return None
+        given, quantities = self.correlated.std, self.sensor.quantities
+        std = given if isinstance(given, list) else [given] * len(quantities)
+        if len(std) != len(quantities) or not any(std):
+            raise DataError(
+                f"std: {len(std)} given, {self.sensor.name} has {len(quantities)}"
+                if any(std)
+                else "std: none is above zero; leave correlated out"
+            )
+        si = tuple(float(x) / shown_unit(quantity)[1] for x, quantity in zip(std, quantities))
+        return Correlated(si, self.correlated.time, self.correlated.states)
+
+    @property
+    def matrix(self) -> Array | None:
+        """(3, 3) that turns the columns into NED or FRD, or None where they are no such vector."""
+        named = {"n": NAVIGATION_AXES, "b": BODY_AXES}.get(self.sensor.vector)
+        if self.ecef or self.form is not None:
+            return None
+        return (
+            axes_matrix(
+                self.axes or next(iter(named)),
+                named,
+                right_handed=self.sensor.parameters == "field",
+            )
+            if named
+            else None
+        )
+
+    @property
+    def vector_matrix(self) -> Array:
+        """`matrix` of a kind that is known to be a vector."""
+        matrix = self.matrix
+        assert matrix is not None
+        return matrix
+
+    @model_validator(mode="after")
+    def _agrees_with_kind(self) -> Self:
+        sensor = call_with_key("kind", lambda: self.sensor)
+        of_file = ("file", "table", "time", "where", "columns", "unit", "scale")
+        refuse(
+            *(
+                (
+                    key in self.model_fields_set,
+                    f"{key}: {sensor.name} takes none; "
+                    + (
+                        "its fixes come at the times of the file"
+                        if sensor.recorded
+                        else "it is a constraint of the vehicle, given by rate and std"
+                    ),
+                )
+                for key in (("rate",) if sensor.recorded else of_file)
+            ),
+            *(
+                (
+                    getattr(self, key) is None,
+                    f"{key}: is missing; {sensor.name} needs "
+                    f"{'columns, file, time, unit' if sensor.recorded else 'rate'} and std",
+                )
+                for key in (("columns", "file", "time") if sensor.recorded else ("rate",))
+                + ("std",)
+            ),
+        )
+        self._parameters(sensor)
+        self._components(sensor)
+        return self
+
+    def _parameters(self, sensor: MeasurementModel) -> None:
+        is_attitude, is_field = sensor.name == "attitude", sensor.parameters == "field"
+        refuse(
+            (
+                self.axes is not None and sensor.name == "position" and not self.ecef,
+                f"axes: {self.axes!r} of a position; it is latitude, longitude and height without "
+                f'axes, or x, y, z with axes = "ECEF"',
+            ),
+            (
+                self.axes is not None
+                and not sensor.vector
+                and sensor.name not in ("attitude", "position"),
+                f"axes: {sensor.name} is no vector and takes no axes",
+            ),
+            (
+                self.form is not None and sensor.name != "velocity",
+                f"form: {sensor.name} takes none; only a velocity does, as speed and course",
+            ),
+            (
+                self.form is not None and self.axes is not None,
+                "axes: a course is told from north, so that speed and course take no axes",
+            ),
+            (
+                self.geoid is not None
+                and (sensor.name not in ("position", "altitude") or self.ecef),
+                "geoid: only heights take it, of a position with latitude and longitude or of an "
+                "altitude",
+            ),
+            (
+                self.ecef and is_attitude and self.many == 2,
+                "axes: roll and pitch alone say nothing in ECEF; give all three or a quaternion",
+            ),
+            (
+                "slip_test" in self.model_fields_set and sensor.name != "speed",
+                f"slip_test: {sensor.name} takes none; speed does, where wheels measure it",
+            ),
+            (
+                self.slip > 0 and not sensor.slips,
+                f"slip: {sensor.name} takes none; zero-lateral-velocity does",
+            ),
+            (
+                self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"),
+                f"lever_arm: {sensor.name} takes none",
+            ),
+            *(
+                (
+                    getattr(self, key) is not None and not is_field,
+                    f"{key}: {sensor.name} takes none; only a magnetometer does",
+                )
+                for key in ("calibration", "field", "declination")
+            ),
+            (
+                self.level is not None and (sensor.recorded or sensor.quantities != ("length",)),
+                f"level: {sensor.name} takes none; it is the height of mean sea level, m above the "
+                f"ellipsoid",
+            ),
+            (
+                self.quaternion and not is_attitude,
+                f"quaternion: {sensor.name} takes none; only an attitude does",
+            ),
+            (
+                self.declination is not None and self.field != "record",
+                'declination: it belongs to field = "record"; the geomagnetic model and a given '
+                "field have their own",
+            ),
+        )
+        call_with_key("estimate", lambda: self.estimated)
+        call_with_key("correlated", lambda: self.correlated_errors)
+        if self.axes is not None and self.axes != ECEF:
+            call_with_key("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
+
+    def _components(self, sensor: MeasurementModel) -> None:
+        many, columns = self.many, self.columns or []
+        wanted = f"{sensor.name} has {many}: {self.form or ', '.join(self.quantities)}"
+        if sensor.recorded:
+            if sensor.name == "attitude":
+                check_attitude_columns(columns, self.quaternion)
+            given, needed = len(columns), len(self.scales)
+            refuse(
+                (
+                    sensor.name != "attitude" and given != many,
+                    f"columns: {given} given, {wanted}",
+                ),
+                (len(self.units) != many, f"unit: {len(self.units)} given, {wanted}"),
+                (
+                    needed != given,
+                    f"scale: {needed} given, {wanted if given == many else f'{given} needed'}",
+                ),
+                *(
+                    (
+                        not is_number(scale) or scale == 0,
+                        f"scale: {scale!r} is no number other than zero",
+                    )
+                    for scale in self.scales
+                ),
+            )
+            for quantity, unit in zip(self.quantities, self.units):
+                call_with_key("unit", factor, unit, dimension(quantity))
+        given = len(self.std) if isinstance(self.std, list) else many
+        whole = self.ecef and sensor.name != "attitude" and given == COVARIANCE
+        refuse((given != many and not whole, f"std: {given} given, {wanted}"))
+        for std, quantity, _ in self.deviations:
+            self._deviation(std, quantity, sensor.recorded)
+
+    def _deviation(self, std: Any, quantity: str, recorded: bool) -> None:
+        if is_number(std) or not recorded:
+            check_number(std, "std", above=0)
+        elif isinstance(std, dict):
+            scale = std.get("scale", 1.0)
+            refuse(
+                (
+                    not {"column"} <= set(std) <= {"column", "unit", "scale"}
+                    or not (is_number(scale) and scale > 0),
+                    'std: write { column = "name", unit = "m", scale = 1.0 }, with column and unit '
+                    "at least and scale above zero",
+                )
+            )
+            call_with_key("std", spread_factor, std.get("unit"), innovation_dimension(quantity))
+        else:
+            call_with_key("std", column, std)
+
+
+def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | None) -> None:
+    """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and
+    no quaternion of the order `quaternion`."""
+    given, second = len(columns), [*columns, None, None][1]
+    refuse(
+        (
+            quaternion is not None and given != 4,
+            f"columns: {given} given, a quaternion ({quaternion}) has 4; "
+            "without the key quaternion they are roll, pitch, heading",
+        ),
+        (
+            quaternion is None and given == 4,
+            'columns: 4 given; of a quaternion say the order: quaternion = "wxyz", scalar first, or '
+            '"xyzw"',
+        ),
+        (
+            given not in (2, 3, 4),
+            f"columns: {given} given; attitude is roll, pitch, heading, or roll and pitch "
+            f"alone, or the four of a quaternion",
+        ),
+        (
+            given == 2 and re.match(HEADING, str(second).strip().lower()),
+            f"columns: {second!r} is named like a heading; two columns are roll and pitch, "
+            "which come together (kind heading has one)",
+        ),
+    )
