@@ -13,6 +13,7 @@ from strapdown_reproductions.consistency.summary import TARGETS as CONSISTENCY
 from strapdown_reproductions.faults.summary import TARGETS as FAULTS
 from strapdown_reproductions.installation.summary import TARGETS as INSTALLATION
 from strapdown_reproductions.noise.summary import TARGETS as NOISE
+from strapdown_reproductions.verdict_corpus.summary import TARGETS as VERDICTS
 from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUPS
 
 ROOT = write_docs.DOCS.parents[2]
@@ -88,6 +89,22 @@ def refused(text):
     return sum(column("Cells of each filter", "refused", text, filter=(FILTER,)))
 
 
+PUBLISHED = ("two-stage-ekf", "xkf-two-stage", "nlo")
+"""Filters whose gains are published and whose covariance is that of the errors they leave."""
+
+
+def behind_ekf(text):
+    """Cells in which the ekf is right, less those of the worst of PUBLISHED."""
+    right = {}
+    for name in (*PUBLISHED, "ekf"):
+        cells = [
+            column("Cells of each filter", kind, text, filter=(name,))
+            for kind in ("consistent", "by chance")
+        ]
+        right[name] = sum(map(sum, cells))
+    return right["ekf"] - min(right[name] for name in PUBLISHED)
+
+
 STUDIES = (
     Study(
         "wrong-setups",
@@ -118,6 +135,7 @@ STUDIES = (
             "consistency, cells refused": refused,
             "consistency, cells of all filters that miss": measured(CONSISTENCY["missed"]),
             "consistency, of them not by chance": measured(CONSISTENCY["wrong"]),
+            "consistency, published gains behind ekf": behind_ekf,
         },
         more=True,
     ),
@@ -154,6 +172,20 @@ STUDIES = (
             "adaptive, clean fixes": measured(NOISE["adaptive clean"]),
             "hidden fixes within 1 std, tuned": measured(NOISE["coverage 1"]),
             "hidden fixes within 3 std, tuned": measured(NOISE["coverage 3"]),
+        },
+    ),
+    Study(
+        "verdicts",
+        {
+            "verdict corpus, results": measured(VERDICTS["results"]),
+            "verdict, trusted and wrong": measured(VERDICTS["wrong"]),
+            "verdict, right set-ups doubted": measured(VERDICTS["right"]),
+            "verdict, right results doubted": measured(VERDICTS["harmless"]),
+            "verdict, true cause first": measured(VERDICTS["named"]),
+            "verdict, wrong results doubted": measured(VERDICTS["found"]),
+            "verdict, beyond protection levels": measured(VERDICTS["misleading"]),
+            "verdict, spoilt by advice": measured(VERDICTS["advice"]),
+            "verdict, time over filter beyond 5 minutes": measured(VERDICTS["cost"]),
         },
     ),
     Study(

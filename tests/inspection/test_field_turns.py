@@ -54,6 +54,21 @@ def test_a_hard_iron_names_no_axes(held):
     assert not found(replace(held, sources=tuple(sources))).reasons
 
 
+def test_a_gyro_that_was_converted_twice_is_named(held):
+    imu = held.imu._replace(dtheta=held.imu.dtheta * np.pi / 180)
+    (reason,) = found(replace(held, imu=imu)).reasons
+    assert reason.cause == "unit" and "multiplied by 180/pi" in reason.seen
+
+
+def test_axes_that_change_on_the_way_are_a_reason():
+    """No one change of the axes explains both halves."""
+    recording = sd.simulate("hand-held", 240.0, seed=5)
+    imu, half = recording.imu, recording.imu.t > 120.0
+    flipped = np.where(half[:, None], imu.dtheta * [1, 1, -1], imu.dtheta)
+    (reason,) = found(replace(recording, imu=imu._replace(dtheta=flipped))).reasons
+    assert reason.cause == "unknown" and "with any axes" in reason.seen
+
+
 def test_what_hardly_turns_tells_nothing():
     compass = Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6))
     said = found(sd.simulate("static", 60.0, seed=1, magnetometer=compass))

@@ -119,6 +119,19 @@ class Felt(NamedTuple):
     body_v: Array  # (n, 3) m/s, integral of the specific force in the body's own axes
     body_turn: Array  # (n, 3) rad, integral of the angular rate in the body's own axes
     attitude: Array  # (n, 3, 3) from the body to the axes of the beginning
+    coning: Array  # (n, 3) rad^2, integral of half of `body_turn` x angular rate
+
+    def rotation_vectors(self, begin: Array, end: Array) -> Array:
+        """(k, 3) rad: rotation vectors of the body from the times `begin` to `end` (k,), of turns whose
+        axis wanders a little (Bortz 1971, to the second order)."""
+        first, last = (
+            np.stack([np.interp(t, self.t, column) for column in self.body_turn.T], axis=1)
+            for t in (begin, end)
+        )
+        coning = np.stack(
+            [np.interp(end, self.t, c) - np.interp(begin, self.t, c) for c in self.coning.T], axis=1
+        )
+        return last - first + coning - 0.5 * np.cross(first, last)
 
     def at_antenna(self, arm: Array) -> Array:
         """(n, 3) m/s: what `v` is at a point of the body, `arm` (3,) m from the IMU."""
@@ -160,7 +173,9 @@ def imu_motion(imu: Imu) -> Felt:
         for column in (dv + np.cross(dtheta, dv) / 2, dtheta)
     )
     body_v, body_turn = (np.cumsum(np.vstack([zero, column]), axis=0) for column in (dv, dtheta))
-    return Felt(grid, v, turn, body_v, body_turn, attitude)
+    half = 0.5 * np.cross(body_turn[:-1], dtheta)  # the half steps between are parallel to dtheta
+    coning = np.cumsum(np.vstack([zero, half]), axis=0)
+    return Felt(grid, v, turn, body_v, body_turn, attitude, coning)
 
 
 def rotate_vectors(C: Array, vectors: Array) -> Array:

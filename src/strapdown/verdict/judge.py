@@ -17,6 +17,7 @@ from . import evidence
 from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
 from .observability import MIN_TIME, bounds, untested_claims
+from .second_filter import SECOND, run_second_filter
 
 Found = TypeVar("Found")
 
@@ -48,8 +49,8 @@ def judge(solution: Solution) -> Verdict:
     unknown += looked.unknown
     shown = attempt("its bounds", lambda: list(bounds(solution, sources))) or []
     shown += looked.bounds
-    inspected, more = attempt("the recording", _inspect, solution) or ([], [])
-    unknown += more if in_motion(solution) else []
+    inspected, untested = attempt("the recording", _inspect, solution) or ([], [])
+    unknown += untested
     if not sources and not symptoms and not inspected:
         nothing = Untested("anything", "no fix was used", rests=QUANTITIES)
         return Verdict(NOT_JUDGED, untested=(nothing, *unknown))
@@ -57,6 +58,8 @@ def judge(solution: Solution) -> Verdict:
     found = {each.cause for each in installed.parameters if each.status != "not observable"}
     inspected = [reason for reason in inspected if reason.cause not in found]
     verdict = Verdict.of(_once(inspected, causes), unknown, symptoms, shown)
+    if verdict.trusted and (more := attempt("a second filter", _second, solution)):
+        verdict = Verdict.of(_once(inspected, causes), unknown, more, shown)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
@@ -66,6 +69,18 @@ def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
         return screening.NOTHING
     looked = screening.look(solution)
     return looked if in_motion(solution) else screening.NOTHING._replace(reasons=looked.reasons)
+
+
+def _second(solution: Solution) -> list[Reason]:
+    """What the run of a second filter shows and that of the filter does not."""
+    second = run_second_filter(solution)
+    if second is None:
+        return []
+    said = f"{SECOND}, on the same recording: "
+    return [
+        reason._replace(seen=f"{said}{reason.seen}")
+        for reason in _symptoms(second, evidence.by_source(second))
+    ]
 
 
 def _inspect(solution: Solution) -> tuple[list[Reason], list[Untested]]:

@@ -68,6 +68,20 @@ def drift(speed: float, consistent: bool) -> Change:
     return change
 
 
+def spoof(acceleration: float) -> Change:
+    """Positions and velocities that agree with each other and move away to the north with an
+    acceleration in m/s^2: those of a spoofer that takes the receiver over gently."""
+
+    def change(raw: Raw) -> None:
+        position, velocity = raw.gnss
+        away = np.zeros((len(position.t), 3))
+        away[:, 0] = 0.5 * acceleration * np.clip(position.t - BEGINS, 0, None) ** 2
+        position.move(away)
+        velocity.y[:, 0] += acceleration * np.clip(velocity.t - BEGINS, 0, None)
+
+    return change
+
+
 def stamp_fault_name(seconds: float) -> str:
     """The name of the fault whose stamps are off by so much."""
     return f"fixes late by {seconds:g} s" if seconds > 0 else f"fixes early by {-seconds:g} s"
@@ -181,6 +195,10 @@ OF_RECEIVER: tuple[tuple[str, Change], ...] = (
     *(
         (f"position and velocity drift by {speed:g} m/s", drift(speed, True))
         for speed in (0.1, 2.0)
+    ),
+    *(
+        (f"spoofed: position and velocity accelerate by {size:g} m/s^2", spoof(size))
+        for size in (0.02, 0.05, 0.1, 0.2, 0.5)
     ),
     ("position and velocity stuck", on(FIXES, hold_first, rows_of_fault())),
     ("position stuck, velocity right", on(POSITION, hold_first, rows_of_fault())),

@@ -49,21 +49,20 @@ def bets(subject: Subject, seed: int, mistakes: bool = True) -> list[dict[str, A
     return list(_bets(subject, PLAIN, subject.make(seed), seed, CLOSED_LOOP, mistakes))
 
 
+SEEDS_APART = 100_000
+"""Between the seeds of variants, whose errors are independent: a large error by chance counts once."""
+
+
 def of_variants(subject: Subject, seed: int, mistakes: bool = True) -> list[dict[str, Any]]:
-    """Rows of a simulated subject with each variant."""
-    return [
-        row
-        for name, variant in VARIANTS.items()
-        if name != PLAIN
-        for row in _bets(
-            subject,
-            name,
-            with_variant(subject, variant, seed),
-            seed,
-            variant.filter,
-            mistakes and variant.with_mistakes,
-        )
-    ]
+    """Rows of a simulated subject with each variant, of a seed each."""
+    rows = []
+    for number, (name, variant) in enumerate(VARIANTS.items()):
+        if name == PLAIN:
+            continue
+        own = seed + SEEDS_APART * number
+        case, made = with_variant(subject, variant, own), mistakes and variant.with_mistakes
+        rows += _bets(subject, name, case, own, variant.filter, made)
+    return rows
 
 
 def _bets(
