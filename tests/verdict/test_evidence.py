@@ -289,3 +289,27 @@ def test_verdicts_rank_their_reasons_and_come_back_from_a_file():
     assert verdict.word == DOUBTFUL and verdict.reasons[0] == heavy and not verdict.trusted
     assert Verdict.from_dict(verdict.as_dict()) == verdict
     assert verdict.line == "doubtful: axes of the IMU: c; d"
+
+
+@pytest.mark.parametrize(
+    "lat, field, seen",
+    [
+        (0.0, (21e-6, 1.6e-6, 43.9e-6), None),
+        (0.0, (2.2e-6, 0.8e-6, 56.7e-6), "a dip of the field of 87.6 deg"),
+        (88.9, (21e-6, 1.6e-6, 43.9e-6), "latitude 88.9 deg"),
+    ],
+)
+def test_attitude_alone_near_a_pole_is_doubted(lat, field, seen):
+    solution = made_up()
+    t = np.arange(10.0)
+    compass = Source("magnetic-field", t, np.tile(field, (10, 1)), np.full((10, 3), 1e-6), field)
+    nowhere = replace(solution.trajectory, lla=np.full_like(solution.trajectory.lla, np.nan))
+    start = {"lla": (np.radians(lat), 0.1, 0.0)}
+    recording = Recording(Imu(t, t, np.zeros((10, 3)), np.zeros((10, 3))), (compass,))
+    alone = replace(
+        solution, trajectory=nowhere, recording=recording, meta=solution.meta | {"start": start}
+    )
+    reasons = list(evidence.near_pole(alone))
+    assert bool(reasons) == (seen is not None)
+    assert not reasons or seen in reasons[0].seen
+    assert not list(evidence.near_pole(replace(alone, trajectory=solution.trajectory)))

@@ -14,6 +14,7 @@ from . import (
     plane,
     position_velocity,
     repeats,
+    roughness,
     turns,
 )
 from .finding import Checked, label
@@ -28,6 +29,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     clock.check,
     heights.check,
     repeats.check,
+    roughness.check,
 )
 """In the order of their report, after that of positions against velocities."""
 SPOILT = ("frame", "unit", "unknown")

@@ -1,6 +1,6 @@
 """The gyro against a magnetometer: in a turning body the field turns the other way, by as much. So axes of
 the two sensors that do not agree show without GNSS, at any attitude, and whatever the field's direction
-is."""
+is. Gravity turns as the field does, where the body accelerates little."""
 
 import numpy as np
 
@@ -8,9 +8,17 @@ from ..core.mathematics.rotation_vectors import exponentials
 from ..data.solution import Source
 from ..data.verdict import Reason
 from ..typing import Array
-from .field_fit import LAGS, NOTHING, FieldPairs, fit_field, predicted_field, reasons_of_fit, turned_field
+from .field_fit import (
+    LAGS,
+    NOTHING,
+    FieldPairs,
+    fit_field,
+    predicted_field,
+    reasons_of_fit,
+    turned_field,
+)
 from .finding import MIN_FIXES, Checked, label
-from .motion import STEP, InspectedRecording
+from .motion import STEP, Felt, InspectedRecording
 
 WINDOWS, MAX_TURN = (4.0, 2.0, 1.0, 0.4), 0.6
 """s over which the field is seen to turn, and by how much (rad, rms) it may, so that turns hardly change
@@ -20,6 +28,10 @@ NOTABLE = 6.0
 FITS, BETTER = 0.1, 0.2
 """Share of the change of the field that the gyro may leave unexplained, and of what is left as read that
 other axes may leave. A hard iron does not turn, and leaves as much with any axes."""
+MEAN, FORCE_STD = 0.25, 0.1
+"""s over which the specific force is averaged to either side; m/s^2 that count as its noise."""
+FITS_FORCE, BETTER_FORCE = 0.35, 0.5
+"""FITS and BETTER of gravity: a ship's own accelerations leave 0.3, those of a car all."""
 UNLIKE = 0.5
 """Share of the change of the field that, left with any axes, is a reason: moved iron leaves less."""
 QUARTERS = tuple(
@@ -42,17 +54,19 @@ IN_DEGREES = "multiplied by 180/pi"
 
 
 def check(subject: InspectedRecording) -> Checked:
-    """The turns of each magnetometer against those of the gyro."""
+    """The turns of each magnetometer, and where there are no fixes those of gravity, against those of the
+    gyro."""
     found = Checked.empty()
     for source in subject.sources("magnetic-field"):
-        found.add(_of_source(subject, source))
+        found.add(_of_field(subject, source))
+    if not subject.sources("position", "velocity") and not found.reasons:
+        found.add(_of_gravity(subject))
     return found
 
 
-def _of_source(subject: InspectedRecording, source: Source) -> Checked:
+def _of_field(subject: InspectedRecording, source: Source) -> Checked:
     what = f"turns of the gyro against those of {label(source)}"
-    some = [_pairs(subject, source, window) for window in WINDOWS]
-    pairs = next((each for each in some if _field_turn(each) < MAX_TURN), some[-1])
+    pairs = _choose_pairs(subject, source)
     if len(pairs.begin) < MIN_FIXES:
         return Checked.with_unknown(what, "it hardly turns")
     fit = fit_field(pairs, subject.felt)
@@ -61,17 +75,37 @@ def _of_source(subject: InspectedRecording, source: Source) -> Checked:
     if left <= FITS:
         fact = f"{what}: {100 * left:.0f} % of the change of the field is left"
         return Checked([fact], [] if fit is None else reasons_of_fit(fit, source), [])
-    turn = pairs.turn(subject.felt)
-    left, others = _share_left(pairs, turned_field(pairs, turn)), _others_left(pairs, turn)
+    left, others = _lefts(pairs, subject.felt)
     best = min(others, key=others.__getitem__)
-    if others[best] > min(BETTER * left, FITS):
-        unlike = fit is not None and left > UNLIKE
-        return Checked(
-            [],
-            [_reason_unlike(source, left)] if unlike else [],
-            [] if unlike else [f"{what}: no axes explain what the field does"],
-        )
-    return Checked([], [_reason(source, left, best, others[best])], [])
+    if others[best] <= min(BETTER * left, FITS):
+        return Checked([], [_reason(label(source), left, best, others[best])], [])
+    if fit is not None and left > UNLIKE:
+        return Checked([], [_reason_unlike(source, left)], [])
+    return Checked.with_unknown(what, "no axes explain what the field does")
+
+
+def _of_gravity(subject: InspectedRecording) -> Checked:
+    """What the specific force says of the axes of the gyro: the body's own accelerations hide much of
+    it, so that only axes that explain far more are a reason, and right ones are no fact."""
+    motion = subject.felt
+    t = motion.t[::2]
+    t = t[(t > motion.t[0] + MEAN) & (t < motion.t[-1] - MEAN)]
+    force = motion.mean(motion.body_v, t, MEAN)
+    gravity = Source("specific-force", t, force, np.full_like(force, FORCE_STD))
+    pairs = _choose_pairs(subject, gravity)
+    if len(pairs.begin) < MIN_FIXES:
+        return Checked.empty()
+    left, others = _lefts(pairs, motion)
+    best = min(others, key=others.__getitem__)
+    if left < UNLIKE or others[best] > min(BETTER_FORCE * left, FITS_FORCE):
+        return Checked.empty()
+    return Checked([], [_reason("gravity", left, best, others[best])], [])
+
+
+def _choose_pairs(subject: InspectedRecording, source: Source) -> FieldPairs:
+    """The FieldPairs of the longest windows in which the field hardly changes its axis of turn."""
+    some = [_pairs(subject, source, window) for window in WINDOWS]
+    return next((each for each in some if _field_turn(each) < MAX_TURN), some[-1])
 
 
 def _field_turn(pairs: FieldPairs) -> float:
@@ -82,11 +116,16 @@ def _field_turn(pairs: FieldPairs) -> float:
     return float(np.sqrt(np.mean(turn**2))) if len(turn) else 0.0
 
 
-def _others_left(pairs: FieldPairs, turn: Array) -> dict[str, float]:
-    """{change of axes or unit: share of the change of the field that is left with it}."""
+def _lefts(pairs: FieldPairs, felt: Felt) -> tuple[float, dict[str, float]]:
+    """(share of the change of the field that is left with the gyro as read, {change of axes or unit: share
+    that is left with it})."""
+    turn = pairs.turn(felt)
     turns = {name: turn @ C.T for name, C in TURNED.items()}
     turns[IN_DEGREES] = turn * 180 / np.pi
-    return {name: _share_left(pairs, turned_field(pairs, other)) for name, other in turns.items()}
+    left = _share_left(pairs, turned_field(pairs, turn))
+    return left, {
+        name: _share_left(pairs, turned_field(pairs, other)) for name, other in turns.items()
+    }
 
 
 def _pairs(subject: InspectedRecording, source: Source, window: float) -> FieldPairs:
@@ -126,14 +165,13 @@ def _reason_unlike(source: Source, left: float) -> Reason:
     )
 
 
-def _reason(source: Source, left: float, name: str, other: float) -> Reason:
-    sensor = label(source)
+def _reason(sensor: str, left: float, name: str, other: float) -> Reason:
     return Reason(
         "unit" if name == IN_DEGREES else "axes",
         f"{sensor} turns as the gyro says {name} ({100 * other:.0f} % of its change is left), and "
         f"not as it is read ({100 * left:.0f} %)",
         "check the unit of the gyro"
         if name == IN_DEGREES
-        else f"check `axes` of [imu] against those of {sensor}",
+        else f"check the axes of the gyro against those of {sensor}: `axes` of [imu]",
         weight=10.0,
     )

@@ -45,6 +45,8 @@ LONG_GAP = 30.0
 """s without samples that make a result as doubtful as a weight of 1: the covariance grows by all that may
 have happened, and of shorter gaps (1, 4 and 15 s, car, ship, aircraft, hand) the innovations show where
 that was not enough."""
+NEAR_POLE = np.radians(85.0)
+"""rad: latitude from which north turns by a degree and more in 10 km, and dip of the field there."""
 DOUBTED = 0.2  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
@@ -435,6 +437,26 @@ def smoother(solution: Solution) -> Iterator[Reason]:
                 "run `strapdown diagnose` on the recording",
                 weight=ratio / SMOOTHER,
             )
+
+
+def near_pole(solution: Solution) -> Iterator[Reason]:
+    """A filter that knows no position where north depends on it: near the poles of the Earth, and where
+    the field that it is told dips as it does there."""
+    if solution.has_position or solution.recording is None:
+        return
+    lat = abs(solution.meta["start"]["lla"][0])
+    fields = [a.parameters for a in solution.recording.sources if a.kind == "magnetic-field"]
+    dips = [np.arctan2(abs(down), np.hypot(north, east)) for north, east, down, *_ in fields]
+    if max([lat, *dips]) < NEAR_POLE:
+        return
+    where = f"latitude {np.degrees(lat):.4g} deg"
+    if lat < NEAR_POLE:
+        where = f"a dip of the field of {np.degrees(max(dips)):.3g} deg"
+    yield Reason(
+        "unknown",
+        f"at {where} north turns quickly with the place, and the filter knows no position",
+        "use a filter of position, and record GNSS",
+    )
 
 
 def doubts(solution: Solution) -> Iterator[Reason]:

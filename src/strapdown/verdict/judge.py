@@ -108,7 +108,7 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
         yield from evidence.check_divergence(solution)
         return
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
-    yield from (*biases, *smoother)
+    yield from (*biases, *smoother, *evidence.near_pole(solution))
     of_sources, runs = [], solution.rejected
     gaps = np.add(*evidence.long_gaps(solution))
     left_out = {each["source"] for each in solution.meta.get("heights_apart", ())}
