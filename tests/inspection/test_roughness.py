@@ -45,3 +45,19 @@ def test_single_impacts_are_no_reason(car):
     impacts = np.zeros((len(car.imu.t), 3))
     impacts[::3000, 2] = 500.0
     assert reasons(car, impacts) == []
+
+
+@pytest.mark.parametrize("sensor, unit", [("gyro", "dtheta"), ("accelerometer", "dv")])
+def test_an_axis_that_alone_grows_noisy_is_a_reason(car, sensor, unit):
+    """20 times the noise of one axis in the second half; of all three it is an engine that runs."""
+    imu, late = car.imu, car.imu.t > 60.0
+    values = getattr(imu, unit)
+    level = np.median(np.abs(np.diff(values, 2, axis=0))) / 0.6745 / np.sqrt(6.0)
+    noise = 20 * level * late[:, None] * np.random.default_rng(3).normal(size=values.shape)
+    shaken, broken = values + noise, values + noise * [0.0, 1.0, 0.0]
+    check = lambda own: roughness.check(
+        InspectedRecording(replace(car, imu=imu._replace(**{unit: own})))
+    )
+    assert check(shaken).reasons == []
+    (reason,) = check(broken).reasons
+    assert reason.cause == sensor and reason.seen.startswith(f"{sensor} y is ")

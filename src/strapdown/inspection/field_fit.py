@@ -43,7 +43,8 @@ class FieldPairs(NamedTuple):
 
     def take(self, rows: Array | Ints | slice) -> "FieldPairs":
         """Some of them."""
-        return FieldPairs(*(column[rows] for column in self[:4]), self.noise)
+        begin, end, first, last, noise = self
+        return FieldPairs(begin[rows], end[rows], first[rows], last[rows], noise)
 
     def turn(self, felt: Felt, late: float = 0.0) -> Array:
         """(n, 3) rotation vectors of the gyro, whose stamps are `late` by so many s."""

@@ -17,9 +17,9 @@ from . import jumps
 from .cells import CellTask, cells
 from .runs import SLOW, SLOW_SEEDS, FaultSubject, family, subjects
 from .summary import CELLS, STUDY, TRIALS
-from .worlds import GENTLE, MOTIONS
+from .worlds import GENTLE, MOTIONS, SEEDS
 
-SEEDS, QUICK_SEEDS = 5, 1
+QUICK_SEEDS = 1
 QUICK = ("closed-loop", "closed-loop live", "closed-loop smoothed")
 """Subjects of the reduced form, in the gentle motion alone."""
 FLIGHTS, QUICK_FLIGHTS = 200, 4
@@ -63,5 +63,6 @@ def tasks(subjects: Sequence[FaultSubject], seeds: range, quick: bool = False) -
         if subject.filter not in SLOW or s < seeds.start + SLOW_SEEDS
         for motion, world in MOTIONS.items()
         if family(filters.find(subject.filter)) in world.families
+        and s < seeds.start + world.seeds
         and (not quick or motion == GENTLE)
     ]

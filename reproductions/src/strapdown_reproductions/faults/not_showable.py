@@ -3,9 +3,21 @@ not from what a run has found."""
 
 from typing import NamedTuple
 
-from .worlds import AFLOAT, ATTITUDE, GENTLE, HARD, HEAVE, NAVIGATION
+from .worlds import (
+    AFLOAT,
+    ATTITUDE,
+    GENTLE,
+    HARD,
+    HEAVE,
+    HOVERING,
+    MOORED,
+    NAVIGATION,
+    WALKING,
+)
 
 IN_FLIGHT = (GENTLE, HARD)
+OF_POSITION = (*IN_FLIGHT, WALKING, HOVERING, MOORED)
+"""Motions of filters of position."""
 
 
 class HiddenFault(NamedTuple):
@@ -22,20 +34,55 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
     HiddenFault(
         ("height above the geoid",),
         (NAVIGATION,),
-        IN_FLIGHT,
+        OF_POSITION,
         "there is one source of height, and its offset is constant",
+    ),
+    HiddenFault(
+        ("second height above the geoid",),
+        (HEAVE,),
+        (AFLOAT,),
+        "there is one source of height, and its offset is constant",
+    ),
+    HiddenFault(
+        ("height is a depth",),
+        (NAVIGATION,),
+        (WALKING, HOVERING),
+        "the height changes by less than its noise, so that its sign does not show",
+    ),
+    HiddenFault(
+        (
+            "longitude sign wrong",
+            "latitude and longitude swapped",
+            "position stuck, velocity right",
+        ),
+        (NAVIGATION,),
+        (HOVERING,),
+        "it stays within a metre, and the noise of a position is as large",
+    ),
+    HiddenFault(
+        ("gyro sign wrong", "gyro z sign wrong", "gyro z sign flips at 90 s"),
+        (NAVIGATION,),
+        (HOVERING,),
+        "rolls and pitches of the other sign are those of axes turned by 180 deg, of which the heading "
+        "at the start knows nothing, and it yaws by less than accelerations tell of the heading",
+    ),
+    HiddenFault(
+        ("declination 10 deg off", "AHRS heading 10 deg off"),
+        (NAVIGATION,),
+        (HOVERING, MOORED),
+        "accelerations tell the heading to some 8 deg, so that it comes from the magnetometer or AHRS",
     ),
     HiddenFault(
         ("position and velocity drift by 0.1 m/s",),
         (NAVIGATION,),
-        IN_FLIGHT,
+        OF_POSITION,
         "position and velocity agree with each other, the IMU feels no constant velocity, and the "
         "step into it is one standard deviation of the velocity",
     ),
     HiddenFault(
         ("mounted 5 deg off in heading",),
         (NAVIGATION,),
-        IN_FLIGHT,
+        OF_POSITION,
         "nothing but the IMU knows where the body's axes point: what accelerates tells the heading "
         "of the IMU, and the angle is within what wind makes of heading and course",
         shown_by="attitude",

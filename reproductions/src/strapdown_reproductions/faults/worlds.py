@@ -2,7 +2,7 @@
 which a filter may go wrong all the same."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 from strapdown.data.recording import Recording
@@ -11,6 +11,7 @@ from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim import motions
+from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import simulate
 from strapdown.sim.trajectory import DEG, Motion, demo_flight
 
@@ -21,6 +22,9 @@ ROWS = 5.0
 NAVIGATION, ATTITUDE, HEAVE = "navigation", "attitude", "heave"
 """Families of filters."""
 GENTLE, HARD, IN_HAND, AFLOAT = "gentle", "hard", "in a hand", "afloat"
+WALKING, HOVERING, MOORED = "at walking speed", "hovering", "moored"
+SEEDS, FEW_SEEDS = 5, 1
+"""Seeds of a motion, and of those that come beside the two flights."""
 
 
 class FaultWorld(NamedTuple):
@@ -33,6 +37,7 @@ class FaultWorld(NamedTuple):
     rate: float = RATE  # Hz
     duration: float = DURATION  # s
     gnss: Gnss = Gnss()
+    seeds: int = SEEDS
 
     @property
     def every(self) -> int:
@@ -93,6 +98,11 @@ def elsewhere(
     return motion
 
 
+def motion_of(name: str) -> Motion:
+    """The motion of a scenario."""
+    return scenario(name).motion
+
+
 MOTIONS = {
     world.name: world
     for world in (
@@ -104,6 +114,10 @@ MOTIONS = {
             lambda: motions.moored_vessel((60 * DEG, 5 * DEG, 45.0), 215 * DEG),
             (HEAVE,),
             "industrial",
+        ),
+        *(
+            FaultWorld(name, partial(motion_of, own), (NAVIGATION,), "industrial", seeds=FEW_SEEDS)
+            for name, own in ((WALKING, "robot"), (HOVERING, "hover"), (MOORED, "ship-heave"))
         ),
     )
 }
