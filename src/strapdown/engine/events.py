@@ -20,6 +20,7 @@ from ..units import quantities
 from ..units.wording import count_text
 from .rejections import runs
 from .rejections.contradictions import RejectedRun
+from .rejections.sequel import unresolved
 from .rejections.texts import rejection_texts
 from .rejections.windows import WindowFixes
 
@@ -65,6 +66,7 @@ class Events:
         self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # as `look_at` found them
+        self.unresolved: list[tuple[float, float]] = []  # s: sequels of jumps and drifts
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
         self._known = np.full(len(sources), -np.inf)  # s, until when, by source
         self._begin = np.full(len(sources), np.inf)  # s, the first fix that was tested, by source
@@ -88,7 +90,10 @@ class Events:
         tested = fixes[np.isfinite(fixes["nis"])]
         np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
         found = runs.find(WindowFixes(fixes, std, self._known, self._begin), self._sources)
-        self.rejected = rejection_texts(runs.join_runs(self._runs, found), self._sources)
+        joined = runs.join_runs(self._runs, found)
+        self.rejected = rejection_texts(joined, self._sources)
+        own = [s for s, a in enumerate(self._sources) if a.kind in ("position", "velocity")]
+        self.unresolved = unresolved(joined, own)
         kept = [run for run in found if run.start < before]
         self._runs = runs.join_runs(self._runs, kept)
         for run in kept:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.records import Table
-from ..core.loop.contract import BA, BG, POS, STATES, VEL, Filter
+from ..core.loop.contract import BA, BG, BRIDGED, DOUBTFUL, POS, STATES, VALID, VEL, Filter
 from ..core.loop.tables import FixRow
 from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, STD, Q, T, V
 from ..data.solution import Innovations, Solution, SolutionMeta, Source, Trajectory
@@ -32,6 +32,7 @@ def solution(run: Run) -> Solution:
             events.append((t, meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
+    _doubt_sequels(nav, run.events.unresolved)
     _forget_unknown(filter, nav)
     nav = read_only(nav)
     columns = _columns(run, nav)
@@ -78,6 +79,14 @@ def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
     if run.events.heights_apart:
         meta["heights_apart"] = run.events.heights_apart
     return meta
+
+
+def _doubt_sequels(nav: Array, spans: Sequence[tuple[float, float]]) -> None:
+    """Mark the rows in which fixes that jumped or drifted away are still followed."""
+    t, status = nav[:, T], nav[:, ROW_STATUS]
+    for start, stop in spans:
+        told = np.isin(status, (VALID, BRIDGED)) & (t >= start) & (t < stop)
+        status[told] = DOUBTFUL
 
 
 def _forget_unknown(filter: Filter, nav: Array) -> None:

@@ -40,6 +40,7 @@ class RejectedRun(NamedTuple):
     largest: float  # how far off, standard deviations
     found: CauseFound
     others: tuple[int, ...] = ()  # sources that were rejected at the same time
+    silent: float = 0.0  # s since the fix before its cause; inf of the first
 
 
 def assign_blame(runs: list[RejectedRun]) -> list[RejectedRun]:

@@ -161,7 +161,9 @@ def _run(s: int, own: WindowFixes, bad: Ints, found: CauseFound) -> RejectedRun:
     first, last = int(bad[0]), int(bad[-1])
     off = float(np.sqrt((own.nis[bad] / np.maximum(own.measured[bad], 1)).max()))
     start, stop = float(own.t[first]), float(own.t[last])
-    return RejectedRun(s, start, stop, len(bad), last - first + 1, off, found)
+    begin = int(np.searchsorted(own.t, found.since))
+    silent = float(own.t[begin] - own.t[begin - 1]) if 0 < begin < len(own.t) else np.inf
+    return RejectedRun(s, start, stop, len(bad), last - first + 1, off, found, silent=silent)
 
 
 def _by_chance(own: WindowFixes, bad: Ints) -> bool:

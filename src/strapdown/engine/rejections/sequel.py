@@ -1,0 +1,47 @@
+"""The sequel of a jump or a drift: the filter follows fixes that stay where nothing felt them go, its gates
+accept them again, and yet nobody knows whether they or what was before is right."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...typing import Array
+from .causes import DRIFT, JUMP
+from .contradictions import RejectedRun
+
+RESTING = 10.0
+"""s without a fix after which a jump is no contradiction: the filter may have drifted meanwhile."""
+RETURNED = 0.3
+"""Part of its largest distance from where it was that a source may keep when it has returned."""
+
+
+def unresolved(runs: Sequence[RejectedRun], sources: Iterable[int]) -> list[tuple[float, float]]:
+    """[(from, to)] s: when one of these sources contradicts what it said before, or the IMU, by a jump or a
+    drift to which it stays; until it returns, or the end (inf)."""
+    found = []
+    for s in sources:
+        found += _of_source([run for run in runs if run.source == s and run.silent < RESTING])
+    return found
+
+
+def _of_source(runs: list[RejectedRun]) -> list[tuple[float, float]]:
+    found, since = list[tuple[float, float]](), np.inf
+    off, largest = np.zeros(3), 0.0
+    for run in runs:
+        cause = run.found
+        if cause.shape == DRIFT and np.isinf(since):
+            since = cause.since
+        elif cause.shape == JUMP and np.isinf(cause.until):
+            off = off + _whole(cause.size)
+            largest = max(largest, float(np.linalg.norm(off)))
+            if np.isinf(since):
+                since = cause.since
+            elif np.linalg.norm(off) < RETURNED * largest:
+                found.append((since, cause.since))
+                since, off, largest = np.inf, np.zeros(3), 0.0
+    return [*found, (since, np.inf)] if np.isfinite(since) else found
+
+
+def _whole(size: Array) -> Array:
+    """(3,) the sum of the steps (3 k,) of a jump."""
+    return np.asarray(size).reshape(-1, 3).sum(axis=0)
