@@ -20,7 +20,7 @@ from ..units import quantities
 from ..units.wording import count_text
 from .rejections import runs
 from .rejections.contradictions import RejectedRun
-from .rejections.sequel import unresolved
+from .rejections.sequel import unresolved_spans
 from .rejections.texts import rejection_texts
 from .rejections.windows import WindowFixes
 
@@ -93,7 +93,7 @@ class Events:
         joined = runs.join_runs(self._runs, found)
         self.rejected = rejection_texts(joined, self._sources)
         own = [s for s, a in enumerate(self._sources) if a.kind in ("position", "velocity")]
-        self.unresolved = unresolved(joined, own)
+        self.unresolved = unresolved_spans(joined, own)
         kept = [run for run in found if run.start < before]
         self._runs = runs.join_runs(self._runs, kept)
         for run in kept:

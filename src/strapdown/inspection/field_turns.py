@@ -85,7 +85,7 @@ def _of_field(subject: InspectedRecording, source: Source) -> Checked:
 
 
 def _of_gravity(subject: InspectedRecording) -> Checked:
-    """What the specific force says of the axes of the gyro: the body's own accelerations hide much of
+    """Return what the specific force says of the axes of the gyro: the body's own accelerations hide much of
     it, so that only axes that explain far more are a reason, and right ones are no fact."""
     motion = subject.felt
     t = motion.t[::2]

@@ -25,7 +25,7 @@ QUIET, NOISY = 0.1, 0.8
 
 
 def check(subject: InspectedRecording) -> Checked:
-    """How rough the samples are, and whether one axis alone grows rougher."""
+    """Return reasons where the samples are too rough, or one axis alone grows rougher."""
     imu = subject.recording.imu
     parts = int((imu.t[-1] - imu.t[0]) / BLOCK) if len(imu.t) else 0
     if parts < 1 or len(imu.t) < 3 * parts:

@@ -72,7 +72,7 @@ def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
 
 
 def _second(solution: Solution) -> list[Reason]:
-    """What the run of a second filter shows and that of the filter does not."""
+    """Return what the run of a second filter shows and that of the filter does not."""
     second = run_second_filter(solution)
     if second is None:
         return []

@@ -9,7 +9,7 @@ import strapdown as sd
 from strapdown.core.loop.contract import DOUBTFUL
 from strapdown.engine.rejections.causes import CLOCK, DRIFT, JUMP, CauseFound
 from strapdown.engine.rejections.contradictions import RejectedRun
-from strapdown.engine.rejections.sequel import unresolved
+from strapdown.engine.rejections.sequel import unresolved_spans
 
 NORTH = np.array([10.0, 0.0, 0.0])
 
@@ -21,22 +21,22 @@ def run(shape, since, size=NORTH, until=np.inf, source=0, silent=1.0):
 
 def test_a_jump_is_doubtful_to_the_end_or_until_it_returns():
     away, back = run(JUMP, 20.0), run(JUMP, 50.0, -1.1 * NORTH)
-    assert unresolved([away], [0]) == [(20.0, np.inf)]
-    assert unresolved([away, back], [0]) == [(20.0, 50.0)]
+    assert unresolved_spans([away], [0]) == [(20.0, np.inf)]
+    assert unresolved_spans([away, back], [0]) == [(20.0, 50.0)]
     further = run(JUMP, 50.0, [5.0, 0.0, 0.0])
-    assert unresolved([away, further], [0]) == [(20.0, np.inf)]
+    assert unresolved_spans([away, further], [0]) == [(20.0, np.inf)]
     home = run(JUMP, 80.0, [-15.0, 0.5, 0.0])
-    assert unresolved([away, further, home], [0]) == [(20.0, 80.0)]
-    assert unresolved([away, back, run(JUMP, 90.0)], [0]) == [(20.0, 50.0), (90.0, np.inf)]
+    assert unresolved_spans([away, further, home], [0]) == [(20.0, 80.0)]
+    assert unresolved_spans([away, back, run(JUMP, 90.0)], [0]) == [(20.0, 50.0), (90.0, np.inf)]
 
 
 def test_steps_of_one_run_count_together():
     there_and_back = run(JUMP, 20.0, np.r_[NORTH, -NORTH, NORTH])
-    assert unresolved([there_and_back], [0]) == [(20.0, np.inf)]
+    assert unresolved_spans([there_and_back], [0]) == [(20.0, np.inf)]
 
 
 def test_a_drift_is_doubtful_from_its_beginning():
-    assert unresolved([run(DRIFT, 30.0)], [0]) == [(30.0, np.inf)]
+    assert unresolved_spans([run(DRIFT, 30.0)], [0]) == [(30.0, np.inf)]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_drift_is_doubtful_from_its_beginning():
     ],
 )
 def test_others_leave_nothing(other):
-    assert unresolved([other], [0]) == []
+    assert unresolved_spans([other], [0]) == []
 
 
 def test_rows_after_a_jump_for_good_are_doubtful_and_those_before_are_not():

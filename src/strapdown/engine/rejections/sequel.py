@@ -15,7 +15,9 @@ RETURNED = 0.3
 """Part of its largest distance from where it was that a source may keep when it has returned."""
 
 
-def unresolved(runs: Sequence[RejectedRun], sources: Iterable[int]) -> list[tuple[float, float]]:
+def unresolved_spans(
+    runs: Sequence[RejectedRun], sources: Iterable[int]
+) -> list[tuple[float, float]]:
     """[(from, to)] s: when one of these sources contradicts what it said before, or the IMU, by a jump or a
     drift to which it stays; until it returns, or the end (inf)."""
     found = []
@@ -32,7 +34,7 @@ def _of_source(runs: list[RejectedRun]) -> list[tuple[float, float]]:
         if cause.shape == DRIFT and np.isinf(since):
             since = cause.since
         elif cause.shape == JUMP and np.isinf(cause.until):
-            off = off + _whole(cause.size)
+            off = off + _sum_of_steps(cause.size)
             largest = max(largest, float(np.linalg.norm(off)))
             if np.isinf(since):
                 since = cause.since
@@ -42,6 +44,6 @@ def _of_source(runs: list[RejectedRun]) -> list[tuple[float, float]]:
     return [*found, (since, np.inf)] if np.isfinite(since) else found
 
 
-def _whole(size: Array) -> Array:
+def _sum_of_steps(size: Array) -> Array:
     """(3,) the sum of the steps (3 k,) of a jump."""
     return np.asarray(size).reshape(-1, 3).sum(axis=0)
