@@ -270,14 +270,15 @@ def test_the_verdict_is_the_first_line_and_goes_into_the_files(good, flight, mon
         first, second, *rest = good(
             "fuse", flight, "--hide", "10:15", "--out", "a", *more
         ).splitlines()
-        assert first.startswith("verdict: not to be trusted: axes of the IMU: the course is 89.7")
-        assert second.startswith("  also time stamps of gnss velocity:") and "note" not in rest[0]
+        assert first == "verdict: not to be trusted"
+        assert second.startswith("  1. axes of the IMU: the course is 89.7")
+        assert rest[0].startswith("  2. time stamps of gnss velocity:") and "note" not in rest[1]
         assert sd.read_solution("a/solution.nc").verdict == WRONG
         assert sd.read_solution("a/solution.csv").verdict == WRONG
         assert "Not to be trusted" in Path("a/report.html").read_text()
     judged(monkeypatch, TRUSTED)
     assert good("fuse", flight, "--out", "a").startswith(
-        "verdict: trusted; not tested: heading: no turns\n"
+        "verdict: trusted\n  not tested: heading: no turns"
     )
 
 
@@ -287,7 +288,11 @@ def test_on_a_terminal_the_verdict_is_wrapped(capsys, monkeypatch):
     print_verdicts({"": WRONG})
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 60
-    assert lines[0].startswith("verdict: not to be trusted: axes") and lines[1].startswith("    ")
+    assert "not to be trusted" in lines[0] and "\x1b[31m" in lines[0]
+    assert lines[1].startswith("  1. axes") and lines[2].startswith("      ")
+    monkeypatch.setenv("NO_COLOR", "1")
+    print_verdicts({"": WRONG})
+    assert capsys.readouterr().out.startswith("verdict: not to be trusted\n")
 
 
 def test_strict_exits_with_3_unless_trusted(command, flight, monkeypatch):

@@ -17,7 +17,7 @@ import typer
 import strapdown as sd
 
 from ..checks import DataError, check_choice, locate_errors
-from ..data.verdict import Verdict, together
+from ..data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 from ..units.wording import count_text, short
 from . import complete
 from .help import FORMATS
@@ -309,26 +309,40 @@ def summarise(solution: "sd.Solution") -> None:
 
 
 def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
-    """The verdict on each of {name: result}, the gravest first: a line with the first reason, a
-    line for each further one (of several results one that names them), and what could not be
-    tested. Results that agree share theirs."""
-    groups = together(verdicts)
+    """The verdict on each of {name: result}, the gravest first: its word, a line for each reason and for
+    each thing that could not be tested; of several results the first reason, and the names of the others
+    and of what was not tested. Results that agree share theirs."""
+    groups, several = together(verdicts), len(verdicts) > 1
     for names, verdict in groups:
         them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
-        _notify(f"verdict{f' on {them}' if len(verdicts) > 1 else ''}: {verdict.line}")
-        also = [str(reason) for reason in verdict.reasons[1:]]
-        if also and len(verdicts) > 1:
-            also = [", ".join(reason.what for reason in verdict.reasons[1:])]
-        for text in also:
-            _notify(f"  also {text}")
-        if verdict.reasons and verdict.untested:
-            _notify(f"  not tested: {', '.join(map(str, verdict.untested))}")
+        _notify(f"verdict{f' on {them}' if several else ''}: {_coloured(verdict.word)}")
+        for line in _verdict_in_short(verdict) if several else verdict.lines[1:]:
+            _notify(line)
+
+
+def _verdict_in_short(verdict: Verdict) -> Iterator[str]:
+    first, *others = verdict.reasons or (None,)
+    if first:
+        yield f"  {first}"
+    if others:
+        yield f"  also: {', '.join(reason.what for reason in others)}"
+    if verdict.untested:
+        yield f"  not tested: {', '.join(each.what for each in verdict.untested)}"
+
+
+COLOURS = {TRUSTED: "green", DOUBTFUL: "yellow", NOT_TO_BE_TRUSTED: "red"}
+
+
+def _coloured(word: str) -> str:
+    """A verdict's word, on a terminal in its colour, unless NO_COLOR is set (https://no-color.org)."""
+    plain = not sys.stdout.isatty() or os.environ.get("NO_COLOR")
+    return word if plain else typer.style(word, fg=COLOURS.get(word), bold=True)
 
 
 def _notify(text: str) -> None:
     """Print a line, on a terminal in lines of its width, the further ones indented."""
     if sys.stdout.isatty():
-        text = fill(text, text_width(), subsequent_indent="    ", break_on_hyphens=False)
+        text = fill(text, text_width(), subsequent_indent="      ", break_on_hyphens=False)
     print(text)
 
 

@@ -230,15 +230,18 @@ class Verdict:
             return f"{self.word}: {self.reasons[0]}"
         if not self.untested:
             return self.word
-        return f"{self.word}; not tested: {', '.join(each.seen for each in self.untested)}"
+        return f"{self.word}; not tested: {', '.join(each.what for each in self.untested)}"
 
     @property
     def lines(self) -> list[str]:
-        """The verdict in lines for people: all reasons, what could not be tested, what smaller errors
-        would not have shown."""
+        """The verdict in lines for people: all reasons, remarks that are no reason to doubt, what could
+        not be tested, what smaller errors would not have shown."""
+        against = [reason for reason in self.reasons if reason.weight >= 1.0]
+        remarks = [reason for reason in self.reasons if reason.weight < 1.0]
         return [
             self.word,
-            *(f"  {number}. {reason}" for number, reason in enumerate(self.reasons, 1)),
+            *(f"  {number}. {reason}" for number, reason in enumerate(against, 1)),
+            *(f"  remark: {reason}" for reason in remarks),
             *(f"  not tested: {each.line}" for each in self.untested),
             *([f"  smaller errors would not show: {self.bounds_line}"] if self.bounds else []),
         ]

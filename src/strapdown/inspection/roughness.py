@@ -18,7 +18,7 @@ car and of a shoe, 1.2 of a multicopter, 3.2 of a board that is tapped all the t
 
 
 ALONE = 5.0
-"""How much more one axis must grow rougher on the way than the two others of its sensor, to be a fault of
+"""One axis must grow so much rougher on the way than the two others of its sensor, to be a fault of
 its own: engines, roads and rotors shake all three (a light aircraft by 9, 11 and 20, a car by 11, 5, 6)."""
 QUIET, NOISY = 0.1, 0.8
 """Shares of the parts that are less rough than what counts as the usual level, and as the later one."""
