@@ -305,3 +305,11 @@ def test_a_run_writes_its_files(tmp_path, monkeypatch):
 
 if __name__ == "__main__":
     reduced().to_csv(REDUCED, index=False)
+
+
+def test_a_filter_runs_with_the_options_of_the_study():
+    """pkf gets a tenth of its components."""
+    task = CellTask(GENTLE, FaultSubject("pkf"), 1)
+    rows = {row["fault"]: row["verdict"] for row in cells(task, ("one position 50 m off",))}
+    assert rows == {NOMINAL: "ok", "one position 50 m off": rows["one position 50 m off"]}
+    assert rows["one position 50 m off"] in ("ok", "said")

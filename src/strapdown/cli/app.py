@@ -18,7 +18,7 @@ import typer
 import strapdown as sd
 
 from ..checks import brief
-from . import calibrate, compare, diagnose, export, filters, fly, simulation, tune
+from . import calibrate, compare, diagnose, export, filters, fly, lists, simulation, tune
 from .console import (
     ADAPTIVE,
     AHRS,
@@ -30,6 +30,7 @@ from .console import (
     MAP,
     NOT_TRUSTED,
     OPTION,
+    RECORDING,
     ROBUST,
     SOURCES,
     STRICT,
@@ -56,10 +57,8 @@ from .console import (
     save_draft,
     save_page,
     summarise,
-    table,
-    wrapped_table,
 )
-from .help import FORMATS, Command, Commands
+from .help import Command, Commands
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
@@ -479,7 +478,7 @@ def _start(
 
 @app.command(cls=Command)
 def inspect(
-    path: Annotated[list[Path], typer.Argument(metavar="PATH", help=FORMATS)],
+    path: Annotated[list[Path], typer.Argument(metavar="PATH", help=f"{RECORDING}.")],
     write: WRITE = None,
     imu: IMU = None,
     take: TAKE = None,
@@ -499,49 +498,6 @@ def inspect(
     save_draft(write, path, imu, take)
     if found.problems:
         raise typer.Exit(NOT_TRUSTED)
-
-
-@app.command(cls=Command)
-def imus() -> None:
-    """List the IMU grades with their error terms."""
-    from ..sensor_models.imu import imu as imu_spec, imus
-
-    specs = [imu_spec(name) for name in imus()]
-    rows = {key: [spec.datasheet()[key] for spec in specs] for key in specs[0].datasheet()}
-    table(
-        ("", *(spec.name for spec in specs)),
-        [
-            (key, *(f"{value:.4g}" if value else "-" for value in row))
-            for key, row in rows.items()
-            if any(row)
-        ],
-    )
-
-
-@app.command(cls=Command)
-def receivers() -> None:
-    """List the GNSS receivers that can be simulated, with their standard deviations north, east,
-    down."""
-    from ..sensor_models.receiver import receiver_grade, receivers
-
-    sheets = {name: receiver_grade(name).sheet() for name in receivers()}
-    terms = next(iter(sheets.values()))
-    table(
-        ("", *sheets),
-        [(term, *(sheet[term] or "-" for sheet in sheets.values())) for term in terms],
-    )
-
-
-@app.command(cls=Command)
-def plugins() -> None:
-    """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
-    from ..registration import registration_rows
-
-    rows = registration_rows()
-    if rows:
-        wrapped_table(("plugin", "from", "brings", "cannot be used"), rows)
-    else:
-        print("no plugins: nothing is installed, in STRAPDOWN_PLUGINS or given by --plugin")
 
 
 def _endings(text: str | None) -> list[str]:
@@ -591,6 +547,7 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
 
 for command in (
     *simulation.COMMANDS,
+    *lists.COMMANDS,
     compare.compare,
     diagnose.diagnose,
     filters.filters,

@@ -20,7 +20,6 @@ from ..checks import DataError, check_choice, locate_errors
 from ..data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 from ..units.wording import count_text, short
 from . import complete
-from .help import FORMATS
 
 if TYPE_CHECKING:
     from ..engine.installation import Prior
@@ -202,10 +201,14 @@ NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 
 
+RECORDING = "A log, a table, or a recording.toml that names them; see `strapdown formats`"
+"""Help of an argument that is a file in one of the formats."""
+
+
 def recording_argument(note: str = ".") -> Any:
     """The argument of a command that reads files in one of the formats, and a note."""
     several = " Several files of logs or tables make one recording."
-    return typer.Argument(metavar="RECORDING", help=FORMATS + note + several)
+    return typer.Argument(metavar="RECORDING", help=RECORDING + note + several)
 
 
 def read_given(

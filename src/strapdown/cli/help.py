@@ -222,6 +222,18 @@ ABOUT = {
         "how-to/simulate.md",
         (("All receivers", "strapdown receivers"),),
     ),
+    "formats": About(
+        MORE,
+        "formats of logs and tables that are read",
+        "how-to/logs.md",
+        (("All formats", "strapdown formats"),),
+    ),
+    "doctor": About(
+        MORE,
+        "what is installed, compiled and found",
+        "how-to/faq.md",
+        (("This installation", "strapdown doctor"),),
+    ),
     "plugins": About(
         MORE,
         "what comes from outside the library",
@@ -271,10 +283,6 @@ ENDS = """Exit codes: 0 done; 1 a fault of strapdown itself; 2 bad input; 3 some
 trusted; 130 interrupted."""
 
 
-FORMATS = "<formats>"
-"""Text that stands in the help of an argument for the formats that are read."""
-
-
 def _write_groups(command: Any, ctx: Any, formatter: Any) -> None:
     """Write arguments and options, in groups."""
     found: dict[str, list[tuple[str, str]]] = {
@@ -301,9 +309,7 @@ def _paragraph(formatter: Any, text: str) -> None:
 
 
 class Command(TyperCommand):
-    """A command whose help has its options in groups, examples and a page. Where it reads
-    recordings, their formats are found when its own help is asked for: the readers are too heavy
-    for every start."""
+    """A command whose help has its options in groups, examples and a page."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """As click asks; names that are required stand without braces."""
@@ -313,12 +319,6 @@ class Command(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """As click asks: arguments and options, in groups."""
-        for parameter in self.params:
-            text = getattr(parameter, "help", None) or ""
-            if FORMATS in text:
-                from ..io.registry import formats
-
-                parameter.help = text.replace(FORMATS, formats())  # type: ignore[attr-defined]
         _write_groups(self, ctx, formatter)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:

@@ -230,13 +230,9 @@ def taker(path: Path) -> Reader:
     )
 
 
-def formats() -> str:
-    """Return the formats that are read, a few words and the suffixes of each."""
-    return "; ".join(
-        f"{reader.summary} ({', '.join(_plain(reader))})" if _plain(reader) else reader.summary
-        for reader in readers().values()
-        if reader.summary
-    )
+def formats() -> list[tuple[str, list[str]]]:
+    """[(a few words, suffixes)] of the formats that are read."""
+    return [(reader.summary, _plain(reader)) for reader in readers().values() if reader.summary]
 
 
 def _plain(reader: Reader) -> list[str]:

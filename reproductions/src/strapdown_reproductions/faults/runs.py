@@ -102,7 +102,7 @@ def run(
         return _live(subject.filter, raw, world, right, given or start)
     way = smooth if subject.way == SMOOTHED else fuse
     recording = raw.recording(world.imu, date=DATE)
-    return outcome(way(recording, subject.filter, start=given, every=world.every, **options))
+    return outcome(way(recording, subject.filter, start=given, every=world.every, options=options))
 
 
 def outcome(solution: Solution) -> FaultOutcome:

@@ -1,0 +1,138 @@
+"""Lists of what there is: grades of IMUs, receivers, formats, plugins, and this installation."""
+
+import os
+import platform
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from textwrap import fill
+
+import strapdown as sd
+
+from .console import table, text_width, wrapped_table
+
+
+def imus() -> None:
+    """List the IMU grades with their error terms."""
+    from ..sensor_models.imu import imu as imu_spec, imus
+
+    specs = [imu_spec(name) for name in imus()]
+    rows = {key: [spec.datasheet()[key] for spec in specs] for key in specs[0].datasheet()}
+    table(
+        ("", *(spec.name for spec in specs)),
+        [
+            (key, *(f"{value:.4g}" if value else "-" for value in row))
+            for key, row in rows.items()
+            if any(row)
+        ],
+    )
+
+
+def receivers() -> None:
+    """List the GNSS receivers that can be simulated, with their standard deviations north, east,
+    down."""
+    from ..sensor_models.receiver import receiver_grade, receivers
+
+    sheets = {name: receiver_grade(name).sheet() for name in receivers()}
+    terms = next(iter(sheets.values()))
+    table(
+        ("", *sheets),
+        [(term, *(sheet[term] or "-" for sheet in sheets.values())) for term in terms],
+    )
+
+
+def plugins() -> None:
+    """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
+    from ..registration import registration_rows
+
+    rows = registration_rows()
+    if rows:
+        wrapped_table(("plugin", "from", "brings", "cannot be used"), rows)
+    else:
+        print("no plugins: nothing is installed, in STRAPDOWN_PLUGINS or given by --plugin")
+
+
+def formats() -> None:
+    """List the formats of recordings that are read, with their suffixes."""
+    from ..io.registry import formats as known
+
+    wrapped_table(
+        ("suffix", "format"), [(", ".join(ends) or "any", what) for what, ends in known()]
+    )
+    print(
+        "\nA format is recognised by its content, and by its suffix where several could be meant. Files "
+        "may be packed (.xz, .gz, .bz2, .zip).\nSeveral files of logs or tables make one recording: "
+        "`strapdown inspect imu.csv gnss.csv --write recording.toml`."
+    )
+
+
+def doctor() -> None:
+    """Tell what is installed, compiled and found: the lines that a report of a fault should hold."""
+    for what, how in _of_installation():
+        print(
+            fill(
+                f"{what:13} {how}",
+                text_width(),
+                subsequent_indent=" " * 14,
+                break_on_hyphens=False,
+                break_long_words=False,
+            )
+        )
+
+
+WITH = {
+    "numpy": "arrays",
+    "scipy": "",
+    "numba": "compiles kernels",
+    "pandas": "",
+    "plotly": "pages",
+    "dask": "studies on many machines: pip install 'strapdown[study]'",
+    "xarray": "tables of studies: pip install 'strapdown[study]'",
+    "ipykernel": "notebooks: pip install 'strapdown[notebook]'",
+    "ppigrf": "other field models: pip install 'strapdown[igrf]'",
+    "jsbsim": "aircraft of JSBSim: pip install 'strapdown[jsbsim]'",
+    "strapdown-reproductions": "`strapdown reproduce`: pip install ./reproductions",
+}
+"""{package: its use where one may do without}."""
+
+
+def _of_installation() -> Iterator[tuple[str, str]]:
+    """(what, how it is) of this installation."""
+    from ..core.compile import kernel_cache, library
+    from ..io.locate import data_folder
+    from ..registration import registration_rows
+
+    yield "strapdown", f"{sd.__version__} in {os.path.dirname(sd.__file__)}"
+    yield (
+        "python",
+        f"{platform.python_version()} on {platform.platform()}, {os.cpu_count()} processors",
+    )
+    there = {name: _version(name) for name in WITH}
+    yield "packages", ", ".join(f"{name} {found}" for name, found in there.items() if found)
+    for name, use in WITH.items():
+        if not there[name]:
+            yield "missing", f"{name}: {use or 'needed; install strapdown again'}"
+    for line in library.describe_library():
+        what, _, how = line.partition(": ")
+        yield what, how
+    kept = kernel_cache.folder()
+    files = [path for path in kept.rglob("*") if path.is_file()] if kept and kept.is_dir() else []
+    size = sum(path.stat().st_size for path in files) / 1e6
+    yield "kernel cache", f"{len(files)} files, {size:.0f} MB in {kept or 'no folder: no home'}"
+    try:
+        yield "data folder", str(data_folder())
+    except sd.DataError as error:
+        yield "data folder", f"none, which only some examples need: {error}"
+    plugins = registration_rows()
+    yield "plugins", ", ".join(row[0] for row in plugins) or "none"
+
+
+def _version(package: str) -> str:
+    """The version of an installed package; empty where there is none."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+COMMANDS = (imus, receivers, formats, plugins, doctor)
+"""In the order of `--help`."""
