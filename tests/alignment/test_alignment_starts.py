@@ -251,7 +251,7 @@ def test_an_imu_is_given_by_name_or_by_the_recording_as_to_fuse():
     assert named == align(recording.with_meta(grade="tactical"), heading=1.0)
     with pytest.raises(DataError, match="^the recording does not name its IMU: give imu=, one of"):
         align(recording.without_meta("grade"))
-    with pytest.raises(DataError, match="^unknown IMU grade 'tacticle' .did you mean 'tactical'"):
+    with pytest.raises(DataError, match="^unknown IMU 'tacticle' .did you mean 'tactical'"):
         align(recording, "tacticle")
     with pytest.raises(
         DataError, match=r"^imu is \[1\]; it must be an ImuSpec, the name of a grade"

@@ -93,7 +93,7 @@ def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
                 PluginWarning,
                 match="no_such_package: it should bring grades, and cannot be imported",
             ),
-            pytest.raises(strapdown.DataError, match="unknown IMU grade 'nonsense'"),
+            pytest.raises(strapdown.DataError, match="unknown IMU 'nonsense'"),
         ):
             strapdown.imu("nonsense")
         assert strapdown.imu("tactical").name == "tactical"

@@ -10,7 +10,14 @@ import pytest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import WarmUp
-from strapdown.sensor_models.imu import ImuSpec, Triad, imu as imu_spec, imus, saturation_notes
+from strapdown.sensor_models.imu import (
+    ImuSpec,
+    Triad,
+    imu as imu_spec,
+    imu_parts,
+    imus,
+    saturation_notes,
+)
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import simulate
@@ -218,7 +225,7 @@ def test_grades_by_name_by_path_and_by_value(tmp_path):
     assert imu_spec(tmp_path / "own.toml") == tactical
     with pytest.raises(
         DataError,
-        match=r"unknown IMU grade 'tactcal' \(did you mean 'tactical'\?\); grades: consumer, dmu10, industrial",
+        match=r"unknown IMU 'tactcal' \(did you mean 'tactical'\?\); grades: consumer, dmu10, industrial",
     ):
         imu_spec("tactcal")
     with pytest.raises(DataError, match="absent.toml: cannot be read"):
@@ -624,3 +631,15 @@ def test_impossible_specs_are_refused():
     ):
         with pytest.raises(DataError, match=words):
             make()
+
+
+def test_parts_of_the_market_are_found_however_they_are_written():
+    assert imu_spec("MPU6050") == imu_spec("mpu-6050") == imu_spec("MPU 6050")
+    assert imu_spec("stim300") == imu_spec("tactical")
+    for part, own in imu_parts().items():
+        spec = imu_spec(part)
+        assert own in (*imus(), spec.name.lower()) and spec.source
+    sheet = imu_spec("MPU-6050").datasheet()
+    assert sheet["gyro noise, deg/sqrt(h)"] == pytest.approx(0.005 * 60)
+    with pytest.raises(DataError, match="take consumer for a chip"):
+        imu_spec("no such part")

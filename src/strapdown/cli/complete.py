@@ -30,9 +30,9 @@ def kinds(incomplete: str) -> Offered:
 
 def imus() -> Offered:
     """Grades of IMUs."""
-    from ..sensor_models.imu import imus
+    from ..sensor_models.imu import imu_parts, imus
 
-    return [(name, "") for name in imus()]
+    return [(name, "") for name in (*imus(), *imu_parts())]
 
 
 def receivers() -> Offered:

@@ -5,26 +5,57 @@ import platform
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from textwrap import fill
+from typing import Annotated
+
+import typer
 
 import strapdown as sd
 
+from . import complete
 from .console import table, text_width, wrapped_table
 
 
-def imus() -> None:
-    """List the IMU grades with their error terms."""
-    from ..sensor_models.imu import imu as imu_spec, imus
+def imus(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            autocompletion=complete.imus,
+            help="The grade, part or file to tell all about.  [default: the list of all]",
+        ),
+    ] = None,
+) -> None:
+    """List the IMU grades and parts with their main errors; or tell all about one."""
+    from ..sensor_models.imu import imu, imu_parts, imus
 
-    specs = [imu_spec(name) for name in imus()]
-    rows = {key: [spec.datasheet()[key] for spec in specs] for key in specs[0].datasheet()}
-    table(
-        ("", *(spec.name for spec in specs)),
-        [
-            (key, *(f"{value:.4g}" if value else "-" for value in row))
-            for key, row in rows.items()
-            if any(row)
-        ],
-    )
+    if name is None:
+        header = "", *(heading for heading, _ in MAIN_ERRORS)
+        table(header, [_main_errors(each) for each in imus()])
+        print()
+        table(header, [_main_errors(part) for part in imu_parts()])
+        print("\n`strapdown imus NAME` tells all about one, with its source.")
+        return
+    spec = imu(name)
+    print(fill(f"{spec.name}: {spec.source}", text_width(), subsequent_indent="  ") + "\n")
+    table(("", ""), [(key, f"{value:.4g}") for key, value in spec.datasheet().items() if value])
+
+
+MAIN_ERRORS = (
+    ("gyro noise, deg/sqrt(h)", "gyro noise, deg/sqrt(h)"),
+    ("turn-on, deg/h", "gyro turn-on bias, deg/h"),
+    ("in run, deg/h", "gyro gauss markov, deg/h"),
+    ("accel noise, m/s/sqrt(h)", "accel noise, m/s/sqrt(h)"),
+    ("turn-on, mg", "accel turn-on bias, mg"),
+    ("in run, mg", "accel gauss markov, mg"),
+)
+"""(heading, term of the data sheet) of the list."""
+
+
+def _main_errors(name: str) -> tuple[str, ...]:
+    from ..sensor_models.imu import imu
+
+    sheet = imu(name).datasheet()
+    return name, *(f"{sheet[term]:.4g}" if sheet[term] else "-" for _, term in MAIN_ERRORS)
 
 
 def receivers() -> None:

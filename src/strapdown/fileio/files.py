@@ -180,10 +180,10 @@ def netcdf(part: Path, size: int) -> Iterator[Any]:
 
 @cache
 def shipped_files(kind: str, package: str, others: bool = True) -> dict[str, Traversable]:
-    """{name: file} of the TOML files in folder `kind` (`grades`, `scenarios`) of `package` and,
+    """{name: file} of the TOML files in folder `kind` (`grades`, `parts`, `scenarios`) of `package` and,
     with `others`, of installed packages that bring some.
 
-    Such a package names itself under the entry points `strapdown.data.solution`; a name that `package` has
+    Such a package names itself under the entry points `strapdown.data`; a name that `package` has
     itself stays its own. One that cannot be imported is reported and left out.
     """
     found: dict[str, Traversable] = {}

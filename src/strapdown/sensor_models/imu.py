@@ -2,8 +2,10 @@
 and the grades that ship with the package."""
 
 import math
+import re
 import tomllib
 from dataclasses import dataclass
+from importlib.resources.abc import Traversable
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -204,6 +206,15 @@ GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
 """A choice of an IMU: the name of a grade, the path of a file, a table of its fields, or an ImuSpec."""
 
 
+OF_GRADES = {
+    "ICM-20948": "consumer",
+    "DMU10": "dmu10",
+    "MTi-600": "industrial",
+    "STIM300": "tactical",
+}
+"""{part: grade that has its data sheet}."""
+
+
 def saturation_notes(spec: ImuSpec, imu: Imu) -> list[str]:
     """Sentences for the notes of a recording: how many samples of `imu`, corrupted by `spec`,
     stand at full scale; none where none does."""
@@ -243,14 +254,38 @@ def imus(others: bool = True) -> list[str]:
     return list(shipped_files("grades", __package__, check_flag(others, "others")))
 
 
+def imu_parts() -> dict[str, str]:
+    """{name of a part of the market: what `imu` takes for it}: a file of its own, or a grade that has its
+    data sheet."""
+    own = {name.upper(): name for name in shipped_files("parts", __package__, False)}
+    return dict(sorted({**own, **OF_GRADES}.items()))
+
+
+def _plain(name: str) -> str:
+    """A name of a part without what people write differently: case, hyphens, spaces."""
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _find_file(name: str) -> Traversable | None:
+    """The TOML file of a grade, or of a part however it is written."""
+    if resource := find_shipped("grades", __package__, name):
+        return resource
+    for part, own in imu_parts().items():
+        if _plain(part) == _plain(name):
+            kind = "grades" if part in OF_GRADES else "parts"
+            return find_shipped(kind, __package__, own)
+    return None
+
+
 def imu(name: GivenImu) -> ImuSpec:
-    """Return the error model of an IMU by the name of a grade or by a file.
+    """Return the error model of an IMU by the name of a grade or of a part, or by a file.
 
     Parameters
     ----------
     name : str, path, dict or ImuSpec
-        A grade, a .toml file (the path ends in .toml or contains a folder), or the fields of an
-        ImuSpec as `dataclasses.asdict` gives them; an ImuSpec is returned as it is.
+        A grade, a part such as "MPU-6050" (`strapdown imus` lists both), a .toml file (the path ends in
+        .toml or contains a folder), or the fields of an ImuSpec as `dataclasses.asdict` gives them; an
+        ImuSpec is returned as it is.
 
     Returns
     -------
@@ -275,13 +310,15 @@ def imu(name: GivenImu) -> ImuSpec:
     wanted = "an ImuSpec, the name of a grade, the path of its file, or a table"
     check_type(name, "imu", (str, PathLike), wanted)
     name = str(name)
-    if resource := find_shipped("grades", __package__, name):
+    if resource := _find_file(name):
         return _from_table(tomllib.loads(resource.read_text(encoding="utf-8")), f"grade {name}")
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
     raise DataError(
-        f"unknown IMU grade {name!r}{did_you_mean(name, imus())}; grades: {', '.join(imus())}; or "
-        f"give the path of a .toml file"
+        f"unknown IMU {name!r}{did_you_mean(name, [*imus(), *imu_parts()])}; grades: "
+        f"{', '.join(imus())}; parts: {', '.join(imu_parts())}; of another part take consumer for a chip "
+        f"of a phone or a hobby board, industrial for a calibrated module, or give the path of a .toml "
+        f"file with its data sheet"
     )
 
 
