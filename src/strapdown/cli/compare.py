@@ -68,7 +68,9 @@ KINDS = Annotated[
 
 
 def compare(
-    recording: Annotated[list[Path], recording_argument("; with a reference.")],
+    recording: Annotated[
+        list[Path], recording_argument("; without a reference the withheld fixes are it.")
+    ],
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,

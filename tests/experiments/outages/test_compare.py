@@ -419,10 +419,35 @@ def test_bad_input_is_refused_in_a_line(given, said):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
+def test_without_a_reference_the_withheld_fixes_are_it():
+    """They are known to decimetres, outages of 20 s drift by metres: the scores are those by the truth
+    to a few tenths."""
+    drive = sd.simulate("car", duration=150.0, imu="industrial", seed=5)
+    by_truth, by_fixes = (
+        sd.compare(each, ["closed-loop"], outages="70:90,110:130")
+        for each in (drive, replace(drive, reference=None))
+    )
+    assert any("no reference: errors are against the withheld fixes" in n for n in by_fixes.notes)
+    assert not any("no reference" in note for note in by_truth.notes)
+    for column, within in (("horizontal_rmse_m", 0.6), ("velocity_rmse_m_s", 0.1)):
+        off = by_fixes.scores[column] - by_truth.scores[column]
+        assert off.abs().max() < within
+    assert by_fixes.scores["heading_rmse_deg"].isna().all()
+    assert by_truth.scores["heading_rmse_deg"].notna().all()
+    assert by_fixes.reference.std is not None and (by_fixes.scores["coverage_3"] > 0.9).all()
+
+
+@pytest.mark.short
+def test_with_neither_a_reference_nor_positions_it_is_refused():
+    velocity = tuple(a for a in flight(20.0).sources if a.kind == "velocity")
+    alone = replace(flight(20.0), reference=None, sources=velocity)
+    with pytest.raises(DataError, match="no reference to score against, and no fixes of position"):
+        sd.compare(alone, ["closed-loop"], outages="8:12", start=sd.align(flight(20.0)))
+
+
 @pytest.mark.parametrize(
     "change, said",
     [
-        (lambda reference: None, "no reference"),
         (
             lambda reference: replace(reference, lla=np.full_like(reference.lla, np.nan)),
             "has no position",

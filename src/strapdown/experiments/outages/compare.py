@@ -30,6 +30,7 @@ from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
 from .runs import Common, Entrant, FilterWay, Result, through
 from .scores import known_reference, outages_of
+from .smoothed_fixes import NOTE, smoothed_fixes
 
 WITHHELD_KINDS = "position", "velocity"
 """Kinds of measurement that an outage of GNSS withholds."""
@@ -54,15 +55,15 @@ def compare(
     progress: Progress | bool | None = None,
     **shared: Unpack[SourceOptions],
 ) -> Comparison:
-    """Run filters through the same outages of a recording with a reference, and return the
-    Comparison of their errors.
+    """Run filters through the same outages of a recording, and return the Comparison of their errors
+    against its reference, or else against the fixes that are withheld.
 
     A filter that cannot run, or stops, stays in the result with what it said.
 
     Parameters
     ----------
     recording : Recording
-        With a reference.
+        With a reference, or with fixes of position.
     filters : str, or list of str or (name, options)
         Labels "NAME" or "NAME:option=value,..."; default: all that estimate a position but those of
         SLOW_FILTERS. A label may say what it estimates of the installation, as
@@ -95,14 +96,18 @@ def compare(
         with_estimates(recording, asked["estimate"]), asked["robust"], asked["adaptive"]
     )
     _check_ahrs(asked["ahrs"])
-    reference = known_reference(recording)
     imu = recording.meta.get("grade") if asked["imu"] is None else asked["imu"]
     spec = assumed_noise(imu, noise, needed=start is None)[1]
-    end = min(recording.span[1], float(reference.t[-1]))
 
     @cache
     def start_of_all() -> InitialState:
         return start or _aligned_start(recording, spec, asked)
+
+    if recording.reference is None:
+        reference, said = smoothed_fixes(recording, asked, start_of_all()), [NOTE]
+    else:
+        reference, said = known_reference(recording), []
+    end = min(recording.span[1], float(reference.t[-1]))
 
     made = protocol(outages, recording.span, end, lambda: start_of_all().t + SETTLING)
     # without the fixes of an early outage an alignment would wait, or begin with less
@@ -111,7 +116,7 @@ def compare(
     begin = start or _hidden_start(hidden, spec, asked)
     before_start(made, begin)
     scenes, notes = outages_of(made, recording, reference, kinds, begin)
-    notes = [*notes, *_idle_ahrs(asked["ahrs"], entrants)]
+    notes = [*said, *notes, *_idle_ahrs(asked["ahrs"], entrants)]
     # the recording has its weights, and of each filter what it estimates
     given: RunOptions = {**asked, "start": begin, "robust": None, "adaptive": None}
     common = Common(recording, hidden, made.sweep, scenes, kinds, given)

@@ -68,14 +68,10 @@ class ErrorTrack(NamedTuple):
 
 
 def known_reference(recording: Recording) -> Trajectory:
-    """The rows of the recording's reference whose position is known. Raises DataError where
-    there are none."""
+    """The rows of the recording's reference, which it has, whose position is known. Raises DataError
+    where there are none."""
     reference = recording.reference
-    if reference is None:
-        raise DataError(
-            "the recording has no reference to score against: add one to it (section [reference] of "
-            "its description)"
-        )
+    assert reference is not None
     known: Mask = np.all(np.isfinite(reference.lla), axis=1)
     if known.sum() < 2:
         raise DataError(
@@ -162,11 +158,15 @@ def _scene(
     )
     least = int(np.searchsorted(t, start.t + SAME_TIME, side="right"))
     steps = float(np.median(recording.imu.dt)), float(np.median(np.diff(reference.t)))
+    truth = interpolate_reference(reference, t[inside])
+    if reference.std is not None:  # of fixes that stand for a reference
+        nearest = np.clip(np.searchsorted(reference.t, truth.t), 0, len(reference.t) - 1)
+        truth = replace(truth, std=reference.std[nearest])
     return _Scene(
         t,
         t + SAME_TIME,
         least,
-        interpolate_reference(reference, t[inside]),
+        truth,
         times,
         " or ".join(kinds),
         *steps,
@@ -264,6 +264,8 @@ def score_outage(solution: Solution, outage: ScoredOutage) -> tuple[dict[str, fl
     known = np.isfinite(truth.lla).all(axis=1)
     p = displacement(truth.lla[known], estimate.lla[known])
     std = np.full_like(p, np.nan) if estimate.std is None else estimate.std[known, :3]
+    if truth.std is not None:
+        std = np.hypot(std, truth.std[known, :3])
     row = (
         _position_scores(p, outage)
         | _velocity_scores(estimate, outage)
