@@ -31,6 +31,7 @@ from .installation.findings import Diagnosis as Diagnosis
 from .installation.follow import Followed as Followed, follow as follow
 from .installation.states import EstimatedInstallation as EstimatedInstallation
 from .io import read as read, write_recording as write_recording
+from .io.example_recordings import example as example, examples as examples
 from .io.noise_file import with_noise as with_noise
 from .io.solution import read_solution as read_solution, write_solution as write_solution
 from .pages.page import report as report

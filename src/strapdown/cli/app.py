@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from math import isfinite, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn, TypedDict
 
 import typer
 
@@ -222,31 +222,69 @@ def demo(
         int, typer.Option(help="Of the random errors; another seed is another flight's noise.")
     ] = 7,
     imu: GRADE = "tactical",
+    recorded: Annotated[
+        bool,
+        typer.Option(
+            "--recorded", help="A recorded drive with outages of GNSS instead, from the package."
+        ),
+    ] = False,
     map: MAP = False,
 ) -> None:
-    """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a
-    page."""
-    from ..sim.trajectory import demo_flight
-
-    recording = sd.simulate(demo_flight(), 600.0, imu, seed)
-    truth = recording.reference
-    assert truth is not None  # as of all that is simulated
-    print(
-        f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed "
-        f"{seed}"
-    )
+    """Simulate a 10-minute flight, or take a recorded drive, fuse it open and closed loop, print the
+    errors and write a page."""
+    shown = _recorded_demo() if recorded else _simulated_demo(imu, seed)
+    print(shown.about)
+    truth = shown.recording.reference
+    assert truth is not None  # as of all that is simulated, and of the drive
     with results_folder(out.parent), Progress() as progress:
         solutions = {
             name: sd.fuse(
-                recording, name, imu=imu, notify=progress.notify, progress=progress.track(name)
+                shown.recording,
+                name,
+                imu=shown.imu,
+                notify=progress.notify,
+                progress=progress.track(name),
             )
             for name in ("closed-loop", "open-loop")
         }
         print_verdicts({name: solution.verdict for name, solution in solutions.items()})
-        print_errors(solutions, truth, (120.0, 600.0))
-        title = "strapdown demo: a simulated 10-minute flight"
-        save_page(sd.report(solutions, truth, title, window=(120.0, 600.0), map=map), out)
+        print_errors(solutions, truth, shown.window)
+        title = f"strapdown demo: {shown.title}"
+        save_page(sd.report(solutions, truth, title, window=shown.window, map=map), out)
     print(f"wrote {out}")
+
+
+class _Demo(NamedTuple):
+    """What `demo` shows."""
+
+    recording: sd.Recording
+    imu: str | None  # None: the recording names it
+    window: tuple[float, float]  # s that are scored
+    about: str
+    title: str
+
+
+def _simulated_demo(imu: str, seed: int) -> _Demo:
+    from ..sim.trajectory import demo_flight
+
+    about = f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}"
+    flight = sd.simulate(demo_flight(), 600.0, imu, seed)
+    return _Demo(flight, imu, (120.0, 600.0), about, "a simulated 10-minute flight")
+
+
+DEMO_OUTAGES = ((200.0, 215.0), (320.0, 335.0), (440.0, 455.0))
+"""Windows (s) without fixes in the recorded drive."""
+
+
+def _recorded_demo() -> _Demo:
+    drive = sd.example("drive")
+    windows = ", ".join(f"{start:.0f} to {stop:.0f} s" for start, stop in DEMO_OUTAGES)
+    about = (
+        "recorded drive: 549 s in hills, consumer IMU at 100 Hz, RTK position and velocity at 4 Hz; fixes "
+        f"withheld from {windows} (recorded by rtklibexplorer, BSD 3-Clause licence)"
+    )
+    title = "a recorded drive with three outages"
+    return _Demo(drive.hidden(DEMO_OUTAGES), None, (60.0, drive.span[1]), about, title)
 
 
 @app.command(cls=Command)

@@ -8,6 +8,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.compile.records import Table
 from ..core.loop.contract import BA, BG, BRIDGED, DOUBTFUL, POS, STATES, VALID, VEL, Filter
+from ..core.loop.gaps import BRIDGE
 from ..core.loop.tables import FixRow
 from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, STD, Q, T, V
 from ..data.solution import Innovations, Solution, SolutionMeta, Source, Trajectory
@@ -15,6 +16,9 @@ from ..data.value import read_only
 from ..typing import Array
 from .installation import parameter_meta
 from .prepare import Run, augmented_states
+
+AFTER_GAP = 30.0
+"""s after a gap of the IMU in which a filter may still be finding back to right fixes."""
 
 
 def solution(run: Run) -> Solution:
@@ -32,7 +36,7 @@ def solution(run: Run) -> Solution:
             events.append((t, meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
-    _doubt_sequels(nav, run.events.unresolved)
+    _doubt_sequels(nav, run.events.unresolved, run.samples.t)
     _forget_unknown(filter, nav)
     nav = read_only(nav)
     columns = _columns(run, nav)
@@ -81,10 +85,14 @@ def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
     return meta
 
 
-def _doubt_sequels(nav: Array, spans: Sequence[tuple[float, float]]) -> None:
-    """Mark the rows in which fixes that jumped or drifted away are still followed."""
+def _doubt_sequels(nav: Array, spans: Sequence[tuple[float, float]], samples: Array) -> None:
+    """Mark the rows in which fixes that jumped or drifted away are still followed, from the times
+    `samples` (s) of the IMU on. After a gap of them it is the filter that was away."""
     t, status = nav[:, T], nav[:, ROW_STATUS]
+    gap = np.flatnonzero(np.diff(samples) > BRIDGE)
     for start, stop in spans:
+        if ((start >= samples[gap]) & (start <= samples[gap + 1] + AFTER_GAP)).any():
+            continue
         told = np.isin(status, (VALID, BRIDGED)) & (t >= start) & (t < stop)
         status[told] = DOUBTFUL
 
