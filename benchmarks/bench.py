@@ -3,7 +3,7 @@ line and in result.json beside this file, which is committed and from which docs
 is made.
 
 Times are measured alternating in one process and compared as ratios: absolute times on shared machines say little.
-Names of parts run those alone and write nothing; --full also scores the slow peers on the whole 30 minutes (minutes of work).
+Names of parts run those alone and write nothing; --pages renews the figures that are read from pages; --full also scores the slow peers on the whole 30 minutes (minutes of work).
 """
 
 import argparse
@@ -491,6 +491,8 @@ PARTS = {
     "evidence": ("Studies that take hours, from their pages", study_pages),
 }
 """{name of a part: (title, function of a Book)}, in order."""
+PAGES = "evidence"
+"""The part that measures nothing, but reads pages."""
 
 
 def measured(names, full):
@@ -520,13 +522,33 @@ def summary(book):
     return lines + [f"part {name} ended early: {why}" for name, why in book.broken.items()]
 
 
+def renew_pages(path):
+    """Put the figures of pages as they are now into a result."""
+    about, old = figures.read(path)
+    parts, broken = about.pop("parts"), about.pop("broken")
+    new = measured([PAGES], False)
+    if new.broken:
+        raise SystemExit(f"part {PAGES}: {new.broken[PAGES]}; {path} stays as it was")
+    kept = [figure for figure in old if figure.part != PAGES]
+    figures.write(path, [*kept, *new.figures], about, parts, broken)
+    print("\n".join(summary(new)))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument(
         "--full", action="store_true", help="score the slow peers on the whole workloads, too"
     )
+    parser.add_argument(
+        "--pages",
+        action="store_true",
+        help="read the part `evidence` again into result.json, whose other figures stay as they were "
+        "measured: each of its figures names the page and the commit that it is from",
+    )
     options = parser.parse_args()
+    if options.pages:
+        return renew_pages(RESULT)
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
     about = figures.about() | {"peers": peers.versions()}  # of the code as it is when it begins

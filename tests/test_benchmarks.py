@@ -221,6 +221,24 @@ def test_a_part_alone_writes_nothing_and_a_wrong_name_is_refused(monkeypatch, tm
 
 
 @pytest.mark.short
+def test_pages_alone_are_renewed(monkeypatch, tmp_path):
+    """Other figures, and the commit that they were measured at, stay."""
+    path = tmp_path / "result.json"
+    of = lambda name, value, part: figures.informative(name, value, "", "")._replace(part=part)
+    about = {"commit": "c0ffee"}
+    old = [of("a time", 3.0, "speed"), of("of a page", 1.0, "evidence")]
+    figures.write(path, old, about, [{"name": "speed"}], {})
+    renew = lambda book: book.add(figures.informative("of a page", 2.0, "", "page.md as of now"))
+    monkeypatch.setattr(bench, "RESULT", path)
+    monkeypatch.setattr(bench, "PARTS", {"evidence": ("Pages", renew)})
+    monkeypatch.setattr(sys, "argv", ["bench.py", "--pages"])
+    bench.main()
+    found, written = figures.read(path)
+    assert found["commit"] == "c0ffee" and found["parts"] == [{"name": "speed"}]
+    assert [(each.name, each.value) for each in written] == [("a time", 3.0), ("of a page", 2.0)]
+
+
+@pytest.mark.short
 def test_without_the_data_folder_all_figures_say_the_same(monkeypatch, tmp_path):
     monkeypatch.setenv("STRAPDOWN_DATA", str(tmp_path / "absent"))
     book = bench.Book()

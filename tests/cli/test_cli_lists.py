@@ -1,6 +1,7 @@
 """The lists of formats and of what is installed."""
 
 import platform
+from pathlib import Path
 
 import strapdown as sd
 from strapdown.io.registry import readers
@@ -31,3 +32,11 @@ def test_doctor_tells_of_this_installation(good, monkeypatch, tmp_path):
 def test_doctor_without_a_data_folder_says_so(good, monkeypatch):
     monkeypatch.setenv("STRAPDOWN_DATA", "nowhere")
     assert "data folder   none" in good("doctor")
+
+
+def test_the_demo_of_a_recorded_drive_needs_no_data_folder(good, monkeypatch, tmp_path):
+    monkeypatch.setenv("STRAPDOWN_DATA", str(tmp_path / "nowhere"))
+    monkeypatch.chdir(tmp_path)
+    out = good("demo", "--recorded", "--out", "drive.html")
+    assert "recorded drive: 549 s" in out and "verdict on all 2: trusted" in out
+    assert "a recorded drive with three outages" in Path("drive.html").read_text()

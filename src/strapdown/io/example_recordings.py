@@ -33,7 +33,7 @@ def example(name: str = "drive") -> Recording:
     Returns
     -------
     Recording
-        As its description has it: `example_description` of the module gives its path.
+        As its description has it, whose path `strapdown.io.example_recordings.example_description` gives.
 
     Raises
     ------
