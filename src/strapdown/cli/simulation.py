@@ -10,6 +10,7 @@ import typer
 
 import strapdown as sd
 
+from ..units.wording import count_text
 from . import complete
 from .console import (
     GNSS,
@@ -130,7 +131,8 @@ def study(
         else {},
     )
     print(
-        f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: "
+        f"{count_text(len(made.cells), 'cell')}, {count_text(len(made.filters), 'filter')}, "
+        f"{count_text(runs, 'run')}: "
         f"{made.steps() / 1e6:.3g} million filter steps"
     )
     with results_folder(out), Progress() as progress:

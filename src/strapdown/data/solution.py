@@ -21,6 +21,7 @@ from ..core.mathematics.rotation import quaternion_to_euler
 from ..geometry import geodesy
 from ..typing import Array, ArrayLike, File, Ints, Mask, Vector
 from ..units.time_scales import Moment, ends, utc, within
+from ..units.wording import count_text
 from .operations import operation
 from .value import TakenByTime, Value, read_only
 from .verdict import NOT_JUDGED, RISK, Untested, Verdict
@@ -277,7 +278,7 @@ class Source(Value):
         return str(operation("card")(self))
 
     def __repr__(self) -> str:
-        return f"Source({self.name or self.kind}, {len(self.t)} fixes)"
+        return f"Source({self.name or self.kind}, {count_text(len(self.t), 'fix', 'es')})"
 
 
 @dataclass(frozen=True, eq=False)

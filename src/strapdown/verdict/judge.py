@@ -20,6 +20,7 @@ from .observability import MIN_TIME, bounds, untested_claims
 from .second_filter import SECOND, run_second_filter
 
 Found = TypeVar("Found")
+NOTHING_USED = Untested("anything", "no fix was used", rests=QUANTITIES)
 
 
 def judge(solution: Solution) -> Verdict:
@@ -52,8 +53,7 @@ def judge(solution: Solution) -> Verdict:
     inspected, untested = attempt("the recording", _inspect, solution) or ([], [])
     unknown += untested
     if not sources and not symptoms and not inspected:
-        nothing = Untested("anything", "no fix was used", rests=QUANTITIES)
-        return Verdict(NOT_JUDGED, untested=(nothing, *unknown))
+        return Verdict(NOT_JUDGED, untested=(NOTHING_USED, *unknown))
     # what the filter has estimated is not as the recording has it
     found = {each.cause for each in installed.parameters if each.status != "not observable"}
     inspected = [reason for reason in inspected if reason.cause not in found]

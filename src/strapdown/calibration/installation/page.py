@@ -43,7 +43,8 @@ def page(found: "Installation") -> Page:
         {
             "recording": found.given.meta.get("name", ""),
             "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
-            "found": f"{len(found.found)} of {count_text(len(found.parameters), 'parameter')}",
+            "changed": f"{len(found.found)} of {count_text(len(found.parameters), 'parameter')}"
+            + ("" if found.found else ": nothing shows that what was given is wrong"),
             "runs of the filter": str(found.runs),
         },
         FOOTER,

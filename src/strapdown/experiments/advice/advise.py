@@ -26,6 +26,7 @@ from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, imu as imu_spec
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress
+from ...units.wording import count_text
 from ..monte_carlo.campaign import Campaign, make_folder
 from ..monte_carlo.study import CAMPAIGN_OPTIONS, CampaignOptions, Study
 from .mission import CIRCUIT, MISSION_RATE, aligned_in_motion, mission, seconds
@@ -267,7 +268,7 @@ def _cost(study: Study, maps: Study | None, steps: int) -> str:
     total = study.steps() + (maps.steps() if maps else 0)
     left = f" to do of {total / 1e6:.3g}" if steps < total else ""
     return (
-        f"{study.runs} runs of {len(study.filters)} filters"
+        f"{count_text(study.runs, 'run')} of {count_text(len(study.filters), 'filter')}"
         + (f", and a map of {len(maps.cells)} cells" if maps else "")
         + f": {steps / 1e6:.3g}{left} million filter steps, about {work:.2g} s of processor time "
         "where kernels are compiled already"

@@ -17,6 +17,7 @@ from ...data.verdict import Verdict
 from ...evaluation.metrics import NED_AXES
 from ...fileio.files import together, write_table
 from ...typing import File
+from ...units.wording import count_text
 from .protocols import Window
 from .scores import ErrorTrack
 from .summaries import PAIR_COLUMNS, curves, pool_scores, ratio
@@ -225,7 +226,7 @@ class Comparison(Value):
         return card(f"Comparison {self.name}", facts, said, summary(self), judged)
 
     def __repr__(self) -> str:
-        return f"Comparison({self.name}: {len(self.filters)} filters, {len(self.windows)} outages, {self.words})"
+        return f"Comparison({self.name}: {count_text(len(self.filters), 'filter')}, {count_text(len(self.windows), 'outage')}, {self.words})"
 
 
 def unit(name: str) -> str:
