@@ -257,7 +257,7 @@ def demo(
 class _Demo(NamedTuple):
     """What `demo` shows."""
 
-    recording: sd.Recording
+    recording: "sd.Recording"
     imu: str | None  # None: the recording names it
     window: tuple[float, float]  # s that are scored
     about: str
