@@ -255,7 +255,7 @@ def demo(
 
 
 class _Demo(NamedTuple):
-    """What `demo` shows."""
+    """A recording and what `demo` says of it."""
 
     recording: "sd.Recording"
     imu: str | None  # None: the recording names it

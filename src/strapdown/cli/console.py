@@ -318,7 +318,7 @@ def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     groups, several = together(verdicts), len(verdicts) > 1
     for names, verdict in groups:
         them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
-        _notify(f"verdict{f' on {them}' if several else ''}: {_coloured(verdict.word)}")
+        _notify(f"verdict{f' on {them}' if several else ''}: {_word_in_colour(verdict.word)}")
         for line in _verdict_in_short(verdict) if several else verdict.lines[1:]:
             _notify(line)
 
@@ -336,7 +336,7 @@ def _verdict_in_short(verdict: Verdict) -> Iterator[str]:
 COLOURS = {TRUSTED: "green", DOUBTFUL: "yellow", NOT_TO_BE_TRUSTED: "red"}
 
 
-def _coloured(word: str) -> str:
+def _word_in_colour(word: str) -> str:
     """A verdict's word, on a terminal in its colour, unless NO_COLOR is set (https://no-color.org)."""
     plain = not sys.stdout.isatty() or os.environ.get("NO_COLOR")
     return word if plain else typer.style(word, fg=COLOURS.get(word), bold=True)

@@ -12,6 +12,11 @@ FOLDER = Path(__file__).with_name("examples")
 def examples() -> list[str]:
     """Return the names of the recordings that come with the package, sorted.
 
+    Returns
+    -------
+    list of str
+        Names that `example` takes.
+
     Examples
     --------
     >>> import strapdown as sd

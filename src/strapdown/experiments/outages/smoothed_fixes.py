@@ -1,4 +1,4 @@
-"""What outages of a recording without a reference are scored against: the fixes that they withhold."""
+"""The fixes that outages withhold, against which they are scored where a recording has no reference."""
 
 from dataclasses import replace
 
