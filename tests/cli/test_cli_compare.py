@@ -187,7 +187,6 @@ LISTED = ("flight.nc", "--outages", "8:11")
         (("flight.nc", "--outages", "8:11,10:13"), "overlap"),
         (("flight.nc", "--outages", "8:50"), "outage"),
         ((*LISTED, "--imu", "tactcal"), "did you mean 'tactical'"),
-        (("bare.nc", "--outages", "8:11"), "no reference"),
         ((*LISTED, "--from", "30"), "30"),
         (("nothing.nc",), "nothing.nc"),
         ((*LISTED, "--filters", "direct-ahrs", "--ahrs", "closed-loop"), "closed-loop"),

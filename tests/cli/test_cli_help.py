@@ -110,7 +110,7 @@ def test_the_command_lists_its_commands_by_task(good):
 @pytest.mark.parametrize(
     "line, offered",
     [
-        ("strapdown re", ["receivers", "reproduce"]),
+        ("strapdown re", ["reproduce", "receivers"]),
         ("strapdown fuse x.nc --filter attitude-", ["attitude-mekf"]),
         ("strapdown compare x.nc --filters closed-loop,nl", ["closed-loop,nlo"]),
         ("strapdown export --sources position,zero-velo", ["position,zero-velocity"]),

@@ -85,7 +85,7 @@ def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, command):
     code, out, _ = command(*words)
     assert (
         code == 0
-        and "1 cells, 2 filters, 3 runs: 0.0036 million filter steps" in out
+        and "1 cell, 2 filters, 3 runs: 0.0036 million filter steps" in out
         and "periodic-reset:interval=5" in out
     )
     table = (hop / "done" / "summary.csv").read_bytes()

@@ -20,5 +20,5 @@ def test_all_examples_are_small():
 
 
 def test_an_unknown_example_is_named():
-    with pytest.raises(sd.DataError, match="example"):
+    with pytest.raises(sd.DataError, match="name"):
         sd.example("flight")

@@ -230,7 +230,8 @@ class Verdict:
             return f"{self.word}: {self.reasons[0]}"
         if not self.untested:
             return self.word
-        return f"{self.word}; not tested: {', '.join(each.what for each in self.untested)}"
+        told = [each.seen if self.word == NOT_JUDGED else each.what for each in self.untested]
+        return f"{self.word}; not tested: {', '.join(told)}"
 
     @property
     def lines(self) -> list[str]:

@@ -89,7 +89,9 @@ def _of_gravity(subject: InspectedRecording) -> Checked:
     it, so that only axes that explain far more are a reason, and right ones are no fact."""
     motion = subject.felt
     t = motion.t[::2]
-    t = t[(t > motion.t[0] + MEAN) & (t < motion.t[-1] - MEAN)]
+    t = t[(t > motion.t[0] + MEAN) & (t < motion.t[-1] - MEAN)] if len(t) else t
+    if len(t) < MIN_FIXES:
+        return Checked.empty()
     force = motion.mean(motion.body_v, t, MEAN)
     gravity = Source("specific-force", t, force, np.full_like(force, FORCE_STD))
     pairs = _choose_pairs(subject, gravity)

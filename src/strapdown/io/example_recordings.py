@@ -56,5 +56,5 @@ def example(name: str = "drive") -> Recording:
 
 def example_description(name: str = "drive") -> Path:
     """Return the path of the recording.toml of an example. Raises DataError."""
-    check_choice(name, "example", examples())
+    check_choice(name, "name", examples())
     return FOLDER / name / "recording.toml"
