@@ -311,5 +311,4 @@ def test_a_filter_runs_with_the_options_of_the_study():
     """pkf gets a tenth of its components."""
     task = CellTask(GENTLE, FaultSubject("pkf"), 1)
     rows = {row["fault"]: row["verdict"] for row in cells(task, ("one position 50 m off",))}
-    assert rows == {"nominal": "ok", "one position 50 m off": rows["one position 50 m off"]}
-    assert rows["one position 50 m off"] in ("ok", "said")
+    assert rows["nominal"] == "ok" and rows["one position 50 m off"] in ("ok", "said")

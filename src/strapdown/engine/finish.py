@@ -14,11 +14,9 @@ from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, 
 from ..data.solution import Innovations, Solution, SolutionMeta, Source, Trajectory
 from ..data.value import read_only
 from ..typing import Array
+from ..units.constants import SETTLING
 from .installation import parameter_meta
 from .prepare import Run, augmented_states
-
-AFTER_GAP = 30.0
-"""s after a gap of the IMU in which a filter may still be finding back to right fixes."""
 
 
 def solution(run: Run) -> Solution:
@@ -87,11 +85,12 @@ def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
 
 def _doubt_sequels(nav: Array, spans: Sequence[tuple[float, float]], samples: Array) -> None:
     """Mark the rows in which fixes that jumped or drifted away are still followed, from the times
-    `samples` (s) of the IMU on. After a gap of them it is the filter that was away."""
+    `samples` (s) of the IMU on. SETTLING seconds from a gap of them on it is the filter that was
+    away."""
     t, status = nav[:, T], nav[:, ROW_STATUS]
     gap = np.flatnonzero(np.diff(samples) > BRIDGE)
     for start, stop in spans:
-        if ((start >= samples[gap]) & (start <= samples[gap + 1] + AFTER_GAP)).any():
+        if ((start >= samples[gap]) & (start <= samples[gap + 1] + SETTLING)).any():
             continue
         told = np.isin(status, (VALID, BRIDGED)) & (t >= start) & (t < stop)
         status[told] = DOUBTFUL

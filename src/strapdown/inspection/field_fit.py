@@ -124,7 +124,7 @@ def reasons_of_fit(fit: FieldFit, source: Source) -> list[Reason]:
                 f"the IMU turns {abs(lag):.2f} +- {std:.2f} s {late} than the field of {name}",
                 "bring both to one clock: `offset` of either",
                 name,
-                abs(lag) / MIN_LAG,
+                float(abs(lag) / MIN_LAG),
             )
         )
     angle, size = fit.value[MISALIGNED], fit.std[MISALIGNED]
@@ -151,7 +151,7 @@ def reasons_of_fit(fit: FieldFit, source: Source) -> list[Reason]:
                 f"{name}",
                 "calibrate the scale of the gyro, and iron beside the magnetometer",
                 name,
-                abs(scale) / MIN_SCALE,
+                float(abs(scale) / MIN_SCALE),
             )
         )
     return found

@@ -445,8 +445,9 @@ def near_pole(solution: Solution) -> Iterator[Reason]:
     if solution.has_position or solution.recording is None:
         return
     lat = abs(solution.meta["start"]["lla"][0])
-    fields = [a.parameters for a in solution.recording.sources if a.kind == "magnetic-field"]
-    dips = [np.arctan2(abs(down), np.hypot(north, east)) for north, east, down, *_ in fields]
+    told = [a.parameters[:3] for a in solution.recording.sources if a.kind == "magnetic-field"]
+    fields = [field for field in told if len(field) == 3]
+    dips = [np.arctan2(abs(down), np.hypot(north, east)) for north, east, down in fields]
     if max([lat, *dips]) < NEAR_POLE:
         return
     where = f"latitude {np.degrees(lat):.4g} deg"

@@ -5,12 +5,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ...core.loop.integrity import HEARD
 from ...typing import Array
 from .causes import DRIFT, JUMP
 from .contradictions import RejectedRun
 
-RESTING = 10.0
-"""s without a fix after which a jump is no contradiction: the filter may have drifted meanwhile."""
 RETURNED = 0.3
 """Part of its largest distance from where it was that a source may keep when it has returned."""
 
@@ -19,10 +18,11 @@ def unresolved_spans(
     runs: Sequence[RejectedRun], sources: Iterable[int]
 ) -> list[tuple[float, float]]:
     """[(from, to)] s: when one of these sources contradicts what it said before, or the IMU, by a jump or a
-    drift to which it stays; until it returns, or the end (inf)."""
+    drift to which it stays; until it returns, or the end (inf). A jump after HEARD seconds without a fix is
+    no contradiction: the filter may have drifted meanwhile."""
     found = []
     for s in sources:
-        found += _of_source([run for run in runs if run.source == s and run.silent < RESTING])
+        found += _of_source([run for run in runs if run.source == s and run.silent < HEARD])
     return found
 
 
