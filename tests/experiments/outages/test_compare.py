@@ -2,6 +2,7 @@
 failures stay in the result; bad input is one line."""
 
 import re
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -600,3 +601,20 @@ def test_what_was_said_before_an_outage_is_not_of_the_outage():
     (doubtful,) = [note for note in found.notes if note.startswith("doubtful in the run")]
     assert doubtful.startswith("doubtful in the run through all outages: closed-loop ")
     assert 10 < float(doubtful.split()[-2]) < 41 and doubtful.endswith(" s")
+
+
+def test_standard_deviations_of_the_fixes_count_in_the_coverage(monkeypatch):
+    """With a reference that is known to 100 m, all errors are within one standard deviation."""
+    module = sys.modules["strapdown.experiments.outages.compare"]
+    drive = replace(sd.simulate("car", duration=100.0, imu="industrial", seed=5), reference=None)
+    right = module.smoothed_fixes
+
+    def coarse(*given):
+        found = right(*given)
+        return replace(found, std=np.full_like(found.std, 100.0))
+
+    monkeypatch.setattr(module, "smoothed_fixes", coarse)
+    found = sd.compare(drive, ["closed-loop"], outages="70:90")
+    assert (found.scores["coverage_1"] == 1.0).all() and (
+        found.scores["down_coverage_1"] == 1
+    ).all()
