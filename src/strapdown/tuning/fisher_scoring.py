@@ -20,6 +20,7 @@ ROUNDS = 30
 COUPLED = 0.1
 """Correlation in the information from which unknowns follow each other along a profile."""
 POINTS = 8  # on each side of a profile
+MAX_STRIDE = 1.2  # of the logarithm from one of them to the next
 FOLLOWING = 2  # steps of the other unknowns at each of them
 
 
@@ -125,7 +126,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
     follow = -np.linalg.solve(F[np.ix_(near, near)], F[near, k]) if near.any() else np.empty(0)
     alone = F[k, k] + follow @ F[near, k]
     bound = (likelihood.high if side > 0 else likelihood.low)[j]
-    stride = float(np.clip(np.sqrt(CHI_SQUARE_95 / max(alone, 1e-12)), 0.02, 1.2))
+    stride = float(np.clip(np.sqrt(CHI_SQUARE_95 / max(alone, 1e-12)), 0.02, MAX_STRIDE))
     points: list[Point] = []
     x = at.theta[j]
     while len(points) < POINTS and (bound - x) * side > 1e-6:
@@ -142,7 +143,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
             break
         # on to where a parabola would cross, and a little further
         grown = np.sqrt(CHI_SQUARE_95 / max(loss, 1e-3))
-        stride = float(np.clip(abs(x - at.theta[j]) * (1.1 * grown - 1), 0.5 * stride, 4 * stride))
+        stride = float(np.clip(abs(x - at.theta[j]) * (1.1 * grown - 1), 0.5 * stride, min(4 * stride, MAX_STRIDE)))
     return points
 
 

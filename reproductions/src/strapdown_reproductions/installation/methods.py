@@ -91,7 +91,7 @@ def _name(name: str, cause: str) -> str:
 
 def _words(parameter: StateParameter) -> str:
     axis = parameter.of.components[parameter.component]
-    return " ".join(filter(None, (parameter.of.name.replace("-", " "), axis)))
+    return " ".join(filter(None, (parameter.of.cause, axis)))
 
 
 METHODS: dict[str, Method] = {
