@@ -13,7 +13,7 @@ from ..typing import Array
 from .model import Constant
 
 MAX_RUNS = 15
-RISE = 1.02
+RISE = 1.001
 """A step is taken unless the cost of a run rises by more than this factor."""
 HALVINGS = 3
 SETTLED = 0.5
