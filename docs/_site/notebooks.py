@@ -24,6 +24,8 @@ PICTURE = "image/png"
 KERNEL = "this-python"
 WIDTH, HEIGHT = 900, 450
 """px of a figure that has no size of its own."""
+MAX_FIGURE = 100_000
+"""Characters of a figure that a notebook keeps beside its picture; larger ones are drawn by running it."""
 CODE = "code of the outputs"
 """Key of the digest in the metadata of a notebook."""
 
@@ -84,7 +86,7 @@ def as_picture(figure: dict[str, Any], folder: Path) -> str:
     figure = figure | {"layout": layout | {"width": size[0], "height": size[1]}}
     page.write_text(
         f'<body style="margin:0"><script src="{script.as_uri()}"></script><div id="f"></div>'
-        f"<script>Plotly.newPlot('f', {json.dumps(figure)}, {{staticPlot: true}})</script>",
+        f"<script>Plotly.newPlot('f', {json.dumps(figure)}, {{staticPlot: true, displayModeBar: false}})</script>",
         encoding="utf-8",
     )
     picture.unlink(missing_ok=True)
@@ -98,11 +100,21 @@ def settle(notebook: Any, folder: Path) -> None:
     """Give each figure a picture, and take out what another run would change for nothing."""
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
-        for output in cell.get("outputs", ()):
+        if cell.cell_type != "code":
+            continue
+        cell.outputs = [each for each in cell.outputs if not _is_empty(each)]
+        for output in cell.outputs:
             data = output.get("data", {})
             if FIGURE in data:
-                data[PICTURE] = as_picture(data.pop(FIGURE), folder)
+                data[PICTURE] = as_picture(data[FIGURE], folder)
+                if len(json.dumps(data[FIGURE])) > MAX_FIGURE:
+                    del data[FIGURE]
     notebook.metadata[CODE] = digest(notebook)
+
+
+def _is_empty(output: Any) -> bool:
+    """True of what a progress bar leaves."""
+    return output.get("data", {}).get("text/html") == ""
 
 
 def main() -> int:
