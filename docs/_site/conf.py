@@ -42,7 +42,6 @@ os.environ["IPYTHONDIR"] = str(kernels)
 
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 88
 add_module_names = False
