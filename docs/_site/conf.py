@@ -51,6 +51,7 @@ html_title = f"strapdown {release}"
 html_static_path = [str(HERE / "static")]
 html_extra_path = [str(Path(plotly.__file__).parent / "package_data" / "plotly.min.js")]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "static" / "scorer.js")
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False
