@@ -92,7 +92,9 @@ def as_picture(figure: dict[str, Any], folder: Path) -> str:
     picture.unlink(missing_ok=True)
     take_picture(page, picture, size)
     if not picture.exists():
-        raise RuntimeError("no Chromium drew the figure (chromium, chromium-browser, google-chrome)")
+        raise RuntimeError(
+            "no Chromium drew the figure (chromium, chromium-browser, google-chrome)"
+        )
     return b64encode(picture.read_bytes()).decode()
 
 

@@ -61,7 +61,9 @@ def test_a_notebook_whose_code_has_changed_since_is_named(tmp_path, monkeypatch)
     monkeypatch.setattr(notebooks, "FOLDER", tmp_path)
     monkeypatch.setattr(notebooks, "ROOT", tmp_path)
     (line,) = notebooks.stale()
-    assert line.startswith("changed.ipynb: its outputs are not of its code; run `python docs/_site/")
+    assert line.startswith(
+        "changed.ipynb: its outputs are not of its code; run `python docs/_site/"
+    )
 
 
 @pytest.mark.deep
