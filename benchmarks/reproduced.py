@@ -195,7 +195,7 @@ STUDIES = (
                 next(
                     row[3]
                     for row in markdown.rows(text)
-                    if row[:2] == ["README", "kit, clock and lever arm as states too"]
+                    if row[:2] == ["evidence", "kit, clock and lever arm as states too"]
                 )
             )
         },

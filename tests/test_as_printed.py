@@ -131,7 +131,7 @@ def fresh(script, folder, home):
 @pytest.mark.deep
 @pytest.mark.parametrize(
     "page",
-    [page for page in PAGES if page.name in ("README.md", "first-page.md")],
+    [ROOT / "README.md", ROOT / "docs" / "how-to" / "install.md"],
     ids=lambda page: page.name,
 )
 def test_it_installs_as_it_is_printed(page, tmp_path):

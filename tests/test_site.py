@@ -1,6 +1,8 @@
 """What the site of the documentation is made of: every page is in a table of contents, and what
 commands have written into the pages is what they would write now."""
 
+import re
+
 import api_pages
 import doc_blocks as blocks
 import doc_lists as lists
@@ -28,6 +30,35 @@ def test_the_ways_of_a_newcomer_are_short():
     assert pages.DOCS / "tutorials" / "your-log.md" in index
     which = pages.DOCS / "how-to" / "which-filter.md"
     assert which in index and pages.DOCS / "reference" / "filters.md" in pages.links(which)
+
+
+SOUGHT = {
+    "install": "install.md",
+    "GPU": "install.md",
+    "Windows": "install.md",
+    "platforms": "install.md",
+    "antenna": "lever-arm.md",
+    "lever arm": "lever-arm.md",
+    "mounting": "lever-arm.md",
+    "axes": "lever-arm.md",
+    "covariance": "covariance.md",
+    "uncertainty": "covariance.md",
+    "real time": "stream.md",
+    "live": "stream.md",
+    "latency": "stream.md",
+    "custom sensor": "plugins.md",
+    "your own log": "your-log.md",
+}
+"""Everyday words, and the page of the index that answers them."""
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("words", SOUGHT)
+def test_everyday_words_stand_in_a_heading_of_a_page_that_the_index_names(words):
+    (page,) = [path for path in pages.links(pages.DOCS / "index.md") if path.name == SOUGHT[words]]
+    text = page.read_text(encoding="utf-8")
+    headings = " ".join(re.findall(r"^#+ (.*)$", pages.FENCE.sub("", text), re.MULTILINE))
+    assert words.lower() in headings.lower()
 
 
 @pytest.mark.short

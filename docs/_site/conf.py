@@ -42,7 +42,6 @@ os.environ["IPYTHONDIR"] = str(kernels)
 
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 88
 add_module_names = False
@@ -52,6 +51,7 @@ html_title = f"strapdown {release}"
 html_static_path = [str(HERE / "static")]
 html_extra_path = [str(Path(plotly.__file__).parent / "package_data" / "plotly.min.js")]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "static" / "scorer.js")
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False

@@ -7,6 +7,7 @@ import sys
 import doc_lists as lists
 import figure_pages
 import filter_pages
+import notebooks
 from doc_pages import ROOT, every
 
 from strapdown_reproductions.common import markdown
@@ -34,4 +35,10 @@ def picture() -> list[str]:
 
 def stale() -> list[str]:
     """A line for each stale text, with its page and the command that writes it."""
-    return [*filter_pages.stale(), *figure_pages.stale(), *lists.stale(), *edited()]
+    return [
+        *filter_pages.stale(),
+        *figure_pages.stale(),
+        *lists.stale(),
+        *notebooks.stale(),
+        *edited(),
+    ]

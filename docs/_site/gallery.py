@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from doc_pages import DOCS, ROOT
+from screenshot import take_picture
 
 from strapdown import DataError
 from strapdown.io.locate import data_folder
@@ -21,7 +22,6 @@ SECTION = re.compile(
     r"^```text(?P<data> needs-data)?\n(?P<commands>(?:strapdown .*\n)+)```\n+<!-- page: (?P<page>\S+) -->$",
     re.MULTILINE,
 )
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = (1280, 800)
 
 
@@ -77,7 +77,7 @@ def make(folder: Path) -> Path:
         for link in linked(place.read_text(encoding="utf-8")):
             if (there := (folder / each.page).parent / link).is_file():
                 shutil.copy(there, place.parent / link)
-        _picture(place)
+        take_picture(place, place.with_suffix(".png"), SIZE, 0.75)
     stamp.write_text(wanted, encoding="utf-8")
     return kept
 
@@ -92,17 +92,6 @@ def _has_data() -> Path | None:
         return data_folder(__file__)
     except DataError:
         return None
-
-
-def _picture(page: Path) -> None:
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        return
-    run = [browser, "--headless", "--no-sandbox", "--use-gl=swiftshader", "--hide-scrollbars"]
-    run += ["--enable-unsafe-swiftshader", "--virtual-time-budget=10000"]
-    run += [f"--window-size={SIZE[0]},{SIZE[1]}", "--force-device-scale-factor=0.75"]
-    picture = page.with_suffix(".png")
-    subprocess.run([*run, f"--screenshot={picture}", page.as_uri()], capture_output=True)
 
 
 def with_pictures(text: str, folder: Path) -> str:

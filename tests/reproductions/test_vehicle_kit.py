@@ -59,7 +59,7 @@ def test_the_kit_was_chosen_on_other_windows_than_those_of_the_figures(data_fold
     import strapdown as sd
     from strapdown_reproductions.common.example_recordings import DESCRIPTIONS, windows_of
 
-    figures = windows_of(sd.read(DESCRIPTIONS / "drive0708.toml")) + on_drive.OF_ISSUE
+    figures = windows_of(sd.read(DESCRIPTIONS / "drive0708.toml")) + on_drive.OTHERS
     for start, stop in sum(on_drive.CHOSEN_ON, []):
         assert all(stop <= a or start >= b for a, b in figures)
 

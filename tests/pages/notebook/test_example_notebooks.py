@@ -1,59 +1,88 @@
-"""The notebooks of the tutorials: without stored outputs, with links that lead somewhere, and executed
-by this very Python."""
+"""The notebooks of the tutorials: with the outputs of their code and pictures of their figures, with
+links that lead somewhere, and executed by this very Python."""
 
 import json
 import re
-import sys
-from pathlib import Path
+from base64 import b64decode
 
+import notebooks
 import pytest
 
-FOLDER = Path(__file__).resolve().parents[3] / "docs" / "tutorials"
+FOLDER = notebooks.FOLDER
 NOTEBOOKS = [FOLDER / "first-recording.ipynb", FOLDER / "which-filter.ipynb"]
-KERNEL = "this-python"
+MAX_BYTES = 1e6
+"""Of a notebook with its outputs."""
 
 
 def ids(path):
     return path.stem
 
 
+def is_figure(code):
+    return ".plot(" in code and "except" not in code
+
+
+def text(cell):
+    return "".join(cell["source"])
+
+
 @pytest.mark.short
 def test_all_notebooks_are_known():
-    assert sorted(FOLDER.parent.rglob("*.ipynb")) == NOTEBOOKS
+    assert sorted(FOLDER.parent.rglob("*.ipynb")) == notebooks.notebooks() == NOTEBOOKS
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=ids)
-def test_a_notebook_is_stored_without_outputs_and_its_links_lead_somewhere(path):
+def test_a_notebook_shows_its_outputs_without_running_and_its_links_lead_somewhere(path):
+    assert path.stat().st_size < MAX_BYTES
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
-    assert code and all(not cell["outputs"] and cell["execution_count"] is None for cell in code)
-    said = "".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    assert [cell["execution_count"] for cell in code] == [*range(1, len(code) + 1)]
+    for cell in code:
+        shown = [output["data"] for output in cell["outputs"] if "data" in output]
+        assert not [output for output in cell["outputs"] if output.get("name") == "stderr"]
+        if is_figure(text(cell)):
+            (data,) = shown
+            assert b64decode(data["image/png"]).startswith(b"\x89PNG")
+            assert "text/html" not in data  # which an export would take instead of the picture
+    said = "".join(text(cell) for cell in cells if cell["cell_type"] == "markdown")
     links = re.findall(r"\]\(([^)#]+)", said)
     assert links and [link for link in links if not (path.parent / link).exists()] == []
 
 
+@pytest.mark.short
+def test_a_notebook_whose_code_has_changed_since_is_named(tmp_path, monkeypatch):
+    assert notebooks.stale() == []
+    notebook = json.loads(NOTEBOOKS[0].read_text(encoding="utf-8"))
+    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    code[0]["source"] = ["recording = None"]
+    changed = tmp_path / "changed.ipynb"
+    changed.write_text(json.dumps(notebook), encoding="utf-8")
+    monkeypatch.setattr(notebooks, "FOLDER", tmp_path)
+    monkeypatch.setattr(notebooks, "ROOT", tmp_path)
+    (line,) = notebooks.stale()
+    assert line.startswith(
+        "changed.ipynb: its outputs are not of its code; run `python docs/_site/"
+    )
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=ids)
-def test_a_notebook_runs_and_every_cell_of_a_figure_shows_one(path, tmp_path, monkeypatch):
-    nbclient = pytest.importorskip("nbclient", reason="needs nbclient and ipykernel")
-    nbformat = pytest.importorskip("nbformat")
+def test_a_notebook_runs_and_gives_the_outputs_that_are_stored(path, tmp_path, monkeypatch):
+    pytest.importorskip("nbclient", reason="needs nbclient and ipykernel")
+    pytest.importorskip("nbformat")
     pytest.importorskip("ipykernel")
-    spec = tmp_path / "kernels" / KERNEL / "kernel.json"
-    spec.parent.mkdir(parents=True)
-    argv = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
-    spec.write_text(json.dumps({"argv": argv, "display_name": KERNEL, "language": "python"}))
-    monkeypatch.setenv("JUPYTER_PATH", str(tmp_path))
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
-    notebook = nbformat.read(path, as_version=4)
-    where = {"metadata": {"path": str(tmp_path)}}
-    nbclient.NotebookClient(notebook, timeout=300, kernel_name=KERNEL, resources=where).execute()
-    for cell in notebook.cells:
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    executed = notebooks.execute(path, tmp_path)
+    for cell, before in zip(executed.cells, stored["cells"], strict=True):
         if cell.cell_type != "code":
             continue
         shown = [output.data for output in cell.outputs if "data" in output]
         assert not [output for output in cell.outputs if output.get("name") == "stderr"]
-        if ".plot(" in cell.source and "except" not in cell.source:
-            assert any("application/vnd.plotly.v1+json" in data for data in shown), cell.source
+        if is_figure(cell.source):
+            assert any(notebooks.FIGURE in data for data in shown), cell.source
         if cell.source.splitlines()[-1] in ("recording", "solution", "comparison", "campaign"):
             assert "strapdown-card" in shown[-1]["text/html"]
+            (kept,) = [output["data"] for output in before["outputs"]]
+            assert shown[-1]["text/plain"] == "".join(kept["text/plain"])

@@ -17,7 +17,7 @@ SEEDS, FEW = range(1, 21), range(1, 4)
 GRADES = ("consumer", "tactical", "navigation")
 OUTAGES, REST = "drive0708-outages", "rest"
 """Tables of the Evidence, beside those of `slips`."""
-MEDIAN = 1.2  # m, in the outages of the README
+MEDIAN = 1.2  # m, in the published outages
 INTRODUCTION = (
     "Rest, side slip, wheel slip and what they are worth, on simulated drives of the seeds 1 to 20 and "
     "on drive0708. Thresholds were chosen on other seeds, from 1000 on, and other windows.",
@@ -58,9 +58,9 @@ def claims(found: StudyTables) -> list[dict[str, Any]]:
     gain = slips.medians(found[SCALES], found[WORTH]).set_index("wheel speed")
     return [
         claim(
-            "drive0708 with the vehicle kit: median of the largest horizontal error in the README's "
+            "drive0708 with the vehicle kit: median of the largest horizontal error in the published "
             "nine 15 s outages",
-            medians["README", "kit"],
+            medians["evidence", "kit"],
             MEDIAN,
             "m",
         ),

@@ -17,7 +17,7 @@ from ..common.example_recordings import windows_of
 GNSS = ("position", "velocity")
 LENGTH, SEED, DRAWS = 15.0, 20, 4000
 WHEEL_STD = 0.1  # m/s
-OF_ISSUE = [(60.0, 75.0)] + [(110.0 + 50 * k, 125.0 + 50 * k) for k in range(8)]
+OTHERS = [(60.0, 75.0)] + [(110.0 + 50 * k, 125.0 + 50 * k) for k in range(8)]
 """s: other windows, in which the wrong set-ups of the installation are scored."""
 CHOSEN_ON = [
     [(first + 50 * k, first + 50 * k + LENGTH) for k in range(9)] for first in (79.0, 94.0)
@@ -38,7 +38,7 @@ def outage_errors(folder: Path) -> pd.DataFrame:
         "kit, clock and lever arm as states too": (kit, ("clock", "lever-arm", "mounting")),
         "kit, and wheel speed made of the RTK": (wheeled, ("mounting", "scale")),
     }
-    sets = {"README": [windows_of(given)], "issue": [OF_ISSUE], "chosen on": CHOSEN_ON}
+    sets = {"evidence": [windows_of(given)], "others": [OTHERS], "chosen on": CHOSEN_ON}
     rows = []
     for name, runs in sets.items():
         for windows in runs:
