@@ -70,7 +70,11 @@ const onceDrawn = [];  // functions of a figure and of what it was made from, wh
 async function draw(plot) {
   const figure = await unpacked("data-" + plot.id), layout = put(figure.layout, theme(figure.layout));
   const narrow = window.innerWidth < 700;
-  if (narrow) layout.margin.l = Math.min(layout.margin.l, 54);
+  if (narrow) {
+    layout.margin.l = Math.min(layout.margin.l, 54);
+    const eye = layout.scene && layout.scene.camera && layout.scene.camera.eye;
+    for (const axis in eye) eye[axis] *= 1.6;  // all of it fits into the width
+  }
   if (layout.xaxis && layout.xaxis.range) put(layout, clocked(plot, layout, layout.xaxis.range));
   plot.first = Object.fromEntries([...axes(layout, "x"), ...axes(layout, "y")].filter(axis => layout[axis].range).map(axis => [axis, [...layout[axis].range]]));
   await Plotly.newPlot(plot, figure.data, layout, {responsive: true, displayModeBar: narrow ? false : "hover", displaylogo: false, showSendToCloud: false, doubleClickDelay: 500,
@@ -103,7 +107,7 @@ const watched = new IntersectionObserver(entries => {
 }, {rootMargin: "300px 0px"});
 plots.forEach(plot => watched.observe(plot));
 // on paper all figures are as wide, whatever the window; page.css makes them smaller
-window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 1270, autosize: false})));
+window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 830, autosize: false})));
 window.addEventListener("afterprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: null, autosize: true})));
 if (window.DecompressionStream) setTimeout(drawAll);
 else plots.forEach(plot => { plot.textContent = "This browser is too old to draw the figures: it cannot unpack them (DecompressionStream). Any browser since 2023 can."; });

@@ -1,7 +1,6 @@
 """The page of a Tuning: what was found, how the likelihood tells it, and what the innovations are
 like before and after."""
 
-from html import escape
 from typing import TYPE_CHECKING
 
 from ..pages.parts import TableCell, caption, numbered_list, paragraphs, table
@@ -40,6 +39,7 @@ def page(found: "Tuning") -> Page:
             "runs of the filter": str(found.runs),
         },
         FOOTER,
+        f"{found.summary}.",
         _verdict(found),
         STYLE,
     )
@@ -68,11 +68,13 @@ def page(found: "Tuning") -> Page:
 
 def _verdict(found: "Tuning") -> str:
     """HTML of the summary, and of what the data do not decide."""
-    look, sign = ("doubt", "?") if found.undecided else ("right", "✓")
+    look, sign, word = ("right", "✓", "All numbers are decided by the data")
+    if found.undecided:
+        look, sign, word = ("doubt", "?", "The data do not decide everything")
     return judgement_html(
         look,
         sign,
-        escape(found.summary),
+        word,
         numbered_list(found.undecided),
         paragraphs(found.notes),
         paragraphs([found.used], "untested"),
