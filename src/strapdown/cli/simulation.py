@@ -23,6 +23,7 @@ from .console import (
     read_given,
     recording_argument,
     results_folder,
+    save_page,
     standard_deviations,
     table,
 )
@@ -143,8 +144,9 @@ def study(
             notify=progress.notify,
             progress=progress.track("study"),
         )
+        save_page(campaign.page(), out / "index.html")
     print_summary(campaign.summary)
-    print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
+    print(f"wrote {out}/index.html, summary.csv, runs.csv and the chunk files in chunks")
 
 
 def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":

@@ -129,7 +129,7 @@ def report(
     on_map = document.place(drawn, "On a map", CAPTION)
     for name, text in _sections(draw, added.sections, unscored):
         key = "" if document.sections else _key(solutions)
-        document.add(name, text, key, "" if document.sections else on_map)
+        document.add(name, "" if document.sections else on_map, text, key)
     of_reference = {name: estimated_installation(s).of_reference for name, s in solutions.items()}
     contradicted = summary.contradictions(scores, window, of_reference)
     verdicts = {name: solution.verdict for name, solution in solutions.items()}

@@ -76,7 +76,11 @@ def summary(comparison: Comparison) -> str:
         marks = np.array(
             [
                 _smallest(
-                    comparison, length, _axis(name), names, np.where(comparable, own[name], np.nan)
+                    comparison,
+                    float(str(length)),
+                    _axis(name),
+                    names,
+                    np.where(comparable, own[name], np.nan),
                 )
                 for _, name in shown
             ]
