@@ -26,6 +26,7 @@ from .console import (
     save_page,
     standard_deviations,
     table,
+    with_figures,
 )
 
 if TYPE_CHECKING:
@@ -434,4 +435,10 @@ def allan(
     print(f"wrote {out}/allan.html, allan.csv, allan-imu.toml")
 
 
-COMMANDS = (simulate, study, advise, reproduce, allan)
+COMMANDS = (
+    simulate,
+    with_figures(study),
+    with_figures(advise),
+    reproduce,
+    with_figures(allan),
+)

@@ -17,6 +17,7 @@ from ..fileio.files import replacing
 from ..typing import File
 from .packing import deflate_text, pack_json
 from .parts import paragraphs, remarks
+from .pictures import save_asked
 from .script import plotly_script
 
 if TYPE_CHECKING:
@@ -44,9 +45,11 @@ class Page:
     notes: tuple[str, ...] = ()  # one line each
 
     def save(self, path: File) -> None:
-        """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
+        """Write the page to `path`, atomically, and its figures where `saving_pictures` asks for them.
+        Raises DataError where that cannot be done."""
         with replacing(path) as part:
             part.write_text(self.html, encoding="utf-8")
+        save_asked(self.html)
 
     def _repr_html_(self) -> str:
         """The page in a frame of its own, where its scripts run and reach nothing else."""

@@ -13,7 +13,17 @@ import numpy as np
 import pandas as pd
 
 from ...evaluation.metrics import NED_AXES
-from ...pages.parts import Html, Ruled, TableCell, around, caption, paragraphs, split_cells, table
+from ...pages.parts import (
+    Html,
+    Ruled,
+    TableCell,
+    around,
+    caption,
+    folded,
+    paragraphs,
+    split_cells,
+    table,
+)
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY
 from ...units.wording import number
@@ -227,8 +237,9 @@ def how(comparison: Comparison) -> str:
     )
     said = " ".join([alike, *unlike(comparison)])
     shared = table(["of all filters", ""], [row for row in common if row[1]])
+    of_each = table(["filter", "options", "sources", "reference"], own)
     return paragraphs([said]) + around(
-        "text", shared, table(["filter", "options", "sources", "reference"], own)
+        "text", shared, folded("Options and sources of each filter", of_each)
     )
 
 
