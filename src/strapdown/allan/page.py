@@ -345,7 +345,7 @@ def _slopes(drawn: go.Figure, sensor: Sensor, si: str, low: float, high: float) 
             f"{SHEET[unit]}{slope}",
             showarrow=False,
             yshift=2,
-            xanchor="left" if place < 0.5 else "right",
+            xanchor="left" if tau[at] < np.sqrt(tau[0] * tau[-1]) else "right",
             yanchor="bottom",
             font={"size": 11, "color": GREY},
         )
@@ -383,7 +383,10 @@ def _headline(analysis: Analysis) -> str:
     """What the record comes to: its white noise, and the nearest grade."""
     rows = {row[0]: row for row in analysis.rows if row[1] == "white noise"}
     noise = [f"{sensor} {row[3]} {row[-1]}" for sensor, row in rows.items()]
-    return f"White noise: {join_words(noise)}. {capitalise(analysis.verdict)}."
+    nearest = f"Nearest grade: {analysis.suggestion.grade}."
+    if analysis.disturbed:
+        nearest = "No grade: the record holds more than noise."
+    return f"White noise: {join_words(noise)}. {nearest}"
 
 
 def _others(analysis: Analysis) -> str:

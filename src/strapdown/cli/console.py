@@ -382,7 +382,8 @@ def with_figures(command: Callable[..., None]) -> Callable[..., None]:
         from ..pages.pictures import saving_pictures
 
         with saving_pictures(figures):
-            return command(**given)
+            command(**given)
+        print(f"wrote the figures, as SVG, into {figures}")
 
     known = inspect.signature(command)
     option = inspect.Parameter(

@@ -74,7 +74,7 @@ def _verdict_card(
     parts = [_claim_text(figures[0]), *map(_figure_text, figures[1:])]
     taken = sum(good for good, _ in solution.counts().values())
     all_fixes = sum(map(sum, solution.counts().values()))
-    accepted = f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted" * bool(all_fixes)
+    accepted = f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted" if all_fixes else ""
     parts.append("; ".join(filter(None, [accepted, _lacks(solution)])))
     return _large_text(figures[0]), parts
 

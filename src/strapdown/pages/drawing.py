@@ -276,7 +276,7 @@ def faint(colour: str, opacity: float) -> str:
 def wider(width: float, rank: int) -> float:
     """Width of the line of the solution of that rank: lines are drawn over those of higher ranks, whose
     edges show where they lie below."""
-    return width + 1.2 * min(rank, 3)
+    return width + min(rank, 3)
 
 
 def line(

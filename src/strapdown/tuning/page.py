@@ -3,7 +3,7 @@ like before and after."""
 
 from typing import TYPE_CHECKING
 
-from ..pages.parts import TableCell, caption, numbered_list, paragraphs, table
+from ..pages.parts import TableCell, caption, folded, numbered_list, paragraphs, table
 from ..pages.shell import Document, Page
 from ..pages.verdict_block import judgement_html
 from .figures import (
@@ -53,11 +53,8 @@ def page(found: "Tuning") -> Page:
         "NIS over time": nis_figure,
         "Rejected fixes": rejected_figure,
     }
-    document.add(
-        "Numbers",
-        _parameters(found),
-        place(profiles_figure(found.parameters), "Likelihood of each number"),
-    )
+    likelihood = place(profiles_figure(found.parameters), "Likelihood of each number")
+    document.add("Numbers", likelihood, _parameters(found))
     document.add(
         "Before and after",
         _fits(found),
@@ -75,9 +72,8 @@ def _verdict(found: "Tuning") -> str:
         look,
         sign,
         word,
-        numbered_list(found.undecided),
-        paragraphs(found.notes),
-        paragraphs([found.used], "untested"),
+        folded("What is not decided, and why", numbered_list(found.undecided)),
+        folded("Notes", paragraphs([*found.notes, found.used])),
     )
 
 

@@ -49,7 +49,6 @@ def page(found: "Installation") -> Page:
         FOOTER,
         _headline(found),
     )
-    document.add("Parameters", _table(found))
     document.add(
         "Before and after",
         document.place(innovations_figure(solutions), "Whitened innovations"),
@@ -59,6 +58,7 @@ def page(found: "Installation") -> Page:
             for each in found.found
         ),
     )
+    document.add("Parameters", _table(found))
     return document.page()
 
 
