@@ -32,7 +32,9 @@ def test_each_figure_is_a_file_named_after_its_heading(tmp_path):
         root = ET.parse(path).getroot()
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
         text = path.read_text(encoding="utf-8")
-        assert "Seen &amp; drawn" in text and "scatterlayer" in text and "#ffffff" in text.lower()
+        assert (
+            "Seen &amp; drawn" in text and "scatterlayer" in text and "rgb(255, 255, 255)" in text
+        )
 
 
 @needs_chromium

@@ -90,7 +90,7 @@ const pictureName = plot => plain(headingOf(plot)) || plot.id;
 function picture(plot, format) {
   const {data, layout: shown} = plot, layout = {...shown, ...JSON.parse(JSON.stringify(shown, (key, value) => ArrayBuffer.isView(value) ? undefined : value))};
   put(layout, theme(layout, ["#1f2933", "#d5dce3", "#ffffff"]));
-  put(layout, {paper_bgcolor: "#ffffff", "title.text": headingOf(plot), "title.x": 0.01, "title.y": 0.985, "title.yanchor": "top", "title.font.size": 15, "margin.t": (shown.margin.t || 50) + 26});
+  put(layout, {paper_bgcolor: "#ffffff", "title.text": headingOf(plot).replace(/&/g, "&amp;").replace(/</g, "&lt;"), "title.x": 0.01, "title.y": 0.985, "title.yanchor": "top", "title.font.size": 15, "margin.t": plot._fullLayout.margin.t + 26});
   const {width, height} = plot._fullLayout;
   return Plotly.toImage({data, layout}, {format, width, height: height + 26, scale: format === "png" ? 2 : 1, imageDataOnly: true});
 }

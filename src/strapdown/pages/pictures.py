@@ -28,7 +28,7 @@ TIMEOUT = 300.0
 SCRIPT = """<script>(async () => {
   while (!document.body.dataset.drawn) await new Promise(done => setTimeout(done, 50));
   const found = [];
-  for (const plot of drawnPlots()) found.push([pictureName(plot), await picture(plot, "svg")]);
+  for (const plot of drawnPlots()) found.push([pictureName(plot), await picture(plot, "svg").catch(() => null)]);
   const said = document.createElement("script");
   said.type = "application/json";
   said.id = "pictures";
@@ -108,4 +108,7 @@ def _drawn(html: str) -> list[tuple[str, str]]:
             f"figures: the browser {command[0]} did not draw the page (exit code {done.returncode}); open the "
             f"page and press SVG below a figure"
         )
-    return [(name, svg) for name, svg in json.loads(found[1])]
+    drawn: list[tuple[str, str | None]] = json.loads(found[1])
+    if lost := [name for name, svg in drawn if svg is None]:
+        raise DataError(f"figures: {lost[0]} cannot be saved as a picture; leave out --figures")
+    return [(name, svg) for name, svg in drawn if svg is not None]

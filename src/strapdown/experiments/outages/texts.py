@@ -134,8 +134,9 @@ def headline(comparison: Comparison) -> str:
     same = _some([order[0], *alike])
     if len(alike) == len(order) - 1:
         return f"{where[0].upper()}{where[1:]} cannot separate {same}."
-    more = _some([name for name in order[1:] if name not in alike])
-    return f"{same} drift least in {where} and cannot be separated; {more} drift more."
+    rest = [name for name in order[1:] if name not in alike]
+    more = f"{_some(rest)} {'drift' if len(rest) > 1 else 'drifts'} more"
+    return f"{same} drift least in {where} and cannot be separated; {more}."
 
 
 def _some(names: list[str]) -> str:
