@@ -40,7 +40,7 @@ def test_of_several_the_smallest_comes_first_and_like_ones_are_alike():
 
 def test_without_a_reference_it_says_what_is_claimed_and_that_nothing_checks_it():
     said = headline({"one": ONE}, {})
-    assert said.startswith("One claims ") and said.endswith(
+    assert said.startswith("one claims errors of ") and said.endswith(
         "There is no reference to check that against."
     )
     silent = replace(

@@ -11,7 +11,7 @@ from ..data.solution import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..typing import Array
-from ..units.wording import capitalise, join_words, number
+from ..units.wording import join_words, number
 from .summary import claimed_std, heading_held
 
 Window = tuple[float, float] | None
@@ -80,12 +80,12 @@ def headline(
     }:
         return _of_errors(scored)
     claimed = [
-        f"{name} claims {_texts(own, [each.claimed for each in own])} (1σ, RMS)"
+        f"{name} claims errors of {_texts(own, [each.claimed for each in own])} (1σ, RMS)"
         for name, own in figures.items()
         if own
     ]
     if claimed:
-        return capitalise(f"{'; '.join(claimed)}. {NO_REFERENCE}")
+        return f"{'; '.join(claimed)}. {NO_REFERENCE}"
     return f"Neither errors nor standard deviations are known of {join_words(list(solutions))}."
 
 

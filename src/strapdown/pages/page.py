@@ -128,8 +128,8 @@ def report(
     drawn = track_map(solutions, draw.reference) if map else None
     on_map = document.place(drawn, "On a map", CAPTION)
     for name, text in _sections(draw, added.sections, unscored):
-        key = "" if document.sections else _key(solutions)
-        document.add(name, "" if document.sections else on_map, text, key)
+        first = bool(text) and not document.sections
+        document.add(name, on_map if first else "", text, _key(solutions) if first else "")
     of_reference = {name: estimated_installation(s).of_reference for name, s in solutions.items()}
     contradicted = summary.contradictions(scores, window, of_reference)
     verdicts = {name: solution.verdict for name, solution in solutions.items()}
