@@ -380,7 +380,7 @@ def page(analysis: Analysis) -> Page:
 
 
 def _headline(analysis: Analysis) -> str:
-    """What the record comes to: its white noise, and the nearest grade."""
+    """The white noise of the record and the nearest grade, in a sentence or two."""
     rows = {row[0]: row for row in analysis.rows if row[1] == "white noise"}
     noise = [f"{sensor} {row[3]} {row[-1]}" for sensor, row in rows.items()]
     nearest = f"Nearest grade: {analysis.suggestion.grade}."

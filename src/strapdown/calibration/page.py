@@ -128,7 +128,7 @@ def misfit_figure(found: Result) -> go.Figure:
 
 
 def _headline(found: Result) -> str:
-    """What the calibration comes to: how much smaller the error is, and what limits it."""
+    """The error before and after, and the directions covered, in a sentence."""
     _, factor, unit = DETAIL[found.sensor]
     before, after = found.before * factor, found.after * factor
     lack = f", none near {join_words(found.lacking)}" if found.lacking else ""

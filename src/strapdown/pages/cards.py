@@ -87,7 +87,7 @@ def _large_text(figure: KeyFigure) -> str:
 
 
 def _claim_text(figure: KeyFigure) -> str:
-    """What is claimed beside an error; "" where that is all there is."""
+    """The claim beside an error; "" where that is all there is."""
     both = np.isfinite([figure.error, figure.claimed]).all()
     return f"claimed {number(figure.claimed)} {figure.unit}" if both else ""
 

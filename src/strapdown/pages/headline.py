@@ -67,8 +67,7 @@ def _rms(values: Array) -> float:
 def headline(
     solutions: Mapping[str, Solution], scores: Mapping[str, Errors], window: Window = None
 ) -> str:
-    """What the solutions come to, in a sentence or two: their errors, or without a reference what they
-    claim."""
+    """The errors of the solutions, or without a reference what they claim, in a sentence or two."""
     figures = {
         name: key_figures(solution, scores.get(name), window)
         for name, solution in solutions.items()

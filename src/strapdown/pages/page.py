@@ -29,7 +29,7 @@ from .headline import headline
 from .installation_figures import installation_table
 from .map_figure import CAPTION, track_map
 from .occasions import occasions
-from .parts import around, bullet_list, folded, remarks
+from .parts import around, bullet_list, fold, remarks
 from .playback import playback_bar
 from .sensor_figures import sensor_table
 from .shell import MAP_POLICY, POLICY, Document, Page
@@ -128,8 +128,8 @@ def report(
     drawn = track_map(solutions, draw.reference) if map else None
     on_map = document.place(drawn, "On a map", CAPTION)
     for name, text in _sections(draw, added.sections, unscored):
-        first = bool(text) and not document.sections
-        document.add(name, on_map if first else "", text, _key(solutions) if first else "")
+        opens = bool(text) and not document.sections
+        document.add(name, on_map if opens else "", text, _key(solutions) if opens else "")
     of_reference = {name: estimated_installation(s).of_reference for name, s in solutions.items()}
     contradicted = summary.contradictions(scores, window, of_reference)
     verdicts = {name: solution.verdict for name, solution in solutions.items()}
@@ -305,10 +305,10 @@ def _summary(
     errors = summary.error_table(scores, window, free) if scores else ""
     parts = [
         summary.withheld_table(solutions, scores),
-        folded("Errors by axis: RMS, largest, last", errors),
-        folded("Fixes accepted and rejected", summary.fix_table(solutions)),
-        folded("Why fixes were rejected", summary.rejection_table(solutions)),
-        folded("Time, gaps and claimed standard deviations", summary.run_table(solutions)),
+        fold("Errors by axis: RMS, largest, last", errors),
+        fold("Fixes accepted and rejected", summary.fix_table(solutions)),
+        fold("Why fixes were rejected", summary.rejection_table(solutions)),
+        fold("Time, gaps and claimed standard deviations", summary.run_table(solutions)),
     ]
     metas = [solution.meta for solution in solutions.values()]
     told = {
@@ -317,8 +317,8 @@ def _summary(
     }
     for heading, every in told.items():
         texts = list(dict.fromkeys(map(str, chain.from_iterable(every))))
-        parts.append(folded(f"{heading} ({len(texts)})", bullet_list(texts)))
-    parts.append(folded("Events, gaps and outages", occasions(solutions)))
+        parts.append(fold(f"{heading} ({len(texts)})", bullet_list(texts)))
+    parts.append(fold("Events, gaps and outages", occasions(solutions)))
     return "".join(parts)
 
 

@@ -109,7 +109,7 @@ def remarks(texts: Iterable[object]) -> str:
     return paragraphs(texts, "note")
 
 
-def folded(heading: str, *parts: str) -> str:
+def fold(heading: str, *parts: str) -> str:
     """An HTML block that opens on a click at its heading; "" around nothing."""
     summary = f"<summary>{escape(heading)}</summary>"
     return f"<details class=fold>{summary}{''.join(parts)}</details>" if any(parts) else ""

@@ -35,7 +35,7 @@ SCRIPT = """<script>(async () => {
   said.textContent = JSON.stringify(found).replace(/</g, "\\\\u003c");
   document.body.append(said);
 })();</script>"""
-"""What a copy of the page does beyond the page itself."""
+"""Added to a copy of the page: it leaves the pictures in the document."""
 FOUND = re.compile(r'<script type="application/json" id="pictures">(.*?)</script>', re.DOTALL)
 
 _folder: ContextVar[Path | None] = ContextVar("folder of the pictures", default=None)
@@ -63,7 +63,7 @@ def save_pictures(html: str, folder: File) -> list[Path]:
     """Write the figures of a page of that HTML into a folder, NAME.svg by their headings, all or none;
     the paths. Raises DataError where no browser is found, or where it does not draw."""
     folder, written = Path(folder), []
-    drawn = _drawn(html)
+    drawn = _draw_figures(html)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -92,7 +92,7 @@ def _browser() -> str:
     return found
 
 
-def _drawn(html: str) -> list[tuple[str, str]]:
+def _draw_figures(html: str) -> list[tuple[str, str]]:
     """[(name, SVG)] of the figures of a page, as a browser draws them."""
     with tempfile.TemporaryDirectory(prefix="strapdown-", ignore_cleanup_errors=True) as place:
         page = Path(place, "page.html")

@@ -17,7 +17,7 @@ from ..data.verdict import (
     together,
 )
 from ..units.wording import capitalise, count_text
-from .parts import Html, folded, paragraphs, remarks
+from .parts import Html, fold, paragraphs, remarks
 
 LOOKS = {
     TRUSTED: ("right", "✓", "Nothing that could be tested speaks against it."),
@@ -92,15 +92,15 @@ def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str
         word,
         paragraphs([meaning]),
         *map(_reason, gravest),
-        folded(
+        fold(
             f"{count_text(len(others), 'further probable cause')}, less grave",
             *map(_reason, others),
         ),
-        folded(
+        fold(
             "What the reference contradicts",
             remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
         ),
-        folded("What was not tested", paragraphs(map(_text, _limits(verdict)), "untested")),
+        fold("What was not tested", paragraphs(map(_text, _limits(verdict)), "untested")),
     )
 
 

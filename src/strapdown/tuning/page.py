@@ -3,7 +3,7 @@ like before and after."""
 
 from typing import TYPE_CHECKING
 
-from ..pages.parts import TableCell, caption, folded, numbered_list, paragraphs, table
+from ..pages.parts import TableCell, caption, fold, numbered_list, paragraphs, table
 from ..pages.shell import Document, Page
 from ..pages.verdict_block import judgement_html
 from .figures import (
@@ -72,8 +72,8 @@ def _verdict(found: "Tuning") -> str:
         look,
         sign,
         word,
-        folded("What is not decided, and why", numbered_list(found.undecided)),
-        folded("Notes", paragraphs([*found.notes, found.used])),
+        fold("What is not decided, and why", numbered_list(found.undecided)),
+        fold("Notes", paragraphs([*found.notes, found.used])),
     )
 
 

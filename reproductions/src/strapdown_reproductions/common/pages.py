@@ -122,7 +122,7 @@ def write_files(
 
 
 def _headline(claims: Claims) -> str:
-    """How many claims there are of each verdict, or how many hold."""
+    """The number of claims of each verdict, or of targets met."""
     if not claims:
         return ""
     if "verdict" in claims[0]:

@@ -63,7 +63,7 @@ def page(found: "Installation") -> Page:
 
 
 def _headline(found: "Installation") -> str:
-    """What the installation comes to: what is off, or that the data agree with what was given."""
+    """The parameters that are off, or that the data agree with what was given."""
     tried = [each for each in found.parameters if each.status != NOT_OBSERVABLE]
     untold = len(found.parameters) - len(tried)
     rest = f" The motion does not show {count_text(untold, 'further parameter')}." * bool(untold)

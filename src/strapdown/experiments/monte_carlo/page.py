@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...pages.parts import around, caption, folded, table
+from ...pages.parts import around, caption, fold, table
 from ...pages.shell import Document, Page
 from ...units.wording import count_text, join_words, number
 from . import figures
@@ -78,13 +78,13 @@ def page(campaign: Campaign) -> Page:
         document.add(heading, around("grid", *shown))
     left = len(cells) - len(curves)
     more = caption(f"{count_text(left, 'further cell')} in the table only.") if left else ""
-    document.add("Summary", more, folded("All cells and filters", _table(campaign.summary)))
+    document.add("Summary", more, fold("All cells and filters", _table(campaign.summary)))
     return document.page()
 
 
 def headline(campaign: Campaign) -> str:
-    """Which filter has the smallest position error, over all runs of a cell, and how many were given
-    up."""
+    """The filter with the smallest position error and the number of runs that were given up, in a
+    sentence."""
     summary, filters = campaign.summary, campaign.manifest["filters"]
     given_up = [
         f"{count_text(lost, 'run')} of {name} {'was' if lost == 1 else 'were'} given up"
@@ -151,7 +151,7 @@ def _of_cell(campaign: Campaign, cell: str) -> str:
 
 
 def _of_cells(campaign: Campaign) -> str:
-    """In how many cells which filter is alone the best."""
+    """The number of cells in which each filter is alone the best."""
     found = {cell: least(campaign, cell) for cell in campaign.cells}
     clear = Counter(best for best, tied in found.values() if not tied)
     said = [f"{name} in {count} of {len(found)} cells" for name, count in clear.most_common()]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...pages.parts import around, bullet_list, caption, folded, paragraphs, remarks
+from ...pages.parts import around, bullet_list, caption, fold, paragraphs, remarks
 from ...pages.shell import Document, Page
 from ...pages.verdict_block import verdict_block
 from ...units.wording import count_text
@@ -102,7 +102,7 @@ def page(comparison: Comparison) -> Page:
     document.add("Summary", _summary(comparison))
     document.add("Paired differences", *pairs)
     document.add(
-        "Every outage", *every, folded("RMSE of every outage", tables.of_outages(comparison))
+        "Every outage", *every, fold("RMSE of every outage", tables.of_outages(comparison))
     )
     document.add("Single outages", around("grid", *single))
     document.add("Coverage", around("narrow", covered))
@@ -123,7 +123,7 @@ def _pairs(comparison: Comparison, document: Document, length: float, of: str) -
     drawn = figures.paired_ratios(comparison, best[0], length) if best else None
     if drawn is None:
         return ""
-    every = folded(f"All pairs{of}", tables.pairs(comparison, length))
+    every = fold(f"All pairs{of}", tables.pairs(comparison, length))
     return document.place(drawn, f"Ratio to {best[0]}{of}", RATIOS) + every
 
 

@@ -19,7 +19,7 @@ from ...pages.parts import (
     TableCell,
     around,
     caption,
-    folded,
+    fold,
     paragraphs,
     split_cells,
     table,
@@ -115,8 +115,8 @@ def _axis(column: str) -> str:
 def _smallest(
     comparison: Comparison, length: float, axis: str, names: Sequence[str], values: Array
 ) -> list[bool]:
-    """Which of the values of these filters is the smallest; none where it is not significantly smaller
-    than all others along the axis, in the outages of that length."""
+    """[True for the smallest of the values of these filters]; none is True where it is not significantly
+    smaller than all others along the axis, in the outages of that length."""
     known = [name for name, value in zip(names, values) if np.isfinite(value)]
     if not axis or len(known) < 2:
         return [False] * len(values)
@@ -239,7 +239,7 @@ def how(comparison: Comparison) -> str:
     shared = table(["of all filters", ""], [row for row in common if row[1]])
     of_each = table(["filter", "options", "sources", "reference"], own)
     return paragraphs([said]) + around(
-        "text", shared, folded("Options and sources of each filter", of_each)
+        "text", shared, fold("Options and sources of each filter", of_each)
     )
 
 
