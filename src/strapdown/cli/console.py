@@ -376,13 +376,13 @@ def with_figures(command: Callable[..., None]) -> Callable[..., None]:
     know."""
 
     @wraps(command)
-    def run(figures: Path | None = None, **given: Any) -> None:
+    def run(*words: Any, figures: Path | None = None, **given: Any) -> None:
         if figures is None:
-            return command(**given)
+            return command(*words, **given)
         from ..pages.pictures import saving_pictures
 
         with saving_pictures(figures):
-            command(**given)
+            command(*words, **given)
         print(f"wrote the figures, as SVG, into {figures}")
 
     known = inspect.signature(command)
