@@ -155,12 +155,10 @@ def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
     return scenario if gnss is None else scenario.replace(gnss=sd.receiver(gnss, scenario.gnss))
 
 
-GIVEN_UP = "lost", "inconsistent", "quarantined"
-"""Columns of a summary that count the runs which did not survive."""
-
-
 def print_summary(summary: "pd.DataFrame") -> None:
     """The columns of a summary that a screen has room for."""
+    from ..experiments.monte_carlo.page import GIVEN_UP
+
     header = (
         "scenario",
         "IMU",
