@@ -92,6 +92,23 @@ def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, command):
     code, again, _ = command(*words)
     assert code == 0 and again == out and (hop / "done" / "summary.csv").read_bytes() == table
     assert json.loads((hop / "done" / "manifest.json").read_text())["seed"] == 2
+    assert "<p class=headline>" in (hop / "done" / "index.html").read_text(encoding="utf-8")
+
+
+def test_figures_are_written_beside_the_page_or_refused_without_a_browser(
+    hop, command, monkeypatch
+):
+    import shutil
+
+    words = "study", "hop.toml", "--runs", 1, "--filter", "closed-loop", "--out", "drawn"
+    with monkeypatch.context() as patched:
+        patched.setattr(shutil, "which", lambda name: None)
+        code, _, err = command(*words, "--figures", "pictures")
+        assert code == 2 and "no browser draws them" in err[0] and not (hop / "drawn").exists()
+    if shutil.which("chromium"):
+        code, out, _ = command(*words, "--figures", "pictures")
+        assert code == 0 and "wrote the figures, as SVG, into pictures" in out
+        assert (hop / "pictures" / "position-error-hop-tactical.svg").exists()
 
 
 def test_a_study_draws_an_installation_in_the_units_of_a_user(hop, command):

@@ -235,7 +235,7 @@ def test_side_by_side_each_keeps_its_colour_and_only_what_is_known():
         and headings(page).count("Heave") == 1
     )
     track = figures.track({"a": ATTITUDE, "b": FULL}, TRUTH)
-    assert [trace.name for trace in track.data if trace.mode == "lines"] == ["b", "reference"]
+    assert [trace.name for trace in track.data if trace.mode == "lines"] == ["reference", "b"]
     colour = lambda figure: next(trace.line.color for trace in figure.data if trace.name == "b")
     assert (
         colour(track)

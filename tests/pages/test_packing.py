@@ -47,7 +47,7 @@ def test_what_cannot_be_packed_stays(values):
 
 def page(*traces):
     sections = [("s", figure_html(1, go.Figure(traces), "Height"))]
-    return Page(shell(Document("t", {}, "", sections=sections)))
+    return Page(shell(Document("t", {}, "", "", sections=sections)))
 
 
 def test_a_page_has_the_part_of_the_script_that_it_uses():
@@ -56,7 +56,7 @@ def test_a_page_has_the_part_of_the_script_that_it_uses():
     assert "maplibre-gl-worker" not in plotly(space)
     assert len(line.html) < 0.6e6 and len(space.html) < 0.8e6
     assert "Copyright 2012-" in plotly(line)  # the licence
-    assert "id=plotly" not in shell(Document("t", {}, "", sections=[("s", "text")]))
+    assert "id=plotly" not in shell(Document("t", {}, "", "", sections=[("s", "text")]))
 
 
 def test_an_unknown_script_stays_whole(monkeypatch):

@@ -249,6 +249,35 @@ def test_only_a_page_with_a_map_may_ask_the_network_and_says_so(page):
     assert "maplibre-gl-worker" not in plotly(page)
 
 
+def test_eight_filters_have_a_page_that_tells_them_apart():
+    made = {f"filter {i}": solution(TRUTH, seed=i) for i in range(8)}
+    page = report(made, TRUTH)
+    assert not page.notes and len(page.html) < 6e6
+    figure = next(
+        figure
+        for text in re.findall(
+            r"<script type='application/json' id=data-p\d+>(.*?)</script>", own(page)
+        )
+        if "east [m]" in text and (figure := json.loads(text))
+    )
+    looks = {
+        (trace["line"]["color"], trace["line"].get("dash"))
+        for trace in figure["data"]
+        if trace["name"].startswith("filter")
+    }
+    assert len(looks) == 8
+    widths = [
+        trace["line"]["width"] for trace in figure["data"] if trace["name"].startswith("filter")
+    ]
+    assert widths == sorted(widths, reverse=True)  # those below show at the edges
+
+
+def test_a_page_of_a_day_is_no_larger_than_one_of_minutes():
+    day = flight(86400, rate=5.0)
+    page = report(solution(day), day)
+    assert not page.notes and len(page.html) < 2.5e6
+
+
 @pytest.mark.parametrize("rows", [0, 1, 2])
 def test_a_solution_of_hardly_any_rows_has_a_page(rows):
     part = slice(0, rows)

@@ -21,7 +21,7 @@ from ..sensor_models.errors import Triad
 from ..sensor_models.imu import imu as imu_spec
 from ..typing import Array
 from ..units.conversion import SHEET, in_units
-from ..units.wording import capitalise, short
+from ..units.wording import capitalise, join_words, short
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
 from .fit import COEFFICIENTS, AllanFit
 from .suggested_grade import MISFIT, Suggestion, expected_deviation, suggest
@@ -345,7 +345,7 @@ def _slopes(drawn: go.Figure, sensor: Sensor, si: str, low: float, high: float) 
             f"{SHEET[unit]}{slope}",
             showarrow=False,
             yshift=2,
-            xanchor="left" if place < 0.5 else "right",
+            xanchor="left" if tau[at] < np.sqrt(tau[0] * tau[-1]) else "right",
             yanchor="bottom",
             font={"size": 11, "color": GREY},
         )
@@ -363,9 +363,9 @@ def page(analysis: Analysis) -> Page:
             "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade,
         },
         FOOTER,
+        _headline(analysis),
+        remarks(analysis.notes),
     )
-    said = f"{capitalise(analysis.verdict)}. {_others(analysis)}"
-    document.add("Coefficients", _table(analysis), paragraphs([said]), remarks(analysis.notes))
     nearest = imu_spec(analysis.suggestion.grade)
     gyros = figure(analysis.result.gyro, (nearest.name, nearest.gyro))
     accelerometers = figure(analysis.result.accel, (nearest.name, nearest.accel))
@@ -374,7 +374,19 @@ def page(analysis: Analysis) -> Page:
         document.place(gyros, "Gyros"),
         document.place(accelerometers, "Accelerometers"),
     )
+    said = f"{capitalise(analysis.verdict)}. {_others(analysis)}"
+    document.add("Coefficients", _table(analysis), paragraphs([said]))
     return document.page()
+
+
+def _headline(analysis: Analysis) -> str:
+    """The white noise of the record and the nearest grade, in a sentence or two."""
+    rows = {row[0]: row for row in analysis.rows if row[1] == "white noise"}
+    noise = [f"{sensor} {row[3]} {row[-1]}" for sensor, row in rows.items()]
+    nearest = f"Nearest grade: {analysis.suggestion.grade}."
+    if analysis.disturbed:
+        nearest = "No grade: the record holds more than noise."
+    return f"White noise: {join_words(noise)}. {nearest}"
 
 
 def _others(analysis: Analysis) -> str:

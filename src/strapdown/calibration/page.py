@@ -15,9 +15,9 @@ from ..pages.drawing import (
     panels,
     time_label,
 )
-from ..pages.parts import paragraphs, remarks, table
+from ..pages.parts import remarks, table
 from ..pages.shell import Document, Page
-from ..units.wording import capitalise
+from ..units.wording import join_words
 from .findings import Result
 from .methods import BANDS, DETAIL, SECTORS, coverage
 
@@ -127,6 +127,18 @@ def misfit_figure(found: Result) -> go.Figure:
     return drawn
 
 
+def _headline(found: Result) -> str:
+    """The error before and after, and the directions covered, in a sentence."""
+    _, factor, unit = DETAIL[found.sensor]
+    before, after = found.before * factor, found.after * factor
+    lack = f", none near {join_words(found.lacking)}" if found.lacking else ""
+    return (
+        f"Calibration takes the {found.sensor}'s error of strength from {before:.3g} to {after:.3g} "
+        f"{unit} rms, of {found.strength * factor:.4g} {unit}; directions cover {found.coverage:.0%} "
+        f"of the sphere{lack}."
+    )
+
+
 def page(found: Result) -> Page:
     """The Page of a Calibration."""
     document = Document(
@@ -139,11 +151,7 @@ def page(found: Result) -> Page:
             "coverage": f"{found.coverage:.0%}",
         },
         FOOTER,
-    )
-    document.add(
-        "Parameters",
-        table(found.header, found.rows),
-        paragraphs([f"{capitalise(found.verdict)}."]),
+        _headline(found),
         remarks(found.notes),
     )
     document.add(
@@ -152,4 +160,5 @@ def page(found: Result) -> Page:
         document.place(directions_figure(found), "Directions"),
         document.place(misfit_figure(found), "Misfits"),
     )
+    document.add("Parameters", table(found.header, found.rows))
     return document.page()

@@ -57,6 +57,7 @@ from .console import (
     save_draft,
     save_page,
     summarise,
+    with_figures,
 )
 from .help import Command, Commands
 
@@ -216,6 +217,7 @@ def options(
 
 
 @app.command(cls=Command)
+@with_figures
 def demo(
     out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
     seed: Annotated[
@@ -288,6 +290,7 @@ def _recorded_demo() -> _Demo:
 
 
 @app.command(cls=Command)
+@with_figures
 def fuse(
     recording: Annotated[list[Path], recording_argument()],
     filter: FILTER = "closed-loop",
@@ -586,11 +589,11 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
 for command in (
     *simulation.COMMANDS,
     *lists.COMMANDS,
-    compare.compare,
+    with_figures(compare.compare),
     diagnose.diagnose,
     filters.filters,
-    tune.tune,
-    fly.fly,
+    with_figures(tune.tune),
+    with_figures(fly.fly),
     export.export,
 ):
     app.command(cls=Command)(command)

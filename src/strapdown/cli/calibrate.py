@@ -27,6 +27,7 @@ from .console import (
     results_folder,
     save_page,
     table,
+    with_figures,
 )
 from .help import Command
 
@@ -86,6 +87,7 @@ SENSOR = Annotated[
 
 
 @group.command(SENSORS, cls=Unnamed, hidden=True)
+@with_figures
 def calibrate(
     recording: Annotated[
         list[Path], recording_argument("; docs/how-to/calibrate.md tells how to record it.")
@@ -118,6 +120,7 @@ def calibrate(
 
 
 @group.command(INSTALLATION, cls=Command)
+@with_figures
 def installation(
     recording: Annotated[list[Path], recording_argument()],
     write: Annotated[

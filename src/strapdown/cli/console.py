@@ -1,10 +1,12 @@
 """Functions shared by the commands: options, the folder for results, tables, summaries, progress.
 Heavy imports inside functions, so that `--help` stays quick."""
 
+import inspect
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from itertools import zip_longest
 from pathlib import Path
 from shutil import get_terminal_size
@@ -175,6 +177,14 @@ MAP = Annotated[
     typer.Option(
         "--map",
         help="The track on a street map, too, which the page then loads from the network.",
+    ),
+]
+FIGURES = Annotated[
+    Path | None,
+    typer.Option(
+        "--figures",
+        metavar="DIR",
+        help="Folder for each figure of the page as SVG, too, for which a Chromium must be installed.",
     ),
 ]
 SEED = Annotated[int, typer.Option(help="Of the random errors.")]
@@ -359,6 +369,29 @@ def end(strict: bool, verdicts: Iterable[Verdict]) -> None:
     if strict and not all(verdict.trusted for verdict in verdicts):
         print("strapdown: not trusted (--strict); the results are written", file=sys.stderr)
         raise SystemExit(NOT_TRUSTED)
+
+
+def with_figures(command: Callable[..., None]) -> Callable[..., None]:
+    """The function of a command that writes a page, with the option --figures, of which it need not
+    know."""
+
+    @wraps(command)
+    def run(*words: Any, figures: Path | None = None, **given: Any) -> None:
+        if figures is None:
+            return command(*words, **given)
+        from ..pages.pictures import saving_pictures
+
+        with saving_pictures(figures):
+            command(*words, **given)
+        print(f"wrote the figures, as SVG, into {figures}")
+
+    known = inspect.signature(command)
+    option = inspect.Parameter(
+        "figures", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=FIGURES
+    )
+    run.__signature__ = known.replace(parameters=[*known.parameters.values(), option])  # type: ignore[attr-defined]
+    run.__annotations__ = command.__annotations__ | {"figures": FIGURES}
+    return run
 
 
 def save_page(page: "Page", path: Path) -> None:

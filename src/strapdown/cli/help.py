@@ -276,7 +276,7 @@ GROUPS = {
     "alignment target waiting",
     "Aircraft": "aircraft feedback prediction turbulence wind barometer",
     "Runs": "runs seed quick ablations map workers scheduler",
-    "Results": "out also utc origin write diagnose strict",
+    "Results": "out also utc origin figures write diagnose strict",
 }
 """{heading: names of options}; those of no heading come last."""
 ENDS = """Exit codes: 0 done; 1 a fault of strapdown itself; 2 bad input; 3 something is wrong or not \

@@ -23,8 +23,10 @@ from .console import (
     read_given,
     recording_argument,
     results_folder,
+    save_page,
     standard_deviations,
     table,
+    with_figures,
 )
 
 if TYPE_CHECKING:
@@ -143,8 +145,9 @@ def study(
             notify=progress.notify,
             progress=progress.track("study"),
         )
+        save_page(campaign.page(), out / "index.html")
     print_summary(campaign.summary)
-    print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
+    print(f"wrote {out}/index.html, summary.csv, runs.csv and the chunk files in chunks")
 
 
 def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
@@ -152,12 +155,10 @@ def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
     return scenario if gnss is None else scenario.replace(gnss=sd.receiver(gnss, scenario.gnss))
 
 
-GIVEN_UP = "lost", "inconsistent", "quarantined"
-"""Columns of a summary that count the runs which did not survive."""
-
-
 def print_summary(summary: "pd.DataFrame") -> None:
     """The columns of a summary that a screen has room for."""
+    from ..experiments.monte_carlo.page import GIVEN_UP
+
     header = (
         "scenario",
         "IMU",
@@ -432,4 +433,10 @@ def allan(
     print(f"wrote {out}/allan.html, allan.csv, allan-imu.toml")
 
 
-COMMANDS = (simulate, study, advise, reproduce, allan)
+COMMANDS = (
+    simulate,
+    with_figures(study),
+    with_figures(advise),
+    reproduce,
+    with_figures(allan),
+)

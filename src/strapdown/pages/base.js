@@ -25,7 +25,7 @@ document.querySelectorAll(".scroll").forEach(each => widths.observe(each));
 
 let folded = [];
 window.addEventListener("beforeprint", () => {
-  folded = [...document.querySelectorAll("main details.section:not([open])")];
+  folded = [...document.querySelectorAll("main details:is(.section, .fold):not([open])")];
   folded.forEach(each => { each.open = true; });
 });
 window.addEventListener("afterprint", () => folded.forEach(each => { each.open = false; }));

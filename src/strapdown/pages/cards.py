@@ -9,15 +9,14 @@ import numpy as np
 
 from ..core.loop.contract import BRIDGED, INVALID, VALID
 from ..data.solution import Solution
-from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..geometry.geodesy import displacement
 from ..typing import Array
 from ..units.time_scales import utc
 from ..units.wording import count_text, duration_text, metres, number
 from .drawing import outages
+from .headline import KeyFigure, key_figures
 from .parts import paragraphs
-from .summary import claimed_std
 from .verdict_block import verdict_text
 
 
@@ -68,33 +67,33 @@ def _verdict_card(
     window: tuple[float, float] | None,
     contradicted: bool,
 ) -> tuple[str, list[str]]:
-    """The verdict; errors and what the filter claims; fixes taken, time without them."""
-    if not len(solution.t):
-        return solution.verdict.word.capitalize(), []
-    std = claimed_std(solution)
-    parts = []
-    for label, unit, claimed, true in (
-        ("horizontal", "m", np.hypot(std[:, 0], std[:, 1]), None if e is None else e.horizontal),
-        (
-            "heading",
-            "deg",
-            np.degrees(std[:, 8]),
-            None if e is None else np.degrees(e.rph[:, 2]),
-        ),
-    ):
-        of = [f"claimed {_rms(claimed)} {unit}"] if np.isfinite(claimed).any() else []
-        if true is not None and e is not None and metrics.any_known(true):
-            inside = e.inside(window)
-            of = [f"{_rms(true[inside])} {unit} RMS error"]
-            if np.isfinite(claimed[e.rows][inside]).any():
-                of.append(f"claimed {_rms(claimed[e.rows][inside])} {unit}")
-        parts += [f"{label}: {', '.join(of)}"] if of else []
+    """The first of its key figures in large, the others; fixes taken, time without them."""
+    figures = key_figures(solution, e, window)
+    if not figures:
+        return verdict_text(solution.verdict, contradicted), []
+    parts = [_claim_text(figures[0]), *map(_figure_text, figures[1:])]
     taken = sum(good for good, _ in solution.counts().values())
     all_fixes = sum(map(sum, solution.counts().values()))
-    if all_fixes:
-        parts.append(f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted")
-    parts.append(_lacks(solution))
-    return verdict_text(solution.verdict, contradicted), parts
+    accepted = f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted" if all_fixes else ""
+    parts.append("; ".join(filter(None, [accepted, _lacks(solution)])))
+    return _large_text(figures[0]), parts
+
+
+def _large_text(figure: KeyFigure) -> str:
+    """The error, or where none is known what is claimed."""
+    if np.isfinite(figure.error):
+        return f"{number(figure.error)} {figure.unit} RMS {figure.name} error"
+    return f"{number(figure.claimed)} {figure.unit} {figure.name}, claimed"
+
+
+def _claim_text(figure: KeyFigure) -> str:
+    """The claim beside an error; "" where that is all there is."""
+    both = np.isfinite([figure.error, figure.claimed]).all()
+    return f"claimed {number(figure.claimed)} {figure.unit}" if both else ""
+
+
+def _figure_text(figure: KeyFigure) -> str:
+    return ", ".join(filter(None, [_large_text(figure), _claim_text(figure)]))
 
 
 def _lacks(solution: Solution) -> str:
@@ -115,7 +114,3 @@ def _length(lla: Array) -> float:
     steps = known[:: max(len(known) // 2000, 1)]
     moved = displacement(steps[1:], steps[:-1])
     return float(np.linalg.norm(moved, axis=1).sum())
-
-
-def _rms(values: Array) -> str:
-    return number(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else "–"

@@ -273,6 +273,12 @@ def faint(colour: str, opacity: float) -> str:
     return f"rgba({','.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))},{opacity})"
 
 
+def wider(width: float, rank: int) -> float:
+    """Width of the line of the solution of that rank: lines are drawn over those of higher ranks, whose
+    edges show where they lie below."""
+    return width + min(rank, 3)
+
+
 def line(
     figure: go.Figure,
     t: Array,

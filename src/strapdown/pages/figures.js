@@ -28,9 +28,8 @@ function column(bytes, [at, n, step], unknown) {
 
 const axes = (layout, letter) => Object.keys(layout).filter(key => new RegExp(`^${letter}axis\\d*$`).test(key));
 
-function theme(layout) {
-  const colours = getComputedStyle(document.documentElement), look = {};
-  const ink = colours.getPropertyValue("--ink").trim(), rule = colours.getPropertyValue("--line").trim(), card = colours.getPropertyValue("--card").trim();
+function theme(layout, [ink, rule, card] = ["--ink", "--line", "--card"].map(name => getComputedStyle(document.documentElement).getPropertyValue(name).trim())) {
+  const look = {};
   look["font.color"] = ink;
   look["paper_bgcolor"] = look["plot_bgcolor"] = "rgba(0,0,0,0)";
   look["hoverlabel.bgcolor"] = card;
@@ -70,12 +69,51 @@ const onceDrawn = [];  // functions of a figure and of what it was made from, wh
 async function draw(plot) {
   const figure = await unpacked("data-" + plot.id), layout = put(figure.layout, theme(figure.layout));
   const narrow = window.innerWidth < 700;
-  if (narrow) layout.margin.l = Math.min(layout.margin.l, 54);
+  if (narrow) {
+    layout.margin.l = Math.min(layout.margin.l, 54);
+    const eye = layout.scene && layout.scene.camera && layout.scene.camera.eye;
+    for (const axis in eye) eye[axis] *= 1.6;  // all of it fits into the width
+  }
   if (layout.xaxis && layout.xaxis.range) put(layout, clocked(plot, layout, layout.xaxis.range));
   plot.first = Object.fromEntries([...axes(layout, "x"), ...axes(layout, "y")].filter(axis => layout[axis].range).map(axis => [axis, [...layout[axis].range]]));
   await Plotly.newPlot(plot, figure.data, layout, {responsive: true, displayModeBar: narrow ? false : "hover", displaylogo: false, showSendToCloud: false, doubleClickDelay: 500,
-    modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]});
+    modeBarButtonsToRemove: ["toImage", "select2d", "lasso2d", "autoScale2d"]});
+  offerPictures(plot);
   for (const each of onceDrawn) await each(plot);
+}
+
+const plain = text => text.normalize("NFKD").toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-+|-+$/g, "");
+const headingOf = plot => [...plot.closest("figure").querySelector("h3").childNodes].map(part => part.textContent).join(", ");
+const pictureName = plot => plain(headingOf(plot)) || plot.id;
+
+// A figure on white with its heading, whatever the theme of the page: the text of an SVG, or the bytes of a PNG in base64.
+function picture(plot, format) {
+  const {data, layout: shown} = plot, layout = {...shown, ...JSON.parse(JSON.stringify(shown, (key, value) => ArrayBuffer.isView(value) ? undefined : value))};
+  put(layout, theme(layout, ["#1f2933", "#d5dce3", "#ffffff"]));
+  put(layout, {paper_bgcolor: "#ffffff", "title.text": headingOf(plot).replace(/&/g, "&amp;").replace(/</g, "&lt;"), "title.x": 0.01, "title.y": 0.985, "title.yanchor": "top", "title.font.size": 15, "margin.t": plot._fullLayout.margin.t + 26});
+  const {width, height} = plot._fullLayout;
+  return Plotly.toImage({data, layout}, {format, width, height: height + 26, scale: format === "png" ? 2 : 1, imageDataOnly: true});
+}
+
+async function savePicture(plot, format) {
+  const content = await picture(plot, format), link = document.createElement("a");
+  const blob = format === "svg" ? new Blob([content], {type: "image/svg+xml"}) : new Blob([Uint8Array.from(atob(content), letter => letter.charCodeAt(0))], {type: "image/png"});
+  link.href = URL.createObjectURL(blob);
+  link.download = `${pictureName(plot)}.${format}`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+function offerPictures(plot) {
+  const offer = document.createElement("span");
+  offer.className = "saving";
+  for (const format of ["svg", "png"]) {
+    const button = document.createElement("button");
+    Object.assign(button, {type: "button", textContent: format.toUpperCase(), title: `Save this figure as ${format.toUpperCase()}`});
+    button.addEventListener("click", () => savePicture(plot, format));
+    offer.append(button);
+  }
+  plot.after(offer);
 }
 
 async function drawAll() {
@@ -103,7 +141,7 @@ const watched = new IntersectionObserver(entries => {
 }, {rootMargin: "300px 0px"});
 plots.forEach(plot => watched.observe(plot));
 // on paper all figures are as wide, whatever the window; page.css makes them smaller
-window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 1270, autosize: false})));
+window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 830, autosize: false})));
 window.addEventListener("afterprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: null, autosize: true})));
 if (window.DecompressionStream) setTimeout(drawAll);
 else plots.forEach(plot => { plot.textContent = "This browser is too old to draw the figures: it cannot unpack them (DecompressionStream). Any browser since 2023 can."; });

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import plotly.graph_objects as go
@@ -23,7 +23,7 @@ from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..installation.states import estimated_installation
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
-from ..units.wording import metres
+from ..units.wording import capitalise, join_words, metres
 from .drawing import (
     COLOURS,
     FAR,
@@ -42,6 +42,7 @@ from .drawing import (
     east_north_up,
     even_indices,
     extent,
+    faint,
     finish,
     frame,
     kind,
@@ -58,6 +59,7 @@ from .drawing import (
     seen_from_above,
     time_axis,
     together,
+    wider,
 )
 from .summary import claimed_std
 
@@ -71,7 +73,7 @@ Marked: TypeAlias = tuple[str, Mapping[str, object], Array, Array]
 """Marks: name, style, times (m,) s and values (m, k)."""
 FIX_MARKS = (
     (True, "accepted", {"color": GREY, "size": 4, "opacity": 0.5}),
-    (False, "rejected", {"color": RED, "size": 8, "symbol": "x"}),
+    (False, "rejected", {"color": RED, "size": 11, "symbol": "x"}),
 )
 ENDS = ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40"))
 """Ends of a track: row, name, symbol and colour."""
@@ -79,11 +81,14 @@ FROM_SOUTH = {"x": 0.25, "y": -1.0, "z": 0.75}
 """Where a track in three dimensions is seen from: north is away, as on a map."""
 AWAY = 0.25
 """Part of the time for which it must be so far to leave it."""
+LINES_APART = 300.0
+"""Lines in three dimensions that are closer than this part of the frame are drawn as one."""
 MIN_SHARE, MAX_TIMES = 1e-6, 1e4
 """Shares of the peak of the best solution: lower and upper end of a logarithmic axis at most."""
 TO_SEE_ALL = "Double-click a panel to see all of it."
-DOTTED = {"color": GREY, "dash": "dot", "width": 1.5}
-"""Line of the reference."""
+BELOW, BELOW_WIDTH = faint(GREY, 0.55), 6.0
+"""Colour and width of the line of the reference, below those of the solutions and wider, so that it
+shows where they agree."""
 
 
 def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figure | None:
@@ -94,22 +99,40 @@ def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     places = _Places.of(solutions, reference)
     if places is None:
         return None
-    figure = finish(go.Figure(), 690)
+    figure = finish(go.Figure(), 560)
     figure.layout.meta["track"] = True
     first, paths = places.shown[0], places.paths
     for label, marker, t, seen in _fixes(first.solution, paths[0]):
         path(figure, seen[:, :2], label, mode="markers", marker=marker, t=t)
-    for rank, one, there in places.last_first():
-        keep = even_indices(len(there), MAX_POINTS)
-        style = {"color": one.colour, "width": 2, "dash": one.dash}
-        t = one.solution.t[keep]
-        path(figure, there[keep, :2], one.label(), line=style, legendrank=rank, t=t)
     if places.reference is not None:
         t, there = places.reference
         keep = even_indices(len(there), MAX_POINTS)
-        path(figure, there[keep, :2], "reference", line=DOTTED, t=t[keep])
+        path(
+            figure,
+            there[keep, :2],
+            "reference",
+            line={"color": BELOW, "width": BELOW_WIDTH},
+            legendrank=1000,
+            t=t[keep],
+        )
+    for rank, one, there in places.last_first():
+        keep = even_indices(len(there), MAX_POINTS)
+        style = {"color": one.colour, "width": wider(2, rank - 1), "dash": one.dash}
+        t = one.solution.t[keep]
+        path(figure, there[keep, :2], one.label(), line=style, legendrank=rank, t=t)
     for label, marker, t, there in places.ends():
-        path(figure, there[:, :2], label, mode="markers", marker=marker, t=t)
+        side = "left" if places.label_is_left(label) else "right"
+        said: dict[str, Any] = {"text": [label], "textposition": f"middle {side}"}
+        path(
+            figure,
+            there[:, :2],
+            label,
+            "markers+text",
+            t=t,
+            marker=marker,
+            showlegend=False,
+            **said,
+        )
     box = _frame_track(figure, places, 2)
     return seen_from_above(figure, box, 0.06)
 
@@ -138,12 +161,32 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
             )
         )
 
-    for rank, one, there in places.last_first():
-        style = {"color": one.colour, "width": 4, "dash": one.dash}
-        draw_line(one.solution.t, there, one.label(), rank, **style)
-    if places.reference is not None:
-        draw_line(*places.reference, "reference", 1000, color=GREY, width=3, dash="dot")
     low, high = _frame_track(figure, places, 3)
+    first, nearest = places.shown[0], (high - low).max() / LINES_APART
+    same_place: list[str] = []
+
+    def draw_apart(t: Array, there: Array, name: str, rank: int, **style: object) -> None:
+        """Draw a line where it leaves that of the first solution: of two lines in one place a browser
+        shows now the one and now the other."""
+        own = [np.interp(t, first.solution.t, axis) for axis in places.paths[0].T]
+        apart = np.linalg.norm(there - np.column_stack(own), axis=1) > nearest
+        if not apart.all():
+            same_place.append(name)
+        draw_line(t, np.where(apart[:, None], there, np.nan), name, rank, **style)
+
+    for rank, one, there in places.last_first()[:-1]:
+        style = {"color": one.colour, "width": 4, "dash": one.dash}
+        draw_apart(one.solution.t, there, one.label(), rank, **style)
+    style = {"color": first.colour, "width": 4, "dash": first.dash}
+    draw_line(first.solution.t, places.paths[0], first.label(), 1, **style)
+    if places.reference is not None:
+        draw_apart(*places.reference, "reference", 1000, color=GREY, width=3, dash="dot")
+    if same_place:
+        shown = f"{join_words(same_place)} {'is' if len(same_place) == 1 else 'are'}"
+        note(
+            figure,
+            f"{capitalise(shown)} drawn where farther than {metres(nearest)} from {first.label('the estimate')}.",
+        )
     room = 0.06 * max((high - low).max(), 10.0)
     spans = high - low + 2 * room
     axes = {
@@ -197,13 +240,26 @@ class _Places(NamedTuple):
         return list(zip(range(1, 1 + len(self.shown)), self.shown, self.paths))[::-1]
 
     def ends(self) -> list[Marked]:
-        """(name, style of the mark, time (1,), place (1, 3)) of start and end."""
-        t, there = self.reference or (self.shown[0].solution.t, self.paths[0])
+        """(name, style of the mark, time (1,), place (1, 3)) of start and end of the first solution."""
+        t, there = self.shown[0].solution.t, self.paths[0]
+        known = np.flatnonzero(np.isfinite(there).all(axis=1))
         style = {"size": 11, "line": {"color": "#fff", "width": 1.5}}
         return [
-            (label, {**style, "symbol": symbol, "color": colour}, t[[row]], there[[row]])
-            for row, label, symbol, colour in ENDS
+            (
+                label,
+                {**style, "symbol": symbol, "color": colour},
+                t[known[[end]]],
+                there[known[[end]]],
+            )
+            for end, label, symbol, colour in ENDS
         ]
+
+    def label_is_left(self, end: str) -> bool:
+        """True where the label of an end of the track of the first solution is clear of it on its
+        left side."""
+        east = self.paths[0][np.isfinite(self.paths[0]).all(axis=1), 0]
+        near = east[: len(east) // 20 + 1] if end == "start" else east[-(len(east) // 20) - 1 :]
+        return bool((near[-1] > near[0]) == (end == "start"))
 
 
 def _first_known(lla: Array) -> Array:
@@ -272,9 +328,6 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
     up = east_north_up(lla, _first_known(lla))
     for label, marker, t, seen in _fixes(first, up):
         marks(figure, t - zero, seen[:, 2] + _first_known(lla)[2], label, marker, unit="m")
-    for rank, one in list(enumerate(shown))[::-1]:
-        values, std = one.solution.trajectory.lla[:, 2], claimed_std(one.solution)[:, 2]
-        _curve(figure, one, rank, _Series(one.solution.t - zero, values, "m", std))
     spans = [extent(one.solution.trajectory.lla[:, 2]) for one in shown]
     low, high = min(spans, key=lambda span: span[1] - span[0])
     if reference is not None:
@@ -283,6 +336,9 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
         if metrics.any_known(true):
             _reference(figure, reference.t[inside] - zero, true, "m")
             low, high = extent(true)
+    for rank, one in list(enumerate(shown))[::-1]:
+        values, std = one.solution.trajectory.lla[:, 2], claimed_std(one.solution)[:, 2]
+        _curve(figure, one, rank, _Series(one.solution.t - zero, values, "m", std))
     room = max(high - low, 20.0)
     for one, (lowest, highest) in zip(shown, spans):
         beyond = max(low - lowest, highest - high)
@@ -312,8 +368,21 @@ def _curve(
     label: str = "estimate",
 ) -> None:
     """The line of a solution."""
-    name, dash = one.label(label), one.dash
-    line(figure, of.t, of.values, name, one.colour, row, None, rank, of.unit, of.std, dash=dash)
+    name, width = one.label(label), wider(1.4, rank)
+    line(
+        figure,
+        of.t,
+        of.values,
+        name,
+        one.colour,
+        row,
+        None,
+        rank,
+        of.unit,
+        of.std,
+        dash=one.dash,
+        width=width,
+    )
 
 
 def _band(
@@ -328,7 +397,7 @@ def _band(
 
 
 def _reference(figure: go.Figure, t: Array, values: Array, unit: str, row: int = 1) -> None:
-    line(figure, t, values, "reference", GREY, row, unit=unit, dash="dot")
+    line(figure, t, values, "reference", BELOW, row, unit=unit, width=BELOW_WIDTH)
 
 
 def _errors(one: ShownSolution, reference: Reference) -> Errors | None:
@@ -620,9 +689,9 @@ def _draw_panels(
             marks(figure, t - zero, values[:, i], label, style, row, quantity.unit)
         panel = _Panel.of(shown, quantity, i, curves, beside)
         frames = panel.frames(window, notes)
-        panel.draw(figure, row, zero)
         if beside is not None:
             panel.draw_reference(figure, row, zero, beside[0])
+        panel.draw(figure, row, zero)
         whose = {one.name: column for one, column in zip(shown, panel.columns)}
         low, high, away = _common(frames, whose)
         figure.update_yaxes(range=[low, high], row=row, col=1)

@@ -25,10 +25,11 @@ from . import summary
 from .cards import cards
 from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
 from .figure_list import INSTALLATION, REGISTRY, SENSORS, Figure, figures_of_page
+from .headline import headline
 from .installation_figures import installation_table
 from .map_figure import CAPTION, track_map
 from .occasions import occasions
-from .parts import around, bullet_list, remarks
+from .parts import around, bullet_list, fold, remarks
 from .playback import playback_bar
 from .sensor_figures import sensor_table
 from .shell import MAP_POLICY, POLICY, Document, Page
@@ -44,6 +45,9 @@ FOOTER = (
 ZOOM_HINT = (
     "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
 )
+
+FIRST_AFTER_TABLES = "Claimed uncertainty"
+"""Section of figures before which the tables stand: track, errors and motion come first."""
 
 Section: TypeAlias = "tuple[str, Sequence[tuple[go.Figure, str, str]]]"
 """Heading of a section of the page, and its figures, each with its heading and its caption."""
@@ -116,17 +120,16 @@ def report(
         title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}",
         _facts(solutions, window, added.facts),
         "".join(FOOTER if positioned else FOOTER[::2]),
+        headline(solutions, scores, window),
         wide=len(solutions) > 1,
     )
     recording = recording or first.recording
     draw = _Drawer(document, solutions, reference if scores else None, scores, window, recording)
-    above = {"Summary": unscored}
-    for name, text in _sections(draw, added.sections):
-        document.add(name, above.get(name, ""), text)
     drawn = track_map(solutions, draw.reference) if map else None
-    heading, text = document.sections[1]
     on_map = document.place(drawn, "On a map", CAPTION)
-    document.sections[1] = heading, on_map + _key(solutions) + text
+    for name, text in _sections(draw, added.sections, unscored):
+        opens = bool(text) and not document.sections
+        document.add(name, on_map if opens else "", text, _key(solutions) if opens else "")
     of_reference = {name: estimated_installation(s).of_reference for name, s in solutions.items()}
     contradicted = summary.contradictions(scores, window, of_reference)
     verdicts = {name: solution.verdict for name, solution in solutions.items()}
@@ -254,12 +257,16 @@ def _imu(metas: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(dict.fromkeys(map(str, named)))
 
 
-def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str]]:
-    """(heading, HTML) of every section in reading order."""
+def _sections(
+    draw: _Drawer, more: Sequence[Section], unscored: str = ""
+) -> Iterator[tuple[str, str]]:
+    """(heading, HTML) of every section in reading order: those of the first figures, the tables, all
+    other figures. `unscored` is a remark on the reference."""
     solutions, scores = draw.solutions, draw.scores
-    yield "Summary", _summary(solutions, scores, draw.window)
     figures = figures_of_page()
     for section in dict.fromkeys(figure.section for figure in figures):
+        if section == FIRST_AFTER_TABLES:
+            yield "Summary", unscored + _summary(solutions, scores, draw.window)
         shown = [text for figure in figures if figure.section == section and (text := draw(figure))]
         if section == "Track" and shown:
             pair = f"{shown[0]}<div>{''.join(shown[1:3])}</div>"
@@ -295,16 +302,14 @@ def _summary(
     window: tuple[float, float] | None,
 ) -> str:
     free = {name for name, solution in solutions.items() if not summary.heading_held(solution)}
-    tables = [summary.error_table(scores, window, free)] if scores else []
+    errors = summary.error_table(scores, window, free) if scores else ""
     parts = [
-        "<div class=tables>",
-        *tables,
-        "<div>",
-        summary.run_table(solutions),
-        summary.fix_table(solutions),
-        "</div></div>",
+        summary.withheld_table(solutions, scores),
+        fold("Errors by axis: RMS, largest, last", errors),
+        fold("Fixes accepted and rejected", summary.fix_table(solutions)),
+        fold("Why fixes were rejected", summary.rejection_table(solutions)),
+        fold("Time, gaps and claimed standard deviations", summary.run_table(solutions)),
     ]
-    parts += [summary.withheld_table(solutions, scores), summary.rejection_table(solutions)]
     metas = [solution.meta for solution in solutions.values()]
     told = {
         "Notes": [meta.get("notes", []) for meta in metas],
@@ -312,8 +317,9 @@ def _summary(
     }
     for heading, every in told.items():
         texts = list(dict.fromkeys(map(str, chain.from_iterable(every))))
-        parts += [f"<h3>{heading}</h3>", bullet_list(texts)] if texts else []
-    return "".join([*parts, occasions(solutions)])
+        parts.append(fold(f"{heading} ({len(texts)})", bullet_list(texts)))
+    parts.append(fold("Events, gaps and outages", occasions(solutions)))
+    return "".join(parts)
 
 
 class _Drawer:

@@ -109,6 +109,12 @@ def remarks(texts: Iterable[object]) -> str:
     return paragraphs(texts, "note")
 
 
+def fold(heading: str, *parts: str) -> str:
+    """An HTML block that opens on a click at its heading; "" around nothing."""
+    summary = f"<summary>{escape(heading)}</summary>"
+    return f"<details class=fold>{summary}{''.join(parts)}</details>" if any(parts) else ""
+
+
 def around(kind: str, *parts: str) -> str:
     """An HTML block of these classes around parts; "" around nothing."""
     return f"<div{classes(kind)}>{''.join(parts)}</div>" if any(parts) else ""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from html import escape, unescape
 from importlib import resources
@@ -16,7 +16,8 @@ from .. import __version__
 from ..fileio.files import replacing
 from ..typing import File
 from .packing import deflate_text, pack_json
-from .parts import remarks
+from .parts import paragraphs, remarks
+from .pictures import save_asked
 from .script import plotly_script
 
 if TYPE_CHECKING:
@@ -44,9 +45,11 @@ class Page:
     notes: tuple[str, ...] = ()  # one line each
 
     def save(self, path: File) -> None:
-        """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
+        """Write the page to `path`, atomically, and its figures where `saving_pictures` asks for them.
+        Raises DataError where that cannot be done."""
         with replacing(path) as part:
             part.write_text(self.html, encoding="utf-8")
+        save_asked(self.html)
 
     def _repr_html_(self) -> str:
         """The page in a frame of its own, where its scripts run and reach nothing else."""
@@ -68,7 +71,8 @@ class Document:
     title: str
     facts: Mapping[str, object]
     footer: str
-    introduction: str = ""  # HTML above the sections
+    headline: str  # what the page comes to, in a sentence
+    introduction: str = ""  # HTML between the headline and the sections
     style: str = ""  # further CSS
     wide: bool = False
     sections: list[tuple[str, str]] = field(default_factory=list)  # (heading, HTML)
@@ -90,11 +94,9 @@ class Document:
 
     def page(self, notes: tuple[str, ...] = (), bar: str = "", policy: str = POLICY) -> Page:
         """The Page, which also says by which software it was written and when."""
-        made = {
-            "software": f"strapdown {__version__}",
-            "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        }
-        return Page(shell(self, facts_html({**self.facts, **made}), bar, policy), notes)
+        made = f"Written by strapdown {__version__} on {datetime.now(UTC):%Y-%m-%d %H:%M} UTC."
+        said = replace(self, footer=f"{self.footer} {made}")
+        return Page(shell(said, facts_html(self.facts), bar, policy), notes)
 
 
 def shell(document: Document, facts: str = "", bar: str = "", policy: str = POLICY) -> str:
@@ -123,7 +125,7 @@ def shell(document: Document, facts: str = "", bar: str = "", policy: str = POLI
 <meta http-equiv="Content-Security-Policy" content="{policy}"><title>{escape(title)}</title>
 <link rel="icon" href="data:,"><style>{_shipped_text("page.css")}{style}</style></head><body class="{"wide" if document.wide else ""}">
 <a class=skip href="#main">To the results</a><header><div><h1>{escape(title)}</h1>{facts}</div></header>
-<nav aria-label=Sections><div>{links}</div></nav><main id=main>{document.introduction}{body}</main>
+<nav aria-label=Sections><div>{links}</div></nav><main id=main>{paragraphs(filter(None, [document.headline]), "headline")}{document.introduction}{body}</main>
 <footer>{escape(document.footer)}</footer>
 {bar if kinds else ""}{scripts}</body></html>
 """

@@ -280,7 +280,7 @@ def rejection_table(solutions: Mapping[str, Solution]) -> str:
         for run in solution.rejected
     ]
     head = ["source", "time [s]", "rejected", "probable cause", "what was seen", "what to do"]
-    return f"<h3>Why fixes were rejected</h3>{table(head, rows, 'said')}" if rows else ""
+    return table(head, rows, "said") if rows else ""
 
 
 def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors]) -> str:

@@ -16,15 +16,15 @@ from ..data.verdict import (
     Verdict,
     together,
 )
-from ..units.wording import capitalise
-from .parts import Html, numbered_list, paragraphs, remarks
+from ..units.wording import capitalise, count_text
+from .parts import Html, fold, paragraphs, remarks
 
 LOOKS = {
     TRUSTED: ("right", "✓", "Nothing that could be tested speaks against it."),
     DOUBTFUL: (
         "doubt",
         "!",
-        "Something does not look like a right set-up. Check it before you rely on this.",
+        "Something looks different from a correct set-up. Check it before you rely on this.",
     ),
     NOT_TO_BE_TRUSTED: (
         "wrong",
@@ -41,8 +41,8 @@ OF_A_PART = (
 
 
 CONTRADICTED = (
-    "Nothing that the recording itself tells speaks against it, but the reference contradicts what it "
-    "claims: one of the two is wrong. The verdict never sees the reference."
+    "The recording itself shows nothing wrong, but the reference contradicts what is claimed: one of the "
+    "two is wrong."
 )
 """Meaning of "trusted" where a reference says otherwise."""
 
@@ -84,14 +84,23 @@ def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str
     elif verdict.trusted and verdict.reasons:
         meaning = OF_A_PART
     whose = f"<span class=whose>{escape(names)}</span>" if names else ""
+    word = f"<strong>{escape(verdict_text(verdict, bool(contradicted)))}</strong>{whose}"
+    gravest, others = verdict.reasons[:1], verdict.reasons[1:]
     return judgement_html(
         look,
         mark,
-        f"<strong>{escape(verdict_text(verdict, bool(contradicted)))}</strong>{whose}",
+        word,
         paragraphs([meaning]),
-        remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
-        numbered_list([_reason(reason) for reason in verdict.reasons]),
-        paragraphs(map(_text, _limits(verdict)), "untested"),
+        *map(_reason, gravest),
+        fold(
+            f"{count_text(len(others), 'further probable cause')}, less grave",
+            *map(_reason, others),
+        ),
+        fold(
+            "What the reference contradicts",
+            remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
+        ),
+        fold("What was not tested", paragraphs(map(_text, _limits(verdict)), "untested")),
     )
 
 
@@ -111,12 +120,12 @@ def judgement_html(look: str, mark: str, word: str, *parts: str) -> str:
     return f"<div class='verdict {look}' role=note>{head}{''.join(parts)}</div>"
 
 
-def _reason(reason: Reason) -> Html:
+def _reason(reason: Reason) -> str:
     lines = (("Seen", reason.seen), ("To do", reason.remedy))
     said = "".join(
         f"<p><span>{name}</span><span>{_text(capitalise(text))}.</span></p>" for name, text in lines
     )
-    return Html(f"<h3>Probable cause: {escape(reason.what)}</h3>{said}")
+    return f"<div class=reason><h3>Probable cause: {escape(reason.what)}</h3>{said}</div>"
 
 
 def _text(text: str) -> Html:

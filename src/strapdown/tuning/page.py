@@ -1,10 +1,9 @@
 """The page of a Tuning: what was found, how the likelihood tells it, and what the innovations are
 like before and after."""
 
-from html import escape
 from typing import TYPE_CHECKING
 
-from ..pages.parts import TableCell, caption, numbered_list, paragraphs, table
+from ..pages.parts import TableCell, caption, fold, numbered_list, paragraphs, table
 from ..pages.shell import Document, Page
 from ..pages.verdict_block import judgement_html
 from .figures import (
@@ -40,6 +39,7 @@ def page(found: "Tuning") -> Page:
             "runs of the filter": str(found.runs),
         },
         FOOTER,
+        f"{found.summary}.",
         _verdict(found),
         STYLE,
     )
@@ -53,11 +53,8 @@ def page(found: "Tuning") -> Page:
         "NIS over time": nis_figure,
         "Rejected fixes": rejected_figure,
     }
-    document.add(
-        "Numbers",
-        _parameters(found),
-        place(profiles_figure(found.parameters), "Likelihood of each number"),
-    )
+    likelihood = place(profiles_figure(found.parameters), "Likelihood of each number")
+    document.add("Numbers", likelihood, _parameters(found))
     document.add(
         "Before and after",
         _fits(found),
@@ -68,14 +65,15 @@ def page(found: "Tuning") -> Page:
 
 def _verdict(found: "Tuning") -> str:
     """HTML of the summary, and of what the data do not decide."""
-    look, sign = ("doubt", "?") if found.undecided else ("right", "✓")
+    look, sign, word = ("right", "✓", "All numbers are decided by the data")
+    if found.undecided:
+        look, sign, word = ("doubt", "?", "The data do not decide everything")
     return judgement_html(
         look,
         sign,
-        escape(found.summary),
-        numbered_list(found.undecided),
-        paragraphs(found.notes),
-        paragraphs([found.used], "untested"),
+        word,
+        fold("What is not decided, and why", numbered_list(found.undecided)),
+        fold("Notes", paragraphs([*found.notes, found.used])),
     )
 
 

@@ -15,6 +15,7 @@ import plotly.graph_objects as go
 from strapdown.fileio.files import replacing, together, write_table
 from strapdown.pages.shell import Document, Page as HtmlPage, figure_html, shell
 from strapdown.typing import File
+from strapdown.units.wording import count_text
 
 from .tables import Tables
 
@@ -114,8 +115,19 @@ def write_files(
                 part.write_text(text, encoding="utf-8")
         for name, (_, table) in page.tables.items():
             write_table(table, out / f"{name}.csv", 6)
-        document = Document(page.title, {}, FOOTER, said, STYLE, sections=sections)
+        document = Document(
+            page.title, {}, FOOTER, _headline(page.claims), said, STYLE, sections=sections
+        )
         HtmlPage(shell(document)).save(out / "index.html")
+
+
+def _headline(claims: Claims) -> str:
+    """The number of claims of each verdict, or of targets met."""
+    if not claims:
+        return ""
+    if "verdict" in claims[0]:
+        return f"{counts(claims)}."
+    return f"{sum(bool(c['holds']) for c in claims)} of {count_text(len(claims), 'target')} met."
 
 
 def _mark_code(text: str) -> str:

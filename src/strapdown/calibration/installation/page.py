@@ -13,11 +13,12 @@ from ...data.recording import Recording
 from ...data.solution import Solution
 from ...engine.batch import fuse
 from ...engine.sensitivity import MAX_NIS
+from ...installation.findings import NOT_OBSERVABLE
 from ...installation.model import apply_constants, constants
 from ...pages.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
 from ...pages.parts import bullet_list, paragraphs, remarks, table
 from ...pages.shell import Document, Page
-from ...units.wording import count_text
+from ...units.wording import count_text, join_words
 from .iterated import theta_of
 
 if TYPE_CHECKING:
@@ -43,13 +44,11 @@ def page(found: "Installation") -> Page:
         {
             "recording": found.given.meta.get("name", ""),
             "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
-            "changed": f"{len(found.found)} of {count_text(len(found.parameters), 'parameter')}"
-            + ("" if found.found else ": nothing shows that what was given is wrong"),
             "runs of the filter": str(found.runs),
         },
         FOOTER,
+        _headline(found),
     )
-    document.add("Parameters", _table(found))
     document.add(
         "Before and after",
         document.place(innovations_figure(solutions), "Whitened innovations"),
@@ -59,7 +58,25 @@ def page(found: "Installation") -> Page:
             for each in found.found
         ),
     )
+    document.add("Parameters", _table(found))
     return document.page()
+
+
+def _headline(found: "Installation") -> str:
+    """The parameters that are off, or that the data agree with what was given."""
+    tried = [each for each in found.parameters if each.status != NOT_OBSERVABLE]
+    untold = len(found.parameters) - len(tried)
+    rest = f" The motion does not show {count_text(untold, 'further parameter')}." * bool(untold)
+    off = [f"{each.name} by {each.seen}" for each in found.found]
+    unsure = [f"{each.name} ({each.status})" for each in found.unsure]
+    if off:
+        doubt = f" Not written, because of {join_words(unsure)}." if unsure else ""
+        return f"Off from what was given: {join_words(off)}.{doubt}{rest}"
+    if unsure:
+        return f"Nothing is changed: {join_words(unsure)}.{rest}"
+    if not tried:
+        return f"The motion shows none of {count_text(untold, 'parameter')}: nothing was tested."
+    return f"What was given agrees with the data in all {count_text(len(tried), 'parameter')} that they show.{rest}"
 
 
 def _fuse_found(found: "Installation", recording: Recording) -> Solution:

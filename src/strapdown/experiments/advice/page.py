@@ -4,7 +4,6 @@ figures."""
 from __future__ import annotations
 
 import re
-from html import escape
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ import pandas as pd
 
 from ...data.solution import Correlated
 from ...evaluation.consistency import Interval
-from ...pages.parts import Html, caption, numbered_list, paragraphs, table
+from ...pages.parts import caption, numbered_list, paragraphs, table
 from ...pages.shell import Document, Page
 from ...typing import ArrayLike
 from ...units.wording import duration_text, join_words, number
@@ -323,6 +322,7 @@ def page(advice: Advice) -> Page:
         f"{duration_text(advice.scenario.duration)}",
         _facts(advice),
         FOOTER,
+        f"{_condition(advice)} {_headline(advice)}",
     )
     place, drawn = document.place, figures.curves_of(advice)
     document.add("Why", _why(advice))
@@ -359,16 +359,13 @@ def _facts(advice: Advice) -> dict[str, object]:
 
 
 def _why(advice: Advice) -> str:
-    condition, first, about, *rest = [line.strip() for line in sentences(advice)]
+    _, _, about, *rest = [line.strip() for line in sentences(advice)]
     said = [
         line
         for line in rest
         if not line.startswith(tuple(display_name(label) for label in advice.found))
     ]
-    answer, _, reason = first.partition(": ")
-    decided = Html(f"<b>{escape(answer)}:</b> {escape(reason)}")
-    head = paragraphs([condition, decided]) + caption(about)
-    return head + paragraphs(said) + _evidence(advice)
+    return caption(about) + paragraphs(said) + _evidence(advice)
 
 
 def _evidence(advice: Advice) -> str:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
     import xarray
 
+    from ...pages.shell import Page
     from .study import Study
 
 Made = TypeVar("Made")
@@ -342,6 +343,18 @@ class Campaign:
         from .figures import figure_of_name
 
         return figure_of_name(self, what, cell)
+
+    def page(self) -> Page:
+        """Return the page of the study: which filter errs least, figures over time, the table.
+
+        Raises
+        ------
+        DataError
+            Where it has no finished run.
+        """
+        from .page import page
+
+        return page(self)
 
     def __reduce__(self) -> tuple[type[Campaign], tuple[Path, dict[str, Any], Study | None]]:
         return Campaign, (self.folder, self.manifest, self.study)

@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 from ...checks import check_choice
 from ...core.loop.contract import ATT, POS, STATES, VEL
 from ...evaluation.consistency import band
-from ...pages.drawing import COLOURS, GREY, RED, line, log_range, note, panels, positive
+from ...pages.drawing import COLOURS, GREY, RED, line, log_range, note, panels, positive, wider
 from ...pages.notebook.plots import add_title
 from ...typing import Array
 
@@ -78,10 +78,10 @@ def _over_time(
         (1.0, "s") if duration < 600 else (60.0, "min") if duration < 5 * 3600 else (3600.0, "h")
     )
     figure, seen, t = panels([label], height, log), [], drawn.curves["t"] / scale
-    for entry in drawn.entries:
+    for rank, entry in reversed(list(enumerate(drawn.entries))):
         for i, values in enumerate(lines(drawn.curves, drawn.filters.index(entry.label))):
-            style: dict[str, Any] = {"dash": "dash"} if i else {}
-            line(figure, t, values, entry.name, entry.colour, legend=not i, **style)
+            style: dict[str, Any] = {"dash": "dash" if i else "solid", "width": wider(1.4, rank)}
+            line(figure, t, values, entry.name, entry.colour, 1, not i, rank, **style)
             figure.data[-1].visible = True if entry.shown else "legendonly"
             seen += [values] if entry.shown else []
     figure.update_xaxes(title_text=f"time [{unit}]", range=[0, float(t[-1])])

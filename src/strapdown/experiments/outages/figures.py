@@ -35,6 +35,7 @@ from ...pages.drawing import (
     positive,
     ribbon,
     seen_from_above,
+    wider,
 )
 from ...pages.notebook.plots import add_title
 from ...typing import Array, Ints, Mask
@@ -124,9 +125,8 @@ def paired_ratios(comparison: Comparison, base: str, length: float) -> go.Figure
     ends = np.array([r[:3] for name in known for r in ratios[name]])
     ends = np.log10(ends[np.isfinite(ends)])
     low, high = min(float(ends.min()), 0.0) - 0.08, max(float(ends.max()), 0.0) + 0.08
-    figure.update_xaxes(
-        type="log", range=[low, high], title_text="ratio of RMSE", **_few(log_ticks(low, high))
-    )
+    figure.update_xaxes(type="log", range=[low, high], **_few(log_ticks(low, high)))
+    figure.update_xaxes(title_text="ratio of RMSE", row=1, col=1)
     _left_out(figure, "Without a ratio, because no outage was scored for both", others, known)
     return figure
 
@@ -137,6 +137,7 @@ def _by_filter(titles: Sequence[str], names: Sequence[str], space: float, extra:
         rows=1, cols=len(titles), shared_yaxes=True, horizontal_spacing=space, subplot_titles=titles
     )
     finish(figure, extra + 30 * len(names)).update_layout(hovermode="closest")
+    figure.update_annotations(font_size=13)  # the titles, which stand side by side on a phone too
     return figure.update_yaxes(
         type="category",
         categoryorder="array",
@@ -188,9 +189,11 @@ def _interval(figure: go.Figure, r: ErrorRatio, name: str, style: Style, col: in
 
 
 def _few(settings: dict[str, Any]) -> dict[str, Any]:
-    """Ticks of a narrow logarithmic axis: every second number where there are many."""
+    """Ticks of a narrow logarithmic axis: not all of the numbers where there are many."""
     texts = settings.get("ticktext", ())
-    step = -(-len(texts) // 6) if texts else 1
+    if not texts:
+        return settings | {"dtick": 2}
+    step = -(-len(texts) // 4)
     return (
         settings
         if step == 1
@@ -217,7 +220,8 @@ def growth(comparison: Comparison, length: float) -> go.Figure | None:
                 continue
             _ribbon(figure, since, low, high, style.colour, name, row, opacity)
             shown = np.where(middle > 0, middle, np.nan)
-            line(figure, since, shown, name, style.colour, row, rank=rank, dash=style.dash, width=2)
+            look_of: dict[str, Any] = {"dash": style.dash, "width": wider(2, rank)}
+            line(figure, since, shown, name, style.colour, row, rank=rank, **look_of)
             seen[row - 1] += [middle, high, low]
     if not seen[0]:
         return None
@@ -330,9 +334,10 @@ def course(comparison: Comparison, outage: int) -> go.Figure | None:
             continue
         keep = even_indices(len(track.since), LINE_POINTS)
         largest[name] = np.abs(track.error).max(axis=0)
-        since, dash = track.since[keep], style.dash
+        since = track.since[keep]
+        look: dict[str, Any] = {"dash": style.dash, "width": wider(1.4, rank)}
         for row, error in enumerate(track.error[keep].T, 1):
-            line(figure, since, error, name, style.colour, row, rank=rank, dash=dash)
+            line(figure, since, error, name, style.colour, row, rank=rank, **look)
     if not largest:
         return None
     for row, axis in enumerate(NED_AXES, 1):
@@ -383,7 +388,7 @@ def coverage(comparison: Comparison) -> go.Figure | None:
         )
         dashed = {"color": colour, "width": 1.2, "dash": "dash"}
         figure.add_vline(GAUSS[k], line=dashed, row=1, col=col)
-    figure.update_xaxes(title_text="share of the errors [%]", range=[-8, 108])
+    figure.update_xaxes(title_text="share [%]", range=[-8, 108])
     why = "No standard deviation is claimed, or nothing was scored"
     _left_out(figure, why, comparison.filters, known)
     return figure

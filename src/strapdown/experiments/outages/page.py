@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...pages.parts import around, bullet_list, caption, paragraphs, remarks
+from ...pages.parts import around, bullet_list, caption, fold, paragraphs, remarks
 from ...pages.shell import Document, Page
 from ...pages.verdict_block import verdict_block
 from ...units.wording import count_text
 from . import figures, tables
-from .texts import answers, failures, rank_filters, unlike
+from .texts import answers, failures, headline, rank_filters, unlike
 
 if TYPE_CHECKING:
     from .result import Comparison
@@ -28,13 +28,14 @@ STYLE = """td.best{font-weight:700;background:color-mix(in srgb,var(--accent) 20
 .tall th,.tall tfoot td{background:var(--paper)}.tall thead tr + tr th:first-child{text-align:right;padding-left:10px}
 .text td,.text th{white-space:normal;text-align:left;vertical-align:top;min-width:8rem}
 .text td:first-child{white-space:nowrap}.text td:nth-child(3){min-width:11rem}
-.narrow{max-width:1000px}.answer{font-size:16.5px;max-width:95ch}main a{color:var(--accent)}details{margin:8px 0}"""
+.narrow{max-width:1000px}.answer{font-size:16.5px;max-width:95ch}main a{color:var(--accent)}"""
 RANKED = (
     "The filters are in the order of the mean logarithm of their horizontal RMSE. Which one is "
     "first was found on these same outages, so its "
     "lead flatters it a little; a comparison of two filters that were named beforehand does not "
-    "suffer from this. Shaded: the smallest of a "
-    "column, of filters that were scored in equally many outages."
+    "suffer from this. Shaded: the smallest "
+    "RMSE of a column, where it is significantly smaller than all others (95 %), of filters that were "
+    "scored in equally many outages."
 )
 RATIOS = (
     "Geometric mean over the outages of the ratio of two RMSE on the same outage, left of 1 where "
@@ -69,6 +70,7 @@ def page(comparison: Comparison) -> Page:
             "IMU": comparison.settings.get("imu", ""),
         },
         FOOTER,
+        headline(comparison),
         verdict_block(comparison.verdicts),
         STYLE,
         wide=True,
@@ -96,13 +98,14 @@ def page(comparison: Comparison) -> Page:
     )
     seen = TRACK if figures.are_listed(comparison) else SWEPT
     track = place(figures.track(comparison), "Seen from above", seen)
+    document.add("Track and growth", around("grid pair", track, *growth))
     document.add("Summary", _summary(comparison))
-    document.add("Every outage", tables.of_outages(comparison), *every)
     document.add("Paired differences", *pairs)
-    document.add("Growth", around("grid", *growth))
+    document.add(
+        "Every outage", *every, fold("RMSE of every outage", tables.of_outages(comparison))
+    )
     document.add("Single outages", around("grid", *single))
     document.add("Coverage", around("narrow", covered))
-    document.add("Track", around("narrow", track))
     document.add("How it was done", tables.how(comparison))
     document.add("Notes", bullet_list(comparison.notes))
     return document.page()
@@ -120,7 +123,7 @@ def _pairs(comparison: Comparison, document: Document, length: float, of: str) -
     drawn = figures.paired_ratios(comparison, best[0], length) if best else None
     if drawn is None:
         return ""
-    every = f"<details><summary>All pairs{of}</summary>{tables.pairs(comparison, length)}</details>"
+    every = fold(f"All pairs{of}", tables.pairs(comparison, length))
     return document.place(drawn, f"Ratio to {best[0]}{of}", RATIOS) + every
 
 

@@ -4,7 +4,7 @@ pairs, how it was done."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -13,15 +13,27 @@ import numpy as np
 import pandas as pd
 
 from ...evaluation.metrics import NED_AXES
-from ...pages.parts import Html, Ruled, TableCell, around, caption, paragraphs, split_cells, table
+from ...pages.parts import (
+    Html,
+    Ruled,
+    TableCell,
+    around,
+    caption,
+    fold,
+    paragraphs,
+    split_cells,
+    table,
+)
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY
 from ...units.wording import number
-from .texts import rank_filters, unlike
+from .texts import rank_filters, told_alike, unlike
 
 if TYPE_CHECKING:
     from .result import Comparison
 
+TESTED = ("horizontal", *NED_AXES)
+"""Axes along which the RMSE of two filters are compared with an interval."""
 SUMMARY = (
     ("RMSE north, mean [m]", "north_rmse_mean_m"),
     ("RMSE east, mean [m]", "east_rmse_mean_m"),
@@ -61,16 +73,27 @@ def in_order(comparison: Comparison) -> pd.DataFrame:
 
 
 def summary(comparison: Comparison) -> str:
-    """The summary; of each column and length the smallest value is marked, among the filters
-    that were scored in most outages."""
+    """The summary; of each length the smallest RMSE along an axis is marked, where that filter's is
+    significantly smaller than those of all others, among the filters that were scored in most
+    outages."""
     found, several = in_order(comparison), len(comparison.lengths) > 1
     shown = [(head, name) for head, name in SUMMARY if np.isfinite(found[name]).any()]
     head = ["filter", *(["length [s]"] if several else []), "scored", *(text for text, _ in shown)]
     body: list[list[object]] = []
-    for _, own in found.groupby("length_s", sort=False):
+    for length, own in found.groupby("length_s", sort=False):
         comparable = own["n"].to_numpy() == own["n"].max()
+        names = list(own["filter"])
         marks = np.array(
-            [_smallest(np.where(comparable, own[name], np.nan)) for _, name in shown]
+            [
+                _smallest(
+                    comparison,
+                    float(str(length)),
+                    _axis(name),
+                    names,
+                    np.where(comparable, own[name], np.nan),
+                )
+                for _, name in shown
+            ]
         ).reshape(len(shown), len(own))
         for i, (row, mark) in enumerate(zip(own.to_dict("records"), marks.T)):
             lead = [
@@ -83,12 +106,24 @@ def summary(comparison: Comparison) -> str:
     return table(head, body, "names")
 
 
-def _smallest(values: Array) -> list[bool]:
-    """Which of the values is the smallest, or reads like it; none where there is nothing to
-    compare."""
-    if len(values) < 2 or not np.isfinite(values).any():
+def _axis(column: str) -> str:
+    """The axis whose RMSE is in a column of the summary; "" of all other columns."""
+    axis, _, rest = column.partition("_")
+    return axis if axis in TESTED and rest.startswith("rmse") else ""
+
+
+def _smallest(
+    comparison: Comparison, length: float, axis: str, names: Sequence[str], values: Array
+) -> list[bool]:
+    """[True for the smallest of the values of these filters]; none is True where it is not significantly
+    smaller than all others along the axis, in the outages of that length."""
+    known = [name for name, value in zip(names, values) if np.isfinite(value)]
+    if not axis or len(known) < 2:
         return [False] * len(values)
-    return [number(value) == number(np.nanmin(values)) for value in values]
+    best = names[int(np.nanargmin(values))]
+    others = [name for name in known if name != best]
+    tied = told_alike(comparison, best, others, length, axis)
+    return [name == best and not tied for name in names]
 
 
 def _cells(values: Iterable[float], marks: Iterable[bool]) -> list[TableCell]:
@@ -98,18 +133,22 @@ def _cells(values: Iterable[float], marks: Iterable[bool]) -> list[TableCell]:
 
 def of_outages(comparison: Comparison) -> str:
     """RMSE of every outage, axis by axis, as Table 1 of Alam, Whidborne & Millidere has it; the
-    smallest of each outage and axis is marked."""
+    smallest of each outage and axis is marked, where that filter's is significantly smaller along that
+    axis."""
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
     above = [TableCell("outage", rows=2), TableCell("time [s]", rows=2)]
     above += [TableCell(f"{axis.capitalize()} [m]", "split", n) for axis in NED_AXES]
     head = split_cells([*map(_breakable, comparison.filters)] * len(NED_AXES), n)
 
-    def cells(row: Array) -> list[TableCell]:
-        marks = map(_smallest, np.split(row, len(NED_AXES)))
+    def cells(row: Array, length: float) -> list[TableCell]:
+        marks = (
+            _smallest(comparison, length, axis, comparison.filters, part)
+            for axis, part in zip(NED_AXES, np.split(row, len(NED_AXES)))
+        )
         return split_cells(_cells(row, chain.from_iterable(marks)), n)
 
     body = [
-        [i, f"{start:.10g}–{stop:.10g}", *cells(row)]
+        [i, f"{start:.10g}–{stop:.10g}", *cells(row, _length_of(comparison, i))]
         for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1)
     ]
     # NaN stays in these two: over other outages than the others' they would be no mean and median
@@ -119,12 +158,20 @@ def of_outages(comparison: Comparison) -> str:
         if len(values) > 1 and len(comparison.lengths) == 1
         else []
     )
-    foot = [[TableCell(what, columns=2), *cells(row)] for what, row in pooled]
+    foot = [
+        [TableCell(what, columns=2), *cells(row, comparison.lengths[0])] for what, row in pooled
+    ]
     said = (
-        "RMSE of the position in each outage; shaded: the smallest of its row and axis "
-        "(<a href='table.csv'>CSV</a>)."
+        "RMSE of the position in each outage; shaded: the smallest of its row and axis, where that "
+        "filter's is significantly smaller over all outages (<a href='table.csv'>CSV</a>)."
     )
     return caption(Html(said)) + table(head, body, "tall names", above, foot)
+
+
+def _length_of(comparison: Comparison, outage: int) -> float:
+    """The length, s, of the outage of that number."""
+    scores = comparison.scores
+    return float(scores["length_s"][scores["outage"] == outage].iloc[0])
 
 
 def _breakable(name: str) -> Html:
@@ -190,8 +237,9 @@ def how(comparison: Comparison) -> str:
     )
     said = " ".join([alike, *unlike(comparison)])
     shared = table(["of all filters", ""], [row for row in common if row[1]])
+    of_each = table(["filter", "options", "sources", "reference"], own)
     return paragraphs([said]) + around(
-        "text", shared, table(["filter", "options", "sources", "reference"], own)
+        "text", shared, fold("Options and sources of each filter", of_each)
     )
 
 

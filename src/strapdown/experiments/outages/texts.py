@@ -90,7 +90,7 @@ def _answer(comparison: Comparison, length: float) -> str:
         return f"Only {order[0]} was scored in {where}: there is nothing to compare it with."
     best, found = order[0], {name: ratio(comparison, name, order[0], length) for name in order[1:]}
     blocks, n = (max(getattr(r, part) for r in found.values()) for part in ("blocks", "count"))
-    alike = [name for name, r in found.items() if not r.low > 1]
+    alike = told_alike(comparison, best, order[1:], length)
     within = f"in {where}" + (f" ({blocks} blocks of those that overlap)" if blocks < n else "")
     if blocks < 2:
         why = "they overlap" if n > 1 else "it is only one"
@@ -114,6 +114,48 @@ def _answer(comparison: Comparison, length: float) -> str:
         f"{_times(best, found, alike)}; {join_words(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
         f"more."
     )
+
+
+MAX_NAMED = 3
+"""Names of filters that a headline has at most."""
+
+
+def headline(comparison: Comparison) -> str:
+    """The answer in a sentence, of the longest outages."""
+    length = comparison.lengths[-1]
+    order = rank_filters(comparison, length)
+    count = count_text(comparison.of_length(length)["outage"].nunique(), "outage")
+    where = count + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
+    if len(order) < 2:
+        return _answer(comparison, length)
+    alike = told_alike(comparison, order[0], order[1:], length)
+    if not alike:
+        return f"{order[0]} drifts least in {where}."
+    same = _some([order[0], *alike])
+    if len(alike) == len(order) - 1:
+        return f"{where[0].upper()}{where[1:]} cannot separate {same}."
+    rest = [name for name in order[1:] if name not in alike]
+    more = f"{_some(rest)} {'drift' if len(rest) > 1 else 'drifts'} more"
+    return f"{same} drift least in {where} and cannot be separated; {more}."
+
+
+def _some(names: list[str]) -> str:
+    """The first names, and how many more there are."""
+    few = names[:MAX_NAMED] if len(names) > MAX_NAMED + 1 else names
+    more = [f"{len(names) - len(few)} others"] if len(few) < len(names) else []
+    return join_words([*few, *more])
+
+
+def told_alike(
+    comparison: Comparison,
+    best: str,
+    others: Iterable[str],
+    length: float,
+    axis: str = "horizontal",
+) -> list[str]:
+    """Those of the others whose RMSE is not significantly larger than that of `best` along an axis."""
+    ratios = {name: ratio(comparison, name, best, length, axis) for name in others}
+    return [name for name, r in ratios.items() if not (r.blocks > 1 and r.low > 1)]
 
 
 def _times(best: str, found: dict[str, ErrorRatio], names: Iterable[str]) -> str:
