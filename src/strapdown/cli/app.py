@@ -18,6 +18,7 @@ import typer
 import strapdown as sd
 
 from ..checks import brief
+from ..units.wording import count_text
 from . import calibrate, compare, diagnose, export, filters, fly, lists, simulation, tune
 from .console import (
     ADAPTIVE,
@@ -58,10 +59,12 @@ from .console import (
     save_page,
     summarise,
 )
-from .help import Command, Commands
+from .help import Command, Commands, ResultCommand
+from .output import complain, note, record, say, say_verdict, wrote
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
+    from ..io.inspection import Inspection
     from ..pages.shell import Page
 
 app = typer.Typer(
@@ -131,7 +134,7 @@ def _again(raised: "sys.UnraisableHookArgs") -> None:
 def _warn(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
     """A warning that is meant for the user as a line; others as Python shows them."""
     if category.__name__ == "PluginWarning":
-        print(f"strapdown: {message}", file=sys.stderr)
+        complain(f"strapdown: {message}")
     else:
         _python_warns(message, category, *place, **more)
 
@@ -141,7 +144,7 @@ _python_warns = warnings.showwarning
 
 def _stop(message: str, code: int = 2) -> NoReturn:
     with suppress(OSError):  # of a standard error that is full
-        print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
+        complain("strapdown: " + message.replace("\n", " "))
     raise SystemExit(code)
 
 
@@ -215,7 +218,7 @@ def options(
         name_plugins(plugin)
 
 
-@app.command(cls=Command)
+@app.command(cls=ResultCommand)
 def demo(
     out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
     seed: Annotated[
@@ -233,7 +236,8 @@ def demo(
     """Simulate a 10-minute flight, or take a recorded drive, fuse it open and closed loop, print the
     errors and write a page."""
     shown = _recorded_demo() if recorded else _simulated_demo(imu, seed)
-    print(shown.about)
+    say(shown.about)
+    record(about=shown.about, window_s=shown.window)
     truth = shown.recording.reference
     assert truth is not None  # as of all that is simulated, and of the drive
     with results_folder(out.parent), Progress() as progress:
@@ -251,7 +255,6 @@ def demo(
         print_errors(solutions, truth, shown.window)
         title = f"strapdown demo: {shown.title}"
         save_page(sd.report(solutions, truth, title, window=shown.window, map=map), out)
-    print(f"wrote {out}")
 
 
 class _Demo(NamedTuple):
@@ -287,7 +290,7 @@ def _recorded_demo() -> _Demo:
     return _Demo(drive.hidden(DEMO_OUTAGES), None, (60.0, drive.span[1]), about, title)
 
 
-@app.command(cls=Command)
+@app.command(cls=ResultCommand)
 def fuse(
     recording: Annotated[list[Path], recording_argument()],
     filter: FILTER = "closed-loop",
@@ -394,20 +397,19 @@ def fuse(
             solution.meta["withheld"] = windows
         summarise(solution)
         if windows:
-            print(f"{_count(part) - _count(seen)} fixes withheld")
+            withheld = _count(part) - _count(seen)
+            say(f"{count_text(withheld, 'fix', 'es')} withheld")
+            record(fixes_withheld=withheld)
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
-        print(
-            _write_solution(
-                solution, folder, endings, files, sd.report(solution, whole.reference, map=map)
-            )
-        )
+        page = sd.report(solution, whole.reference, map=map)
+        _write_solution(solution, folder, endings, files, page)
     if diagnosed:
         try:
             diagnose.show(seen, filter, named, vehicle, begin, options)
         except sd.DataError as error:  # the results are written
-            print(f"diagnose: {error}")
+            note(f"diagnose: {error}")
     end(strict, [solution.verdict])
 
 
@@ -421,7 +423,7 @@ def _check_utc(utc: bool, recording: "sd.Recording") -> None:
     if utc and recording.utc is None:
         raise sd.DataError(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
-            "recording.toml (docs/reference/time.md), or leave --utc out"
+            "recording.toml, or leave --utc out"
         )
 
 
@@ -444,7 +446,8 @@ def _follow(
     make = lambda part, options: _run(part, filter, smooth, options)[0]
     found = follow_with(recording, make, **run)
     for line in found.lines:
-        print(line)
+        say(line)
+    record(applied=found.applied, left=found.left)
     return found.after, f"{filter}, smoothed" if smooth else filter
 
 
@@ -462,7 +465,8 @@ def _with_protection(solution: "sd.Solution") -> "sd.Solution":
     if not solution.verdict.trusted or solution.trajectory.std is None:
         return solution
     levels = solution.protection()
-    print(levels)
+    say(str(levels))
+    record(protection=levels.as_dict() if hasattr(levels, "as_dict") else {})
     columns = {**solution.columns, **levels.as_columns()}
     return replace(solution, columns=columns)
 
@@ -473,8 +477,8 @@ def _write_solution(
     endings: Sequence[str],
     files: SolutionFiles,
     page: "Page",
-) -> str:
-    """Write the files of a solution, all or none; the line that says which."""
+) -> None:
+    """Write the files of a solution, all or none."""
     from ..fileio.files import together
 
     names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
@@ -486,9 +490,10 @@ def _write_solution(
         for name in names:
             origin = files["origin"] if name.endswith(".tum") else None
             sd.write_solution(kept, folder / name, utc=files["utc"], origin=origin)
+            wrote(folder / name)
         save_page(page, folder / "report.html")
-    missing = "" if solution.has_position else "; no track, because there is no position"
-    return f"wrote {folder}/{', '.join(names)}, report.html{missing}"
+    if not solution.has_position:
+        say("no track, because there is no position")
 
 
 def _start(
@@ -514,7 +519,7 @@ def _start(
     return sd.align(recording, imu, heading=radians(heading), position=has_position(find(filter)))
 
 
-@app.command(cls=Command)
+@app.command(cls=ResultCommand)
 def inspect(
     path: Annotated[list[Path], typer.Argument(metavar="PATH", help=f"{RECORDING}.")],
     write: WRITE = None,
@@ -532,10 +537,27 @@ def inspect(
             f"--imu {grade}: inspect writes a grade into a draft; add --write FILE, or leave it out"
         )
     found = inspect(*path, **instances(number, take))
-    print(found)
+    show_inspection(found)
     save_draft(write, path, imu, take)
     if found.problems:
         raise typer.Exit(NOT_TRUSTED)
+
+
+def show_inspection(found: "Inspection") -> None:
+    """Print what was found in a file; the problems with --quiet, too."""
+    for line in found.lines:
+        (say_verdict if line.startswith(PROBLEM) else say)(line)
+    record(
+        path=found.path,
+        facts=found.facts,
+        problems=found.problems,
+        reasons=[reason._asdict() for reason in found.reasons],
+        inconclusive=found.inconclusive,
+    )
+
+
+PROBLEM = "problem: "
+"""Beginning of a line of `inspect` on what is wrong."""
 
 
 def _endings(text: str | None) -> list[str]:
@@ -583,17 +605,17 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
     return windows
 
 
+for command in (*lists.COMMANDS, filters.filters):
+    app.command(cls=Command)(command)
 for command in (
     *simulation.COMMANDS,
-    *lists.COMMANDS,
     compare.compare,
     diagnose.diagnose,
-    filters.filters,
     tune.tune,
     fly.fly,
     export.export,
 ):
-    app.command(cls=Command)(command)
+    app.command(cls=ResultCommand)(command)
 app.add_typer(calibrate.group)
 
 if __name__ == "__main__":

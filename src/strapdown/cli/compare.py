@@ -32,9 +32,9 @@ from .console import (
     recording_argument,
     results_folder,
     robust_sources,
-    table,
     triple,
 )
+from .output import note, record, say, table, wrote
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,7 +116,7 @@ def compare(
         )
         found.write(folder)
     show(found)
-    print(f"wrote {folder}/index.html, scores.csv, summary.csv, paired.csv, growth.csv, table.csv")
+    wrote(*(folder / name for name in WRITTEN))
     end(strict, found.verdicts.values())
 
 
@@ -160,20 +160,20 @@ def show(found: "sd.Comparison") -> None:
     from ..experiments.outages.texts import sentences
 
     print_verdicts(found.verdicts)
-    for note in found.notes:
-        print(f"note: {note}")
+    for text in found.notes:
+        note(text)
     # that of a list counts them itself
     count = "" if "outage" in found.words else f": {count_text(len(found.windows), 'outage')}"
-    print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
+    say(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
-    print(f"start of all filters at {start['t']:.2f} s: {start['note']}")
+    say(f"start of all filters at {start['t']:.2f} s: {start['note']}")
     if are_listed(found):
         made = found.table()
 
         def three(i: int, name: str) -> str:
             return triple([made[axis, name].loc[i] for axis in AXES])
 
-        print("RMSE N E D in each outage, m")
+        say("RMSE N E D in each outage, m")
         table(
             ("outage", "from-to, s", *found.filters),
             [
@@ -183,9 +183,19 @@ def show(found: "sd.Comparison") -> None:
         )
     table(HEAD, [_row(row) for _, row in in_order(found).iterrows()])
     for line in sentences(found):
-        print(line)
+        say(line)
+    record(
+        protocol=found.protocol,
+        kinds=found.kinds,
+        start={"t_s": start["t"], "note": start["note"]},
+        windows_s=found.windows,
+        scores=found.scores,
+        summary=in_order(found),
+        answer=list(sentences(found)),
+    )
 
 
+WRITTEN = "index.html", "scores.csv", "summary.csv", "paired.csv", "growth.csv", "table.csv"
 AXES = ("North", "East", "Down")
 """Axes in the table of the outages."""
 HEAD = (

@@ -5,11 +5,8 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import zip_longest
 from pathlib import Path
-from shutil import get_terminal_size
 from tempfile import TemporaryFile
-from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
@@ -20,9 +17,11 @@ from ..checks import DataError, check_choice, locate_errors
 from ..data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 from ..units.wording import count_text, short
 from . import complete
+from .output import complain, has_colour, is_quiet, note, record, say, say_verdict, table, wrote
 
 if TYPE_CHECKING:
     from ..engine.installation import Prior
+    from ..installation.findings import Estimate
     from ..pages.shell import Page
     from ..typing import Array
 
@@ -197,9 +196,6 @@ NOT_TRUSTED = 3
 something wrong; docs/reference/conventions.md lists all."""
 SPEED_OVER = 600.0
 """s: steps of a study are further apart than the half minute that bars usually look back."""
-NARROWEST = 32
-"""Characters that a column that is wrapped may have at least."""
-
 
 RECORDING = "A log, a table, or a recording.toml that names them; see `strapdown formats`"
 """Help of an argument that is a file in one of the formats."""
@@ -221,9 +217,14 @@ def read_given(
     --imu names. Prints what was taken from logs, assumed and left."""
     number, grade = asked_imu(imu)
     recording = sd.read(*paths, **instances(number, take))
-    for line in recording.meta.get("read", []):
-        if grade is None or not line.startswith("assumed: imu grade"):
-            print(line)
+    told = [
+        line
+        for line in recording.meta.get("read", [])
+        if grade is None or not line.startswith("assumed: imu grade")
+    ]
+    for line in told:
+        say(line)
+    record(read=told)
     return (recording if sources is None else sd.with_noise(recording, sources)), grade
 
 
@@ -276,7 +277,8 @@ def save_draft(
     text = draft(paths, instances(number, take), folder, grade)
     with replacing(write) as part:
         part.write_text(text, encoding="utf-8")
-    print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
+    say(f"read {write} through, then `strapdown inspect {write}`")
+    wrote(write)
 
 
 def summarise(solution: "sd.Solution") -> None:
@@ -286,29 +288,38 @@ def summarise(solution: "sd.Solution") -> None:
     from ..pages.summary import claimed_std
 
     print_verdicts({"": solution.verdict})
-    for note in solution.meta.get("notes", []):
-        print(f"note: {note}")
-    print(f"start: {solution.meta['start']['note']}")
-    for name, (good, bad) in solution.counts().items():
-        print(f"{name}: {count_text(good, 'fix', 'es')} accepted, {bad} rejected")
-    if solution.meta["fixes_outside"]:
-        outside = solution.meta["fixes_outside"]
+    for text in solution.meta.get("notes", []):
+        note(text)
+    say(f"start: {solution.meta['start']['note']}")
+    counts, outside = solution.counts(), solution.meta["fixes_outside"]
+    for name, (good, bad) in counts.items():
+        say(f"{name}: {count_text(good, 'fix', 'es')} accepted, {bad} rejected")
+    if outside:
         verbs = ("lies", "was") if outside == 1 else ("lie", "were")
-        print(
+        say(
             f"{count_text(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
             f"and {verbs[1]} not used"
         )
     for line in solution.installation.told:
-        print(line)
+        say(line)
     for t, text in solution.events[:10]:
-        print(f"{t:10.2f} s  {text}")
+        say(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
-        print(f"           and {len(solution.events) - 10} more events; the report lists them")
+        say(f"           and {len(solution.events) - 10} more events; the report lists them")
     if doubtful := solution.seconds(DOUBTFUL):
-        print(
-            f"doubtful: {doubtful:.4g} s of {solution.t[-1] - solution.t[0]:.4g} s, see the events"
-        )
-    print(f"at the end: {uncertainty(claimed_std(solution)[-1])}")
+        say(f"doubtful: {doubtful:.4g} s of {solution.t[-1] - solution.t[0]:.4g} s, see the events")
+    std = claimed_std(solution)[-1]
+    say(f"at the end: {uncertainty(std)}")
+    record(
+        span_s=[solution.t[0], solution.t[-1]],
+        start={"note": solution.meta["start"]["note"]},
+        fixes={name: {"accepted": good, "rejected": bad} for name, (good, bad) in counts.items()},
+        fixes_outside=outside,
+        installation=[_parameter(each) for each in solution.installation.parameters],
+        events=[{"t_s": t, "text": text} for t, text in solution.events],
+        doubtful_s=doubtful,
+        std_at_end={key: value for key, (_, _, value) in _claims(std).items()},
+    )
 
 
 def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
@@ -318,79 +329,95 @@ def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     groups, several = together(verdicts), len(verdicts) > 1
     for names, verdict in groups:
         them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
-        _notify(f"verdict{f' on {them}' if several else ''}: {_word_in_colour(verdict.word)}")
-        for line in _verdict_in_short(verdict) if several else verdict.lines[1:]:
-            _notify(line)
+        say_verdict(f"verdict{f' on {them}' if several else ''}: {_word_in_colour(verdict.word)}")
+        for line in _reasons_in_short(verdict) if several else _named_once(verdict.lines[1:]):
+            say(line)
+    if several:
+        untested = dict.fromkeys(each.what for _, verdict in groups for each in verdict.untested)
+        if untested:
+            say(f"  {NOT_TESTED}{', '.join(untested)}")
+        record(verdicts={name: verdict.as_dict() for name, verdict in verdicts.items()})
+    else:
+        record(verdict=next(iter(verdicts.values())).as_dict())
 
 
-def _verdict_in_short(verdict: Verdict) -> Iterator[str]:
+NOT_TESTED = "not tested: "
+
+
+def _reasons_in_short(verdict: Verdict) -> Iterator[str]:
     first, *others = verdict.reasons or (None,)
     if first:
         yield f"  {first}"
     if others:
         yield f"  also: {', '.join(reason.what for reason in others)}"
-    if verdict.untested:
-        yield f"  not tested: {', '.join(each.what for each in verdict.untested)}"
+
+
+def _named_once(lines: Iterable[str]) -> Iterator[str]:
+    """The lines of a verdict, of which the first alone says that something was not tested."""
+    said = False
+    for line in lines:
+        begins = line.startswith(f"  {NOT_TESTED}")
+        yield line.replace(NOT_TESTED, " " * len(NOT_TESTED), 1) if begins and said else line
+        said |= begins
 
 
 COLOURS = {TRUSTED: "green", DOUBTFUL: "yellow", NOT_TO_BE_TRUSTED: "red"}
 
 
 def _word_in_colour(word: str) -> str:
-    """A verdict's word, on a terminal in its colour, unless NO_COLOR is set (https://no-color.org)."""
-    plain = not sys.stdout.isatty() or os.environ.get("NO_COLOR")
-    return word if plain else typer.style(word, fg=COLOURS.get(word), bold=True)
-
-
-def _notify(text: str) -> None:
-    """Print a line, on a terminal in lines of its width, the further ones indented."""
-    if sys.stdout.isatty():
-        text = fill(text, text_width(), subsequent_indent="      ", break_on_hyphens=False)
-    print(text)
-
-
-def text_width() -> int:
-    """Columns that text has."""
-    return max(get_terminal_size().columns, NARROWEST)
+    """A verdict's word, on a terminal in its colour."""
+    return typer.style(word, fg=COLOURS.get(word), bold=True) if has_colour() else word
 
 
 def end(strict: bool, verdicts: Iterable[Verdict]) -> None:
     """End a command with its exit code, which with --strict says whether all is trusted."""
     if strict and not all(verdict.trusted for verdict in verdicts):
-        print("strapdown: not trusted (--strict); the results are written", file=sys.stderr)
+        complain("strapdown: not trusted (--strict); the results are written")
         raise SystemExit(NOT_TRUSTED)
 
 
 def save_page(page: "Page", path: Path) -> None:
-    """Write a report, and print what it notes, such as a figure that could not be drawn."""
-    for note in page.notes:
-        print(f"note: {note}")
+    """Write a report, and say what it notes, such as a figure that could not be drawn."""
+    for text in page.notes:
+        note(text)
     page.save(path)
+    wrote(path)
 
 
 def uncertainty(std: "Array") -> str:
     """The standard deviations of one row that a filter claims, as text; those of the gyro bias
     where it claims no position."""
-    import numpy as np
-
-    parts = [
-        ("position", "m NED", std[:3]),
-        ("velocity", "m/s", std[3:6]),
-        ("attitude", "deg", np.degrees(std[6:9])),
-    ]
-    parts += (
-        [("gyro bias", "deg/h", np.degrees(std[12:15]) * 3600)]
-        if not np.isfinite(std[:2]).any()
-        else []
-    )
     return (
         ", ".join(
-            f"{name} std {triple(values)} {unit}"
-            for name, unit, values in parts
-            if np.isfinite(values).any()
+            f"{name} std {triple(values)} {unit}" for name, unit, values in _claims(std).values()
         )
         or "no uncertainty claimed"
     )
+
+
+def _claims(std: "Array") -> "dict[str, tuple[str, str, Array]]":
+    """{key of the document: (name, unit, three values)} of what `uncertainty` says."""
+    import numpy as np
+
+    parts = {
+        "position_ned_m": ("position", "m NED", std[:3]),
+        "velocity_ned_m_per_s": ("velocity", "m/s", std[3:6]),
+        "attitude_rph_deg": ("attitude", "deg", np.degrees(std[6:9])),
+    }
+    if not np.isfinite(std[:2]).any():
+        parts["gyro_bias_deg_per_h"] = ("gyro bias", "deg/h", np.degrees(std[12:15]) * 3600)
+    return {key: part for key, part in parts.items() if np.isfinite(part[2]).any()}
+
+
+def _parameter(found: "Estimate") -> dict[str, Any]:
+    """An estimated parameter of an installation, for the document; its numbers are in its unit."""
+    names = ("name", "sources", "status", "unit", "given", "change", "std", "motion")
+    return {name: getattr(found, name) for name in names}
+
+
+def record_parameters(parameters: "Iterable[Estimate]") -> None:
+    """Add the estimated parameters of an installation to the document."""
+    record(parameters=[_parameter(each) for each in parameters])
 
 
 def print_outages(
@@ -400,20 +427,13 @@ def print_outages(
     says in one line why there is none."""
     from ..evaluation.metrics import outages
 
-    rows = []
+    found = []
     for window in windows:
         try:
-            (outage,) = outages(solution, reference, [window])
+            found += outages(solution, reference, [window])
         except sd.DataError as error:
-            print(f"not scored: {error}")
-            continue
-        rows.append(
-            (
-                f"{outage.start:g}-{outage.stop:g}",
-                *map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max)),
-            )
-        )
-    if rows:
+            say(f"not scored: {error}")
+    if found:
         table(
             (
                 "fixes withheld, s",
@@ -421,8 +441,26 @@ def print_outages(
                 "at the end, m",
                 "largest vertical, m",
             ),
-            rows,
+            [
+                (
+                    f"{each.start:g}-{each.stop:g}",
+                    *map(number, (each.horizontal_max, each.horizontal_end, each.down_max)),
+                )
+                for each in found
+            ],
         )
+    record(
+        outages=[
+            {
+                "start_s": each.start,
+                "stop_s": each.stop,
+                "horizontal_max_m": each.horizontal_max,
+                "horizontal_end_m": each.horizontal_end,
+                "down_max_m": each.down_max,
+            }
+            for each in found
+        ]
+    )
 
 
 def triple(values: "Iterable[float]") -> str:
@@ -451,13 +489,13 @@ def print_errors(
     from ..evaluation.metrics import AttitudeAngles, errors, rms
     from ..pages.summary import contradictions, heading_held
 
-    rows, found = [], {}
+    rows, found, scored = [], {}, {}
     for name, solution in solutions.items():
         try:
             found[name] = errors(solution, reference)
             r = rms(found[name], window)
         except sd.DataError as error:
-            print(f"not scored: {error}")
+            say(f"not scored: {error}")
             continue
         angles = [np.degrees(part) for part in (r.rph, r.angles)]
         if not heading_held(solution):
@@ -465,9 +503,11 @@ def print_errors(
                 np.where([known, True, False], part, np.nan)
                 for part, known in zip(angles, (True, False))
             ]
-        rows.append((name, triple(r.position), triple(r.velocity), *map(triple, angles)))
+        parts = r.position, r.velocity, *angles
+        rows.append((name, *map(triple, parts)))
+        scored[name] = dict(zip(RMS_KEYS, parts))
     if rows:
-        print(
+        say(
             "rms error against the reference"
             + (f" over {window[0]:g}-{window[1]:g} s" if window else "")
         )
@@ -483,40 +523,24 @@ def print_errors(
             header if all_columns else header[:-1],
             rows if all_columns else [row[:-1] for row in rows],
         )
-    for name, texts in contradictions(found, window).items():
-        print(*(f"{name}: {text}" for text in texts), sep="\n")
+    against = contradictions(found, window)
+    for name, texts in against.items():
+        for text in texts:
+            say(f"{name}: {text}")
+    record(rms_errors=scored, contradictions=against)
 
 
-def table(header: Sequence[object], rows: Sequence[Sequence[object]]) -> None:
-    """Print rows of cells in columns as wide as their widest cell."""
-    widths = [max(len(str(row[i])) for row in [header, *rows]) for i in range(len(header))]
-    for row in [header, ["-" * width for width in widths], *rows]:
-        print("  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip())
-
-
-def wrapped_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """The same, but the last two columns go on in further rows, below themselves, where the
-    terminal (80 columns without one) is too narrow."""
-    before = sum(2 + max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 2))
-    width = max((get_terminal_size().columns - before - 2) // 2, NARROWEST)
-
-    def fit(text: str) -> list[str]:
-        return wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
-
-    lines = []
-    for *lead, one, other in rows:
-        for i, parts in enumerate(zip_longest(fit(one), fit(other), fillvalue="")):
-            lines.append((*(lead if not i else [""] * len(lead)), *parts))
-    table(header, lines)
+RMS_KEYS = "position_ned_m", "velocity_ned_m_per_s", "attitude_rph_deg", "attitude_angles_deg"
+"""Names of rms errors in the document."""
 
 
 class Progress:
     """A progress bar on standard error where that is a terminal, with the time that is left; plain
-    lines for what takes long otherwise."""
+    lines for what takes long otherwise. Nothing with --quiet."""
 
     def __enter__(self) -> Self:
         self.bar = None
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and not is_quiet():
             from rich.console import Console
             from rich.progress import Progress
 
@@ -536,10 +560,10 @@ class Progress:
 
     def notify(self, text: str) -> None:
         """A line that is seen at once."""
-        if self.bar is None:
-            print(text, file=sys.stderr, flush=True)
-        else:
-            self.bar.console.print(text, highlight=False, markup=False, soft_wrap=True)
+        if self.bar is not None:
+            self.bar.console.print(text, highlight=False, markup=False)
+        elif not is_quiet():
+            complain(text)
 
     def track(self, name: str) -> Callable[[float], None]:
         """A function of the fraction done."""

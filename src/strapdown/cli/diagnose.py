@@ -18,8 +18,10 @@ from .console import (
     grade_of,
     option_values,
     read_given,
+    record_parameters,
     recording_argument,
 )
+from .output import record, say
 
 if TYPE_CHECKING:
     from ..core.loop.contract import InitialState
@@ -64,4 +66,6 @@ def show(
             options=options,
         )
     for line in found.lines:
-        print(line)
+        say(line)
+    record_parameters(found.parameters)
+    record(changes=found.changes)

@@ -18,6 +18,7 @@ from .console import (
     read_given,
     results_folder,
 )
+from .output import note, record, say, wrote
 
 REPLAYED = 60.0
 """s of the flight that is simulated where no recording is given."""
@@ -29,8 +30,7 @@ def export(
         typer.Option(
             metavar="KIND,...",
             autocompletion=complete.kinds,
-            help="Kinds of fixes that it shall take, in the order of their numbers; docs/reference/sensors.md "
-            "has them.",
+            help="Kinds of fixes that it shall take, in the order of their numbers.",
         ),
     ],
     target: Annotated[
@@ -76,7 +76,9 @@ def export(
     with results_folder(out) as folder:
         with Progress() as progress:
             done = exported.export(what, made_for, folder, progress.notify)
-    for note in done.notes:
-        print(f"note: {note}")
-    print(done.sizes.text)
-    print(f"wrote {folder}/{', '.join(done.files)}; {folder}/README.md says how to go on")
+    for text in done.notes:
+        note(text)
+    say(done.sizes.text)
+    say(f"{folder}/README.md says how to go on")
+    record(target=target, sizes_bytes=done.sizes)
+    wrote(*(folder / name for name in done.files))

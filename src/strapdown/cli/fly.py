@@ -26,8 +26,8 @@ from .console import (
     results_folder,
     save_page,
     summarise,
-    table,
 )
+from .output import record, say, table, wrote
 
 FEEDBACK = Annotated[str, typer.Option(help="What the autopilot flies by: estimate, or truth.")]
 PREDICTION = Annotated[
@@ -52,7 +52,7 @@ def fly(
         typer.Argument(
             metavar="PLAN",
             autocompletion=complete.plans,
-            help="straight, turning, or a TOML file (docs/how-to/flight.md).",
+            help="straight, turning, or a TOML file.",
         ),
     ] = "straight",
     filter: FILTER = "closed-loop",
@@ -80,7 +80,7 @@ def fly(
     turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none",
     wind: WIND = None,
     aircraft: Annotated[
-        str, typer.Option(help="A built-in aircraft (docs/explanation/aircraft.md) or a TOML file.")
+        str, typer.Option(help="A built-in aircraft or a TOML file.")
     ] = "aerosonde",
     seed: SEED = 0,
     barometer: BAROMETER = False,
@@ -132,9 +132,9 @@ def fly(
             sd.write_recording(flight.recording, folder / "recording.nc")
             sd.write_solution(flight.solution, folder / "solution.nc")
             write_log(flight, folder / "log.csv")
+            wrote(*(folder / name for name in ("recording.nc", "solution.nc", "log.csv")))
             save_page(page, folder / "report.html")
     show(flight, filter, windows)
-    print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
     end(strict, [flight.solution.verdict])
 
 
@@ -169,10 +169,22 @@ def show(flight: "sd.flight.Flight", name: str, windows: Sequence[tuple[float, f
     print_errors({name: flight.solution}, flight.recording.reference)
     print_outages(flight.solution, flight.recording.reference, windows)
     for start, stop in windows if flight.solution.has_position else []:
-        print(drift(flight, start, stop))
-    table(("the aircraft", "rms", "largest", "at the end"), tracking_rows(flight))
+        say(drift(flight, start, stop))
+    kept = tracking(flight)
+    table(
+        ("the aircraft", "rms", "largest", "at the end"),
+        [(what, *map(number, values)) for what, values in kept.items()],
+    )
     if flight.stopped:
-        print(flight.stopped)
+        say(flight.stopped)
+    record(
+        aircraft={what: dict(zip(TRACKING_KEYS, values)) for what, values in kept.items()},
+        stopped=flight.stopped,
+    )
+
+
+TRACKING_KEYS = "rms", "largest", "at_the_end"
+"""Names of the numbers of `tracking` in the document."""
 
 
 def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
@@ -189,9 +201,9 @@ def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
     ]
 
 
-def tracking_rows(flight: "sd.flight.Flight") -> list[tuple[str, ...]]:
-    """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was
-    off its plan, and its controls off their trim."""
+def tracking(flight: "sd.flight.Flight") -> dict[str, tuple[float, float, float]]:
+    """{what: (RMS, the value of largest magnitude, last)}: how far the aircraft was off its plan, and
+    its controls off their trim."""
     import numpy as np
 
     log, degrees = flight.log, np.degrees(1)
@@ -206,11 +218,14 @@ def tracking_rows(flight: "sd.flight.Flight") -> list[tuple[str, ...]]:
     for control, trimmed in zip(("elevator", "aileron", "rudder"), flight.trim.commands):
         rows.append((f"{control} from trim, deg", (log[f"{control}, rad"] - trimmed) * degrees))
     rows.append(("throttle from trim, %", (log["throttle"] - flight.trim.commands[3]) * 100))
-    found = []
-    for what, values in rows:
-        shown = np.sqrt(np.mean(values**2)), values[np.abs(values).argmax()], values[-1]
-        found.append((what, *(number(float(value)) for value in shown)))
-    return found
+    return {
+        what: (
+            float(np.sqrt(np.mean(values**2))),
+            float(values[np.abs(values).argmax()]),
+            float(values[-1]),
+        )
+        for what, values in rows
+    }
 
 
 def drift(flight: "sd.flight.Flight", start: float, stop: float) -> str:

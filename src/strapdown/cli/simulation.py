@@ -2,7 +2,7 @@
 a simulation needs."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,11 +24,13 @@ from .console import (
     recording_argument,
     results_folder,
     standard_deviations,
-    table,
 )
+from .output import note, record, say, say_verdict, table, wrote
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from ..allan.page import Analysis
 
 
 def simulate(
@@ -37,7 +39,7 @@ def simulate(
         typer.Argument(
             metavar="SCENARIO",
             autocompletion=complete.scenarios,
-            help="A built-in scenario (docs/how-to/simulate.md) or a TOML file.",
+            help="A built-in scenario or a TOML file.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
@@ -65,13 +67,16 @@ def simulate(
     recording = sd.simulate(sd.scenario(scenario), duration, imu, seed, gnss=gnss)
     with results_folder(out.parent):
         sd.write_recording(recording, out)
-    for note in recording.meta["notes"]:
-        print(f"note: {note}")
-    fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.sources)
-    print(
-        f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU "
-        f"samples, {fixes or 'no fixes'}, the truth as reference"
+    for text in recording.meta["notes"]:
+        note(text)
+    fixes = {a.name or a.kind: len(a.t) for a in recording.sources}
+    counts = ", ".join(f"{count} {name}" for name, count in fixes.items())
+    say(
+        f"simulated {recording.span[1] - recording.span[0]:g} s: {len(recording.imu.t)} IMU "
+        f"samples, {counts or 'no fixes'}, the truth as reference"
     )
+    record(span_s=recording.span, seed=seed, imu_samples=len(recording.imu.t), fixes=fixes)
+    wrote(out)
 
 
 def study(
@@ -130,7 +135,7 @@ def study(
         if installation is not None
         else {},
     )
-    print(
+    say(
         f"{count_text(len(made.cells), 'cell')}, {count_text(len(made.filters), 'filter')}, "
         f"{count_text(runs, 'run')}: "
         f"{made.steps() / 1e6:.3g} million filter steps"
@@ -144,7 +149,8 @@ def study(
             progress=progress.track("study"),
         )
     print_summary(campaign.summary)
-    print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
+    record(runs=runs, seed=seed, summary=campaign.summary)
+    wrote(out / "summary.csv", out / "runs.csv", out / "chunks")
 
 
 def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
@@ -263,8 +269,12 @@ def advise(
             progress=progress.track("advise"),
             alignment=alignment,
         )
-    print(made)
-    print(f"wrote {out}/index.html")
+    first, *others = str(made).splitlines()
+    say_verdict(first)
+    for line in others:
+        say(line)
+    record(**made.as_dict())
+    wrote(out / "index.html")
 
 
 def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
@@ -396,7 +406,8 @@ def reproduce(
             ("claim", "target", "measured", "holds"),
             [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims],
         )
-    print(f"wrote {out}/index.html")
+    record(claims=claims)
+    wrote(out / "index.html")
 
 
 def allan(
@@ -423,13 +434,35 @@ def allan(
             f"leave it out"
         )
     analysis = analyse(found, start, stop)
-    for note in analysis.notes:
-        print(f"note: {note}")
+    for text in analysis.notes:
+        note(text)
     table(analysis.header, analysis.rows)
-    print(analysis.verdict)
+    say_verdict(analysis.verdict)
+    record(
+        span_s=analysis.recording.span,
+        grade=analysis.suggestion.grade,
+        disturbed=analysis.disturbed,
+        coefficients=[*_coefficients(analysis)],
+    )
     with results_folder(out):
         analysis.write(out)
-    print(f"wrote {out}/allan.html, allan.csv, allan-imu.toml")
+    wrote(*(out / name for name in ("allan.html", "allan.csv", "allan-imu.toml")))
+
+
+def _coefficients(analysis: "Analysis") -> Iterator[dict[str, Any]]:
+    """The noise coefficients of both triads for the document, in the units of data sheets; of what
+    cannot be told from zero the limit alone is known."""
+    from ..allan.fit import COEFFICIENTS
+    from ..units.conversion import SHEET, in_units
+
+    for sensor in (analysis.result.gyro, analysis.result.accel):
+        fit = sensor.triad.fit
+        for name in fit.names:
+            si = COEFFICIENTS[name].units[sensor.name]
+            numbers = {"value": fit.value, "std": fit.std, "limit": fit.limit}
+            yield {"sensor": sensor.name, "coefficient": name, "unit": SHEET[si]} | {
+                key: in_units(of[name], si) for key, of in numbers.items()
+            }
 
 
 COMMANDS = (simulate, study, advise, reproduce, allan)
