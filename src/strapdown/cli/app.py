@@ -31,7 +31,6 @@ from .console import (
     MAP,
     NOT_TRUSTED,
     OPTION,
-    RECORDING,
     ROBUST,
     SOURCES,
     STRICT,
@@ -60,7 +59,7 @@ from .console import (
     summarise,
 )
 from .help import Command, Commands, ResultCommand
-from .output import complain, note, record, say, say_verdict, wrote
+from .output import complain, note, record, say, say_verdict, spell_for, wrote
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
@@ -83,6 +82,8 @@ def main() -> None:
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     sys.unraisablehook = _again
+    for stream in (sys.stdout, sys.stderr):
+        spell_for(stream)
     warnings.showwarning = _warn
     try:
         # typer takes Ctrl-C for itself and returns the code, as it does that of an Exit
@@ -187,8 +188,7 @@ def options(
         list[str] | None,
         typer.Option(
             metavar="FILE",
-            help="A Python file or module with sensors, filters, readers or figures of your own; may "
-            "be repeated. See `strapdown plugins`.",
+            help="Python file or module; see `strapdown plugins`.",
         ),
     ] = None,
     max_size: Annotated[
@@ -221,15 +221,11 @@ def options(
 @app.command(cls=ResultCommand)
 def demo(
     out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
-    seed: Annotated[
-        int, typer.Option(help="Of the random errors; another seed is another flight's noise.")
-    ] = 7,
+    seed: Annotated[int, typer.Option(help="Seed of the random errors.")] = 7,
     imu: GRADE = "tactical",
     recorded: Annotated[
         bool,
-        typer.Option(
-            "--recorded", help="A recorded drive with outages of GNSS instead, from the package."
-        ),
+        typer.Option("--recorded", help="Take a recorded drive from the package."),
     ] = False,
     map: MAP = False,
 ) -> None:
@@ -302,64 +298,57 @@ def fuse(
     stop: TO = None,
     hide: Annotated[
         str | None,
-        typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s."),
+        typer.Option(metavar="T:T,...", help="Withhold fixes in these windows, s."),
     ] = None,
     heading: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg)."),
+        typer.Option(metavar="DEG", help="Initial heading, clockwise from north."),
     ] = None,
     option: OPTION = None,
     estimate: ESTIMATE = None,
     robust: ROBUST = None,
     adaptive: ADAPTIVE = None,
-    every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
+    every: Annotated[int, typer.Option(metavar="N", help="Keep each N-th row.")] = 1,
     ahrs: AHRS = None,
-    ahrs_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="Rate of that source, at most the IMU's.")
-    ] = 10.0,
+    ahrs_rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of its output.")] = 10.0,
     smooth: Annotated[
         bool,
         typer.Option(
             "--smooth",
-            help="Estimate each time from the whole recording, for filters that can be smoothed.",
+            help="Use the whole recording for each time.",
         ),
     ] = False,
     follow: Annotated[
         bool,
         typer.Option(
             "--follow",
-            help="Apply what `strapdown diagnose` finds wrong where the data decide, show what it "
-            "changes, and fuse again.",
+            help="Apply what `strapdown diagnose` finds; fuse again.",
         ),
     ] = False,
     diagnosed: Annotated[
         bool,
-        typer.Option(
-            "--diagnose", help="Then say what of the installation is wrong: `strapdown diagnose`."
-        ),
+        typer.Option("--diagnose", help="Say what of the installation is wrong."),
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
+        typer.Option(help="Folder of results.  [default: NAME-FILTER[-smooth]]"),
     ] = None,
     also: Annotated[
         str | None,
         typer.Option(
             metavar="ENDING,...",
-            help="Further files: gpx, geojson, tum (poses, for evo), csv.gz, csv.xz.",
+            help="gpx, geojson, tum (for evo), csv.gz, csv.xz.",
         ),
     ] = None,
     utc: Annotated[
         bool,
-        typer.Option(
-            "--utc", help="A column of ISO 8601 times in solution.csv, of an absolute clock."
-        ),
+        typer.Option("--utc", help="Column of UTC times in solution.csv."),
     ] = False,
     origin: Annotated[
         str | None,
         typer.Option(
             metavar="LAT,LON,HEIGHT",
-            help="Origin of the positions in track.tum, deg and m.  [default: the first position]",
+            help="Of the positions in track.tum, deg and m.",
         ),
     ] = None,
     map: MAP = False,
@@ -521,7 +510,7 @@ def _start(
 
 @app.command(cls=ResultCommand)
 def inspect(
-    path: Annotated[list[Path], typer.Argument(metavar="PATH", help=f"{RECORDING}.")],
+    path: Annotated[list[Path], recording_argument("PATH")],
     write: WRITE = None,
     imu: IMU = None,
     take: TAKE = None,

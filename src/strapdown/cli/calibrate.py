@@ -76,10 +76,7 @@ group = typer.Typer(
 
 SENSOR = Annotated[
     str | None,
-    typer.Option(
-        help="accelerometer, magnetometer, or the name of a magnetometer.  "
-        "[default: magnetometer, where there is one]"
-    ),
+    typer.Option(help="accelerometer, magnetometer, or a magnetometer's name."),
 ]
 
 
@@ -142,14 +139,14 @@ def installation(
         bool,
         typer.Option(
             "--write",
-            help="Change recording.toml in place; the old one is kept as recording.toml.before.",
+            help="Change recording.toml; keep the old one as .before.",
         ),
     ] = False,
     imu_clock: Annotated[
         bool,
         typer.Option(
             "--imu-clock",
-            help="The IMU's time stamps are wrong, where all sources are off by the same.",
+            help="The IMU's own time stamps are wrong.",
         ),
     ] = False,
     filter: RELATIVE = "closed-loop",
@@ -159,9 +156,7 @@ def installation(
     start: FROM = None,
     stop: TO = None,
     option: OPTION = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for a page.  [default: none is made]")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for a page.  [default: none]")] = None,
 ) -> None:
     """Find clock offsets, lever arms, mounting and odometer scale from a log, and write them into
     its recording.toml."""

@@ -44,17 +44,14 @@ FILTERS = Annotated[
     typer.Option(
         metavar="A,B,...",
         autocompletion=complete.filters,
-        help="Filters, with options as NAME:option=value; may be repeated.  "
-        "[default: all that estimate a position but pkf, which takes minutes]",
+        help="NAME:option=value,...  [default: those of position]",
     ),
 ]
 OUTAGES = Annotated[
     str,
     typer.Option(
         metavar="PROTOCOL",
-        help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), "
-        "100:130,200:230 (windows) or "
-        "10,30@240:575/5 (a sweep: windows of 10 and of 30 s inside 240 to 575 s, one every 5 s).",
+        help="30/300 (30 s of every 300 s), 15: (from 15 s on), 100:130 (a window), 10,30@240:575/5 (a sweep: windows of 10 and of 30 s, one every 5 s).",
     ),
 ]
 KINDS = Annotated[
@@ -68,9 +65,7 @@ KINDS = Annotated[
 
 
 def compare(
-    recording: Annotated[
-        list[Path], recording_argument("; without a reference the withheld fixes are it.")
-    ],
+    recording: Annotated[list[Path], recording_argument()],
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,
@@ -85,7 +80,7 @@ def compare(
     adaptive: ADAPTIVE = None,
     ahrs: AHRS = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
+        Path | None, typer.Option(help="Folder of results.  [default: NAME-compare]")
     ] = None,
     strict: STRICT = False,
 ) -> None:

@@ -30,7 +30,7 @@ FILTER = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.filters,
-        help="Architecture; see `strapdown filters`.",
+        help="See `strapdown filters`.",
     ),
 ]
 RELATIVE = Annotated[
@@ -38,7 +38,7 @@ RELATIVE = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.filters,
-        help="The closed loop or another filter of the closed-loop family.",
+        help="Of the closed-loop family.",
     ),
 ]
 AHRS = Annotated[
@@ -46,9 +46,7 @@ AHRS = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.attitude_filters,
-        help="A filter of attitude alone that runs first; its output is the attitude aiding.  "
-        "[default: attitude-mekf, where a filter needs attitude and the recording has a magnetometer "
-        "or heading instead]",
+        help="Attitude filter that runs first and aids the others.",
     ),
 ]
 GRADE = Annotated[
@@ -56,7 +54,7 @@ GRADE = Annotated[
     typer.Option(
         metavar="GRADE",
         autocompletion=complete.imus,
-        help="IMU grade (see `strapdown imus`) or a file that describes one.",
+        help="See `strapdown imus`; or a .toml file.",
     ),
 ]
 GNSS = Annotated[
@@ -64,41 +62,37 @@ GNSS = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.receivers,
-        help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: the "
-        "scenario's].",
+        help="See `strapdown receivers`; or a .toml file.",
     ),
 ]
-OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
+OUT = Annotated[Path, typer.Option(help="Folder of results.")]
 IMU = Annotated[
     str | None,
     typer.Option(
         metavar="GRADE",
         autocompletion=complete.imus,
-        help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
-        "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical.",
+        help="See `strapdown imus`; or a .toml file; N: IMU N of a log.",
     ),
 ]
 SOURCES = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Noise of the sources, as `strapdown tune` wrote it (NAME-sources.toml); default: as "
-        "the recording has it.",
+        help="Noise of the fixes, a file of `strapdown tune`.",
     ),
 ]
 TAKE = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=N",
-        help="Which of several alike in a log to take: gnss=1, magnetometer=0, reference=1; "
-        "gnss=none for none. May be repeated.",
+        help="Of several alike in a log: gnss=1, reference=0, gnss=none.",
     ),
 ]
 WRITE = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="From tables and logs: draft the recording.toml that says what is taken from them.",
+        help="Draft the recording.toml of these tables or logs.",
     ),
 ]
 VEHICLE = Annotated[
@@ -106,26 +100,21 @@ VEHICLE = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.vehicles,
-        help="What carries the sensors: any, pedestrian, car, ship, multicopter or aircraft; "
-        "nothing beyond its bounds is believed.  [default: what the recording names, else any]",
+        help="any, pedestrian, car, ship, multicopter or aircraft.",
     ),
 ]
 OPTION = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="An option of the filter (see `strapdown filters`); may be repeated.",
+        help="An option of `strapdown filters NAME`.",
     ),
 ]
 ESTIMATE = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME,...",
-        help="What of the installation becomes states of the filter: clock, lever-arm, mounting, scale, "
-        "gyro-scale, accel-scale, gyro-misalignment, accel-misalignment; `position clock` of the source of "
-        "that name or kind alone; clock=0.05 with its prior standard deviation, in s, m, deg or none, "
-        "mounting=0/1/2 of each component; none for nothing. May be repeated.  [default: what the "
-        "recording names]",
+        help="States for clock, lever-arm, mounting, scale; of the IMU gyro- and accel-scale, -misalignment.",
     ),
 ]
 
@@ -143,51 +132,45 @@ ROBUST = Annotated[
     typer.Option(
         metavar="SOURCE,...",
         callback=_no_option,
-        help="Sources whose fixes have a heavy-tailed likelihood in place of the gate, by name or kind; "
-        "all, or none.  [default: what the recording says]",
+        help="Sources with a heavy-tailed likelihood; all, or none.",
     ),
 ]
 ADAPTIVE = Annotated[
     list[str] | None,
     typer.Option(
         metavar="SECONDS",
-        help="Follow the noise of the sources with this memory; SOURCE=SECONDS of one, 0 for none. May "
-        "be repeated.  [default: what the recording says]",
+        help="Memory to follow their noise with; or SOURCE=SECONDS.",
     ),
 ]
 FROM = Annotated[
     float | None,
-    typer.Option("--from", metavar="T", help="First second of the recording to use."),
+    typer.Option("--from", metavar="T", help="First second to use."),
 ]
-TO = Annotated[
-    float | None, typer.Option("--to", metavar="T", help="Last second of the recording to use.")
-]
+TO = Annotated[float | None, typer.Option("--to", metavar="T", help="Last second to use.")]
 STRICT = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help="Exit with code 3 unless the verdict is `trusted`; results are written all the same.",
+        help="Exit with 3 unless the verdict is `trusted`.",
     ),
 ]
 MAP = Annotated[
     bool,
     typer.Option(
         "--map",
-        help="The track on a street map, too, which the page then loads from the network.",
+        help="Add a street map, loaded from the network.",
     ),
 ]
-SEED = Annotated[int, typer.Option(help="Of the random errors.")]
+SEED = Annotated[int, typer.Option(help="Seed of the random errors.")]
 WORKERS = Annotated[
     int,
-    typer.Option(
-        metavar="N", help="Worker processes of this machine, on Dask; 0 is threads in this process."
-    ),
+    typer.Option(metavar="N", help="Dask processes of this machine; 0: threads."),
 ]
 SCHEDULER = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.",
+        help="Dask scheduler, tcp://HOST:PORT.",
     ),
 ]
 
@@ -197,14 +180,10 @@ something wrong; docs/reference/conventions.md lists all."""
 SPEED_OVER = 600.0
 """s: steps of a study are further apart than the half minute that bars usually look back."""
 
-RECORDING = "A log, a table, or a recording.toml that names them; see `strapdown formats`"
-"""Help of an argument that is a file in one of the formats."""
 
-
-def recording_argument(note: str = ".") -> Any:
-    """The argument of a command that reads files in one of the formats, and a note."""
-    several = " Several files of logs or tables make one recording."
-    return typer.Argument(metavar="RECORDING", help=RECORDING + note + several)
+def recording_argument(name: str = "RECORDING") -> Any:
+    """The argument of a command that reads the files of a recording."""
+    return typer.Argument(metavar=name, help="Files of one recording: `strapdown formats`.")
 
 
 def read_given(

@@ -29,20 +29,17 @@ from .console import (
 )
 from .output import record, say, table, wrote
 
-FEEDBACK = Annotated[str, typer.Option(help="What the autopilot flies by: estimate, or truth.")]
+FEEDBACK = Annotated[str, typer.Option(help="The autopilot's: estimate, or truth.")]
 PREDICTION = Annotated[
     str,
-    typer.Option(
-        help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's; "
-        "model-always: also between fixes."
-    ),
+    typer.Option(help="While GNSS is cut: imu, model; model-always."),
 ]
 BAROMETER = Annotated[
     bool, typer.Option("--barometer", help="Carry a barometer of 10 samples per second.")
 ]
 WIND = Annotated[
     str | None,
-    typer.Option(metavar="N,E[,D]", help="Steady wind towards north, east and down, m/s."),
+    typer.Option(metavar="N,E[,D]", help="Wind towards north, east and down, m/s."),
 ]
 
 
@@ -52,7 +49,7 @@ def fly(
         typer.Argument(
             metavar="PLAN",
             autocompletion=complete.plans,
-            help="straight, turning, or a TOML file.",
+            help="straight, turning, or a .toml file.",
         ),
     ] = "straight",
     filter: FILTER = "closed-loop",
@@ -62,31 +59,28 @@ def fly(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.receivers,
-            help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: "
-            "five fixes a second with white noise].",
+            help="See `strapdown receivers`; or a .toml file.",
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")
+        float | None, typer.Option(metavar="S", help="Seconds to fly.  [default: the plan's]")
     ] = None,
     outage: Annotated[
         str | None,
         typer.Option(
-            metavar="T:T,...", help="When the receiver is cut, s; 15: is from 15 s to the end."
+            metavar="T:T,...", help="Cut the receiver in these windows, s; 15: for the rest."
         ),
     ] = None,
     feedback: FEEDBACK = "estimate",
     prediction: PREDICTION = "imu",
     turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none",
     wind: WIND = None,
-    aircraft: Annotated[
-        str, typer.Option(help="A built-in aircraft or a TOML file.")
-    ] = "aerosonde",
+    aircraft: Annotated[str, typer.Option(help="Aircraft, or its .toml file.")] = "aerosonde",
     seed: SEED = 0,
     barometer: BAROMETER = False,
     option: OPTION = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")
+        Path | None, typer.Option(help="Folder of results.  [default: fly-PLAN-FILTER]")
     ] = None,
     strict: STRICT = False,
 ) -> None:

@@ -1,10 +1,13 @@
 """The pages of `--help` beside the options: commands by task, options in groups, examples, the page
 with details. Light, since every start loads it."""
 
+import re
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Annotated, Any, NamedTuple
 
-from typer.core import TyperCommand, TyperGroup, TyperOption
+import typer
+from typer.core import TyperCommand, TyperGroup
 
 from .output import fitted, speaking, text_width
 
@@ -48,16 +51,8 @@ ABOUT = {
                 "strapdown fuse flight.ulg --imu industrial",
             ),
             (
-                "Each time from the whole record",
-                "strapdown fuse recording.toml --smooth --out best",
-            ),
-            (
                 "Without the fixes of half a minute, and GPX beside the rest",
                 "strapdown fuse drive.nc --hide 120:150 --also gpx --out tunnel",
-            ),
-            (
-                "Attitude alone, without GNSS",
-                "strapdown fuse hand.npz --filter attitude-mekf --out hand",
             ),
         ),
     ),
@@ -271,14 +266,15 @@ ABOUT = {
     ),
 }
 """{command: what `--help` tells of it}, in the order of the lists."""
+INPUT, OTHERS = "Input", "Options"
 GROUPS = {
-    "Input": "imu gnss sources take vehicle from to hide heading sensor imu-clock recordings scenario "
-    "flight duration outage outages kinds replay installation max-size pipes inside plugin",
-    "Filter": "filter filters option estimate robust adaptive ahrs ahrs-rate smooth every correlated "
+    INPUT: "recorded imu gnss sources take vehicle from to hide heading sensor imu-clock recordings scenario "
+    "flight duration outage outages kinds replay installation",
+    "Filter": "filter filters option estimate robust adaptive ahrs ahrs-rate smooth follow every correlated "
     "alignment target waiting",
     "Aircraft": "aircraft feedback prediction turbulence wind barometer",
     "Runs": "runs seed quick ablations workers scheduler",
-    "Results": "out also utc origin write map diagnose strict json quiet",
+    "Output": "out also utc origin write map diagnose strict json quiet help",
 }
 """{heading: names of options}; those of no heading come last."""
 ENDS = """Exit codes: 0 done; 1 a fault of strapdown itself; 2 bad input; 3 something is wrong or not \
@@ -302,28 +298,54 @@ def _listed(rows: Sequence[tuple[str, str]], width: int) -> Iterator[str]:
         if not text:
             yield f"  {name}"
         elif beside and len(name) + 4 <= column:
-            yield from fitted(text, width, f"  {name}".ljust(column), " " * column)
+            yield from _kept(text, width, f"  {name}".ljust(column), " " * column)
         else:
             yield f"  {name}"
-            yield from fitted(text, width, " " * column)
+            yield from _kept(text, width, " " * column, " " * column)
+
+
+def _kept(text: str, width: int, indent: str, further: str) -> list[str]:
+    """The lines of a text; a short default stays in one."""
+    kept = re.sub(r"\[default: .{,24}\]$", lambda found: found[0].replace(" ", KEPT), text)
+    return [line.replace(KEPT, " ") for line in fitted(kept, width, indent, further)]
+
+
+TYPES = {"<path>": "PATH", "<int>": "N", "<float>": "X", "<str>": "NAME"}
+"""{what typer calls the value of an option: what people do}."""
 
 
 def _groups(command: Any, ctx: Any, width: int) -> Iterator[str]:
     """The lines of arguments and options, in groups."""
-    found: dict[str, list[tuple[str, str]]] = {
-        heading: [] for heading in ("Arguments", *GROUPS, "Options")
-    }
+    found: dict[str, list[tuple[str, str]]] = {heading: [] for heading in (*GROUPS, OTHERS)}
     heading_of = {name: heading for heading, names in GROUPS.items() for name in names.split()}
     for parameter in command.get_params(ctx):
         record = parameter.get_help_record(ctx)
         if record and parameter.param_type_name == "argument":
-            found["Arguments"].append((parameter.metavar or record[0], record[1]))
+            about = record[1].removesuffix("[required]").strip()  # as the usage says
+            found[INPUT].append((parameter.metavar or record[0], about))
         elif record:
             name = parameter.opts[0].removeprefix("--")
-            found[heading_of.get(name, "Options")].append(record)
+            found[heading_of.get(name, OTHERS)].append((_names(parameter, record[0]), record[1]))
     for heading, records in found.items():
         if records:
             yield from ("", f"{heading}:", *_listed(records, width))
+
+
+def _names(parameter: Any, names: str) -> str:
+    """The names of an option and its value, with dots where it may be repeated."""
+    for ours, theirs in TYPES.items():
+        names = names.replace(ours, theirs)
+    return names + "..." * (parameter.multiple and not names.endswith("..."))
+
+
+def _example(line: str, width: int) -> str:
+    """A command line, which goes on before an option."""
+    kept = re.sub(r"(--\S+) (?!-)", rf"\1{KEPT}", line)
+    return " \\\n".join(fitted(kept, width - 2, "  ", "      ")).replace(KEPT, " ")
+
+
+KEPT = "\xa0"
+"""A blank at which no line is broken."""
 
 
 def _shown_width() -> int:
@@ -338,9 +360,7 @@ class Command(TyperCommand):
 
     def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__(*given, **named)
-        self.params += [_flag("json", "One JSON document, and nothing else, on standard output.")]
-        if self.quiet:
-            self.params += [_flag("quiet", "Print the verdict and errors alone.")]
+        self.params += [each for each in _of_output() if self.quiet or each.name == "json"]
 
     def invoke(self, ctx: Any) -> Any:
         """As click asks."""
@@ -369,7 +389,7 @@ class Command(TyperCommand):
             lines += ["", "Examples:"]
             for what, line in about.examples:
                 lines += fitted(f"# {what}", width, "  ", "  # ")
-                lines += fitted(line, width - 2, "  ", "      ")
+                lines.append(_example(line, width))
             lines += ["", *fitted(f'More: the page "{about.page}" of the documentation.', width)]
         formatter.write("\n".join(lines) + "\n")
 
@@ -380,10 +400,23 @@ class ResultCommand(Command):
     quiet = True
 
 
-def _flag(name: str, text: str) -> TyperOption:
-    return TyperOption(
-        param_decls=[f"--{name}"], type_descriptor=bool, is_flag=True, default=False, help=text
-    )
+@cache
+def _of_output() -> list[Any]:
+    """The options that every command has, made by typer as those of a function are."""
+    made = typer.Typer(add_completion=False)
+
+    @made.command()
+    def options(
+        json: Annotated[
+            bool, typer.Option("--json", help="One JSON document on standard output.")
+        ] = False,
+        quiet: Annotated[
+            bool, typer.Option("--quiet", help="Print the verdict and errors alone.")
+        ] = False,
+    ) -> None:
+        """Options alone."""
+
+    return [*typer.main.get_command(made).params]
 
 
 class Commands(TyperGroup):
@@ -402,9 +435,12 @@ class Commands(TyperGroup):
                 if about.task == task and name in there
             ]
             lines += ["", f"{task}:", *_listed(rows, width)]
-        lines += [*_groups(self, ctx, width), ""]
+        records = [each.get_help_record(ctx) for each in self.get_params(ctx)]
+        lines += ["", f"{OTHERS}:", *_listed([each for each in records if each], width), ""]
         lines += fitted(
-            "`strapdown COMMAND --help` has the options and examples of a command.", width
+            "`strapdown COMMAND --help` has the options and examples of a command, the page "
+            '"Use the command line" of the documentation more.',
+            width,
         )
         lines += fitted(ENDS, width)
         formatter.write("\n".join(lines) + "\n")

@@ -6,12 +6,13 @@ names the files that it wrote (`wrote`). `speaking`, which is around every comma
 that is shown. Light, since every start loads it.
 """
 
+import codecs
 import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout
-from io import StringIO
+from io import StringIO, TextIOWrapper
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
@@ -153,6 +154,39 @@ def plain(value: Any) -> Any:
 
 
 # ---- what fits a terminal
+
+
+SPELT = {
+    **{"σ": " sigma", "μ": "u", "µ": "u", "Δ": "delta ", "√": "sqrt", "χ": "chi"},
+    **{
+        "°": " deg",
+        "±": "+-",
+        "²": "^2",
+        "³": "^3",
+        "·": "*",
+        "×": "x",
+        "−": "-",
+        "–": "-",
+        "…": "...",
+    },
+    **{"≤": "<=", "≥": ">=", "→": "->", "“": '"', "”": '"', "‘": "'", "’": "'"},
+}
+"""{sign: how it is spelt where the output has no such sign}."""
+
+
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    """As codecs ask: the signs of an error in others that every output has."""
+    assert isinstance(error, UnicodeEncodeError)
+    signs = error.object[error.start : error.end]
+    texts = (SPELT.get(sign) or sign.encode("ascii", "backslashreplace").decode() for sign in signs)
+    return "".join(texts), error.end
+
+
+def spell_for(stream: TextIO) -> None:
+    """Let a stream that has no UTF-8 spell the signs that it does not have."""
+    codecs.register_error("strapdown", _spell)
+    if isinstance(stream, TextIOWrapper):
+        stream.reconfigure(errors="strapdown")
 
 
 def text_width() -> int:

@@ -39,7 +39,7 @@ def simulate(
         typer.Argument(
             metavar="SCENARIO",
             autocompletion=complete.scenarios,
-            help="A built-in scenario or a TOML file.",
+            help="A scenario's name or .toml file.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
@@ -48,14 +48,14 @@ def simulate(
         typer.Option(
             metavar="GRADE",
             autocompletion=complete.imus,
-            help="IMU grade or file [default: the scenario's].",
+            help="See `strapdown imus`; or a .toml file.",
         ),
     ] = None,
     gnss: GNSS = None,
     seed: SEED = 0,
     duration: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Seconds to simulate [default: the scenario's]."),
+        typer.Option(metavar="S", help="Seconds.  [default: the scenario's]"),
     ] = None,
 ) -> None:
     """Simulate a scenario and write it with its truth, as a recording that `strapdown fuse`
@@ -85,7 +85,7 @@ def study(
         typer.Argument(
             metavar="SCENARIO",
             autocompletion=complete.scenarios,
-            help="Built-in scenarios or TOML files.",
+            help="Names or .toml files of scenarios.",
         ),
     ],
     imu: Annotated[
@@ -93,7 +93,7 @@ def study(
         typer.Option(
             metavar="GRADE",
             autocompletion=complete.imus,
-            help="IMU grade or file; may be repeated [default: the scenario's].",
+            help="See `strapdown imus`; or a .toml file.",
         ),
     ] = None,
     gnss: GNSS = None,
@@ -102,8 +102,7 @@ def study(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.filters,
-            help="A filter, with options as NAME:option=value; may be repeated.  [default: "
-            "closed-loop, open-loop]",
+            help="NAME:option=value,...  [default: closed-loop, open-loop]",
         ),
     ] = None,
     runs: Annotated[
@@ -113,9 +112,7 @@ def study(
         str | None,
         typer.Option(
             metavar="NAME=STD,...",
-            help="Standard deviations from which each run draws what is wrong with the "
-            "installation, in s, m and deg: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02; "
-            "clock alone with the prior of `estimate`.",
+            help="Standard deviations of errors that each run draws: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02 in s, m, deg.",
         ),
     ] = None,
     seed: SEED = 0,
@@ -214,24 +211,20 @@ def advise(
         typer.Option(
             metavar="KIND",
             autocompletion=complete.missions,
-            help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, "
-            "ship, ...) or a TOML file.",
+            help="dynamic (circuits), a scenario, or a .toml file.",
         ),
     ],
-    duration: Annotated[
-        str, typer.Option(metavar="T", help="Length of the mission: 90min, 2h, or seconds.")
-    ],
+    duration: Annotated[str, typer.Option(metavar="T", help="90min, 2h, or seconds.")],
     runs: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Runs of the study [default: as the page says]."),
+        typer.Option(metavar="N", help="Runs of the study."),
     ] = None,
     seed: SEED = 0,
     map: Annotated[
         bool | None,
         typer.Option(
             "--map/--no-map",
-            help="Also the crossover map of grades, durations and dynamics.  [default: unless "
-            "--quick]",
+            help="Also the map of grades, durations and dynamics.",
         ),
     ] = None,
     quick: Annotated[
@@ -241,8 +234,7 @@ def advise(
         str,
         typer.Option(
             metavar="HOW",
-            help="How the attitude at the start is known: given (as the scenario says), or moving "
-            "(as an alignment in motion knows it).",
+            help="given, or moving (by an alignment).",
         ),
     ] = "given",
     out: OUT = Path("advice"),
@@ -316,15 +308,13 @@ def reproduce(
         typer.Argument(
             metavar="NAME",
             autocompletion=complete.reproductions,
-            help="What to run again; an unknown name lists what there is.",
+            help="What to run again; an unknown name lists them.",
         ),
     ],
     out: OUT = Path("reproduction"),
     quick: Annotated[
         bool,
-        typer.Option(
-            "--quick", help="Less of it, in about a minute; the page says what was left out."
-        ),
+        typer.Option("--quick", help="Less of it, in about a minute."),
     ] = False,
     ablations: Annotated[
         bool, typer.Option("--ablations", help="Also what decides the result, of hager-bryne.")
@@ -334,30 +324,26 @@ def reproduce(
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(help="Of the random errors [default: that of the published pages]."),
+        typer.Option(help="Seed of the random errors."),
     ] = None,
     workers: WORKERS = 0,
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results; of "
-            "hager-bryne.",
+            help="Dask scheduler, tcp://HOST:PORT; of hager-bryne.",
         ),
     ] = None,
     recordings: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder of the recordings, or of their descriptions "
-            "[default: those of the checkout and the data folder]."
-        ),
+        typer.Option(help="Folder of the recordings."),
     ] = None,
     filter: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME",
             autocompletion=complete.filters,
-            help="Only this filter, of consistency and faults; may be repeated.",
+            help="Only this filter, of consistency and faults.",
         ),
     ] = None,
     scenario: Annotated[
@@ -365,7 +351,7 @@ def reproduce(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.scenarios,
-            help="Only this scenario, of consistency; may be repeated.",
+            help="Only this scenario, of consistency.",
         ),
     ] = None,
 ) -> None:
@@ -411,10 +397,8 @@ def reproduce(
 
 
 def allan(
-    recording: Annotated[list[Path], recording_argument("; at rest.")],
-    imu: Annotated[
-        str | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
-    ] = None,
+    recording: Annotated[list[Path], recording_argument()],
+    imu: Annotated[str | None, typer.Option(metavar="N", help="IMU N of a log.")] = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second of the rest.")
     ] = None,

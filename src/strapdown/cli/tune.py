@@ -42,23 +42,19 @@ def tune(
         bool,
         typer.Option(
             "--correlated/--no-correlated",
-            help="Look for errors of the sources that last over many fixes.",
+            help="Look for errors that last over many fixes.",
         ),
     ] = True,
     option: OPTION = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder for the IMU file, the sources' noise and the page.  [default: NAME-tune; "
-            "none with --write]"
-        ),
+        typer.Option(help="Folder of results.  [default: NAME-tune; with --write none]"),
     ] = None,
     write: Annotated[
         bool,
         typer.Option(
             "--write",
-            help="Change recording.toml in place and put the IMU file beside it; the old one is kept "
-            "as recording.toml.before.",
+            help="Change recording.toml; keep the old one as .before.",
         ),
     ] = False,
 ) -> None:
