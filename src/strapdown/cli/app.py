@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import isfinite, radians
 from pathlib import Path
@@ -594,17 +594,16 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
     return windows
 
 
-for command in (*lists.COMMANDS, filters.filters):
-    app.command(cls=Command)(command)
-for command in (
-    *simulation.COMMANDS,
-    compare.compare,
-    diagnose.diagnose,
-    tune.tune,
-    fly.fly,
-    export.export,
-):
-    app.command(cls=ResultCommand)(command)
+COMMANDS: dict[type[Command], tuple[Callable[..., None], ...]] = {
+    Command: (*lists.COMMANDS, filters.filters),
+    ResultCommand: (
+        *simulation.COMMANDS,
+        *(compare.compare, diagnose.diagnose, tune.tune, fly.fly, export.export),
+    ),
+}
+for kind, functions in COMMANDS.items():
+    for function in functions:
+        app.command(cls=kind)(function)
 app.add_typer(calibrate.group)
 
 if __name__ == "__main__":

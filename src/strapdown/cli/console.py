@@ -307,7 +307,8 @@ def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     and of what was not tested. Results that agree share theirs."""
     groups, several = together(verdicts), len(verdicts) > 1
     for names, verdict in groups:
-        them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
+        all_of_them = "both" if len(names) == 2 else f"all {len(names)}"
+        them = all_of_them if len(groups) == 1 else ", ".join(names)
         say_verdict(f"verdict{f' on {them}' if several else ''}: {_word_in_colour(verdict.word)}")
         for line in _reasons_in_short(verdict) if several else _named_once(verdict.lines[1:]):
             say(line)
@@ -488,7 +489,7 @@ def print_errors(
     if rows:
         say(
             "rms error against the reference"
-            + (f" over {window[0]:g}-{window[1]:g} s" if window else "")
+            + (f" over {short(window[0])}-{short(window[1])} s" if window else "")
         )
         header = (
             "filter",
@@ -498,10 +499,8 @@ def print_errors(
             f"angle {' '.join(AttitudeAngles._fields)}, deg",
         )
         all_columns = not all(solution.has_position for solution in solutions.values())
-        table(
-            header if all_columns else header[:-1],
-            rows if all_columns else [row[:-1] for row in rows],
-        )
+        kept = [i for i in range(5 if all_columns else 4) if any(row[i] != "-" for row in rows)]
+        table([header[i] for i in kept], [[row[i] for i in kept] for row in rows])
     against = contradictions(found, window)
     for name, texts in against.items():
         for text in texts:

@@ -170,7 +170,7 @@ def show(flight: "sd.flight.Flight", name: str, windows: Sequence[tuple[float, f
         [(what, *map(number, values)) for what, values in kept.items()],
     )
     if flight.stopped:
-        say(flight.stopped)
+        say(str(flight.stopped))
     record(
         aircraft={what: dict(zip(TRACKING_KEYS, values)) for what, values in kept.items()},
         stopped=flight.stopped,

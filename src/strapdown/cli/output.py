@@ -26,8 +26,8 @@ NARROWEST = 32
 """Columns that text has at least."""
 PROSE = 24
 """Characters from which on a cell of several words may go on in the next line."""
-GAP = 2
-"""Columns between two columns of a table."""
+GAPS = 2, 1
+"""Columns between two columns of a table, and where it is narrow."""
 
 
 class _Output:
@@ -238,11 +238,13 @@ def laid_out(
     names, cells = [*map(str, header)], [[*map(str, row)] for row in rows]
     columns = [*zip(names, *cells)]
     room = text_width() if sys.stdout.isatty() else sys.maxsize
-    widths = _widths(columns, room - GAP * (len(columns) - 1))
-    if widths is None:
-        return [], [_listed(names, row, room) for row in cells]
-    rule = ["-" * width for width in widths]
-    return [*_row(names, widths), *_row(rule, widths)], [_row(row, widths) for row in cells]
+    for gap in GAPS:
+        widths = _widths(columns, room - gap * (len(columns) - 1))
+        if widths:
+            rule = ["-" * width for width in widths]
+            head = [*_row(names, widths, gap), *_row(rule, widths, gap)]
+            return head, [_row(row, widths, gap) for row in cells]
+    return [], [_listed(names, row, room) for row in cells]
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
@@ -275,13 +277,13 @@ def _is_prose(column: Sequence[str]) -> bool:
     return any(len(cell) > PROSE and cell.count(" ") > 2 for cell in column[1:])
 
 
-def _row(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
+def _row(cells: Sequence[str], widths: Sequence[int], gap: int) -> list[str]:
     """The lines of a row: each cell goes on below itself."""
     parts = [
         [cell] if len(cell) <= width else fitted(cell, width) for cell, width in zip(cells, widths)
     ]
     return [
-        (" " * GAP).join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
+        (" " * gap).join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
         for line in zip_longest(*parts, fillvalue="")
     ]
 
