@@ -63,6 +63,7 @@ from .output import complain, note, record, say, say_verdict, spell_for, wrote
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
+    from ..evaluation.protection import ProtectionLevels
     from ..io.inspection import Inspection
     from ..pages.shell import Page
 
@@ -455,9 +456,24 @@ def _with_protection(solution: "sd.Solution") -> "sd.Solution":
         return solution
     levels = solution.protection()
     say(str(levels))
-    record(protection=levels.as_dict() if hasattr(levels, "as_dict") else {})
+    record(protection={"risk": levels.risk, **_medians(levels)})
     columns = {**solution.columns, **levels.as_columns()}
     return replace(solution, columns=columns)
+
+
+def _medians(levels: "ProtectionLevels") -> dict[str, float]:
+    """Medians of protection levels for the document."""
+    import numpy as np
+
+    of = {
+        "horizontal_m": levels.horizontal,
+        "vertical_m": levels.vertical,
+        "heading_deg": np.degrees(levels.heading),
+    }
+    return {
+        key: float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
+        for key, values in of.items()
+    }
 
 
 def _write_solution(
@@ -595,11 +611,11 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
 
 
 COMMANDS: dict[type[Command], tuple[Callable[..., None], ...]] = {
-    Command: (*lists.COMMANDS, filters.filters),
     ResultCommand: (
         *simulation.COMMANDS,
         *(compare.compare, diagnose.diagnose, tune.tune, fly.fly, export.export),
     ),
+    Command: (*lists.COMMANDS, filters.filters),
 }
 for kind, functions in COMMANDS.items():
     for function in functions:

@@ -185,7 +185,7 @@ def installation(
             if out:  # the page says what was written
                 save_page(found.page(), out / "installation.html")
         for line in lines:
-            say(line)
+            say_verdict(line)
     if refusal:
         raise refusal
 

@@ -21,7 +21,7 @@ from .console import (
     record_parameters,
     recording_argument,
 )
-from .output import record, say
+from .output import record, say, say_verdict
 
 if TYPE_CHECKING:
     from ..core.loop.contract import InitialState
@@ -65,7 +65,7 @@ def show(
             progress=progress.track("diagnose"),
             options=options,
         )
-    for line in found.lines:
-        say(line)
+    for i, line in enumerate(found.lines):
+        (say if i < len(found.parameters) else say_verdict)(line)
     record_parameters(found.parameters)
     record(changes=found.changes)

@@ -261,8 +261,9 @@ def advise(
             progress=progress.track("advise"),
             alignment=alignment,
         )
-    first, *others = str(made).splitlines()
-    say_verdict(first)
+    condition, answer, *others = str(made).splitlines()
+    say_verdict(condition)
+    say_verdict(answer)
     for line in others:
         say(line)
     record(**made.as_dict())

@@ -27,7 +27,7 @@ from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, imu as imu_spec
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress
-from ...units.wording import count_text
+from ...units.wording import count_text, duration_text
 from ..monte_carlo.campaign import Campaign, make_folder
 from ..monte_carlo.chunks import kernels_for
 from ..monte_carlo.study import CAMPAIGN_OPTIONS, CampaignOptions, Study
@@ -275,7 +275,11 @@ def _cost(study: Study, maps: Study | None, steps: int, compiling: float) -> str
         f"{count_text(study.runs, 'run')} of {count_text(len(study.filters), 'filter')}"
         + (f", and a map of {len(maps.cells)} cells" if maps else "")
         + f": {steps / 1e6:.3g}{left} million filter steps, about {work:.2g} s of processor time"
-        + (f", after about {compiling:.2g} s of compiling, this time alone" if compiling else "")
+        + (
+            f", after about {duration_text(max(round(compiling), 1))} of compiling, this time alone"
+            if compiling
+            else ""
+        )
     )
 
 
