@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import complete
-from .output import fitted, laid_out, record, say, table, text_width
+from .output import fit_lines, layout, record, say, table, text_width
 
 if TYPE_CHECKING:
     from ..core.loop.contract import Filter
@@ -45,12 +45,12 @@ def _list(found: "Sequence[Filter]") -> None:
     from ..filters import FAMILIES, family
 
     rows = [(each.name, each.good_for, ", ".join(needs(each))) for each in found]
-    head, lines = laid_out(("filter", "good for", "needs"), rows)
+    head, lines = layout(("filter", "good for", "needs"), rows)
     print("\n".join(head))
     for folder in (*FAMILIES, ""):
         own = [lines[i] for i, each in enumerate(found) if family(each.name) == folder]
         if own:
-            print(f"\n{FAMILIES.get(folder, OF_PLUGINS)}:")
+            say(f"\n{FAMILIES.get(folder, OF_PLUGINS)}")
             print("\n".join(line for each in own for line in each))
     say("\n`strapdown filters NAME` tells all about one.")
     record(
@@ -101,11 +101,11 @@ def _tell(filter: "Filter") -> None:
     say(filter.name)
     for fact, text in facts.items():
         if text:
-            say("\n".join(fitted(f"{fact}: {text}", text_width(), "  ", "    ")))
+            say("\n".join(fit_lines(f"{fact}: {text}", text_width(), "  ", "    ")))
     say()
     table(("option", "default"), [(each, default) for each, default in filter.options.items()])
     for text in _meaning(filter):
-        say("\n" + "\n".join(fitted(text, text_width())))
+        say("\n" + "\n".join(fit_lines(text, text_width())))
     record(name=filter.name, facts=facts, options=filter.options)
 
 

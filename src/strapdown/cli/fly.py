@@ -164,7 +164,7 @@ def show(flight: "sd.flight.Flight", name: str, windows: Sequence[tuple[float, f
     print_outages(flight.solution, flight.recording.reference, windows)
     for start, stop in windows if flight.solution.has_position else []:
         say(drift(flight, start, stop))
-    kept = tracking(flight)
+    kept = path_errors(flight)
     table(
         ("the aircraft", "rms", "largest", "at the end"),
         [(what, *map(number, values)) for what, values in kept.items()],
@@ -172,13 +172,13 @@ def show(flight: "sd.flight.Flight", name: str, windows: Sequence[tuple[float, f
     if flight.stopped:
         say(str(flight.stopped))
     record(
-        aircraft={what: dict(zip(TRACKING_KEYS, values)) for what, values in kept.items()},
+        aircraft={what: dict(zip(PATH_ERROR_KEYS, values)) for what, values in kept.items()},
         stopped=flight.stopped,
     )
 
 
-TRACKING_KEYS = "rms", "largest", "at_the_end"
-"""Names of the numbers of `tracking` in the document."""
+PATH_ERROR_KEYS = "rms", "largest", "at_the_end"
+"""Names of the numbers of `path_errors` in the document."""
 
 
 def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
@@ -195,7 +195,7 @@ def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
     ]
 
 
-def tracking(flight: "sd.flight.Flight") -> dict[str, tuple[float, float, float]]:
+def path_errors(flight: "sd.flight.Flight") -> dict[str, tuple[float, float, float]]:
     """{what: (RMS, the value of largest magnitude, last)}: how far the aircraft was off its plan, and
     its controls off their trim."""
     import numpy as np

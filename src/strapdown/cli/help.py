@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from .output import fitted, speaking, text_width
+from .output import command_output, fit_lines, text_width
 
 
 class About(NamedTuple):
@@ -289,7 +289,7 @@ NARROW = 60
 """Columns below which every name stands in a line of its own."""
 
 
-def _listed(rows: Sequence[tuple[str, str]], width: int) -> Iterator[str]:
+def _list_lines(rows: Sequence[tuple[str, str]], width: int) -> Iterator[str]:
     """The lines of a list of (name, text)."""
     column = 2 + min(max(len(name) for name, _ in rows), NAMES)
     beside = width >= NARROW
@@ -298,16 +298,16 @@ def _listed(rows: Sequence[tuple[str, str]], width: int) -> Iterator[str]:
         if not text:
             yield f"  {name}"
         elif beside and len(name) + 4 <= column:
-            yield from _kept(text, width, f"  {name}".ljust(column), " " * column)
+            yield from _fit_help(text, width, f"  {name}".ljust(column), " " * column)
         else:
             yield f"  {name}"
-            yield from _kept(text, width, " " * column, " " * column)
+            yield from _fit_help(text, width, " " * column, " " * column)
 
 
-def _kept(text: str, width: int, indent: str, further: str) -> list[str]:
+def _fit_help(text: str, width: int, indent: str, further: str) -> list[str]:
     """The lines of a text; a short default stays in one."""
     kept = re.sub(r"\[default: .{,24}\]$", lambda found: found[0].replace(" ", KEPT), text)
-    return [line.replace(KEPT, " ") for line in fitted(kept, width, indent, further)]
+    return [line.replace(KEPT, " ") for line in fit_lines(kept, width, indent, further)]
 
 
 TYPES = {"<path>": "PATH", "<int>": "N", "<float>": "X", "<str>": "NAME"}
@@ -328,7 +328,7 @@ def _groups(command: Any, ctx: Any, width: int) -> Iterator[str]:
             found[heading_of.get(name, OTHERS)].append((_names(parameter, record[0]), record[1]))
     for heading, records in found.items():
         if records:
-            yield from ("", f"{heading}:", *_listed(records, width))
+            yield from ("", f"{heading}:", *_list_lines(records, width))
 
 
 def _names(parameter: Any, names: str) -> str:
@@ -341,7 +341,7 @@ def _names(parameter: Any, names: str) -> str:
 def _example(line: str, width: int) -> str:
     """A command line, which goes on before an option."""
     kept = re.sub(r"(--\S+) (?!-)", rf"\1{KEPT}", line)
-    return " \\\n".join(fitted(kept, width - 2, "  ", "      ")).replace(KEPT, " ")
+    return " \\\n".join(fit_lines(kept, width - 2, "  ", "      ")).replace(KEPT, " ")
 
 
 KEPT = "\xa0"
@@ -354,7 +354,7 @@ def _shown_width() -> int:
 
 class Command(TyperCommand):
     """A command whose help has its options in groups, examples and a page, and whose output is shown
-    as `output.speaking` says."""
+    as `output.command_output` says."""
 
     quiet = False
 
@@ -365,7 +365,7 @@ class Command(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """As click asks."""
         as_json, quiet = ctx.params.pop("json"), ctx.params.pop("quiet", False)
-        with speaking(ctx.command_path.removeprefix("strapdown "), as_json, quiet):
+        with command_output(ctx.command_path.removeprefix("strapdown "), as_json, quiet):
             return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
@@ -382,15 +382,15 @@ class Command(TyperCommand):
         """As click asks; no word of it is broken."""
         width = _shown_width()
         for before, line in zip(("Usage: ", *[" " * 7] * 9), self.usages(ctx)):
-            formatter.write("\n".join(fitted(line, width, before, " " * 9)) + "\n")
-        lines = ["", *fitted(" ".join((self.help or "").split()), width)]
+            formatter.write("\n".join(fit_lines(line, width, before, " " * 9)) + "\n")
+        lines = ["", *fit_lines(" ".join((self.help or "").split()), width)]
         lines += _groups(self, ctx, width)
         if about := ABOUT.get(ctx.command_path.removeprefix("strapdown ")):
             lines += ["", "Examples:"]
             for what, line in about.examples:
-                lines += fitted(f"# {what}", width, "  ", "  # ")
+                lines += fit_lines(f"# {what}", width, "  ", "  # ")
                 lines.append(_example(line, width))
-            lines += ["", *fitted(f'More: the page "{about.page}" of the documentation.', width)]
+            lines += ["", *fit_lines(f'More: the page "{about.page}" of the documentation.', width)]
         formatter.write("\n".join(lines) + "\n")
 
 
@@ -425,8 +425,11 @@ class Commands(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """As click asks."""
         width, there = _shown_width(), self.list_commands(ctx)
-        lines = [*fitted(f"{ctx.command_path} [OPTIONS] COMMAND [ARGS]...", width, "Usage: "), ""]
-        lines += fitted(" ".join((self.help or "").split()), width)
+        lines = [
+            *fit_lines(f"{ctx.command_path} [OPTIONS] COMMAND [ARGS]...", width, "Usage: "),
+            "",
+        ]
+        lines += fit_lines(" ".join((self.help or "").split()), width)
         longest = max(map(len, there))
         for task in (LOG, SENSORS, SIMULATION, MORE):
             rows = [
@@ -434,13 +437,13 @@ class Commands(TyperGroup):
                 for name, about in ABOUT.items()
                 if about.task == task and name in there
             ]
-            lines += ["", f"{task}:", *_listed(rows, width)]
+            lines += ["", f"{task}:", *_list_lines(rows, width)]
         records = [each.get_help_record(ctx) for each in self.get_params(ctx)]
-        lines += ["", f"{OTHERS}:", *_listed([each for each in records if each], width), ""]
-        lines += fitted(
+        lines += ["", f"{OTHERS}:", *_list_lines([each for each in records if each], width), ""]
+        lines += fit_lines(
             "`strapdown COMMAND --help` has the options and examples of a command, the page "
             '"Use the command line" of the documentation more.',
             width,
         )
-        lines += fitted(ENDS, width)
+        lines += fit_lines(ENDS, width)
         formatter.write("\n".join(lines) + "\n")

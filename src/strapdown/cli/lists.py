@@ -11,7 +11,7 @@ import typer
 import strapdown as sd
 
 from . import complete
-from .output import fitted, record, say, table, text_width
+from .output import fit_lines, record, say, table, text_width
 
 
 def imus(
@@ -37,7 +37,7 @@ def imus(
         return
     spec = imu(name)
     sheet = {key: value for key, value in spec.datasheet().items() if value}
-    say("\n".join(fitted(f"{spec.name}: {spec.source}", text_width(), "", "  ")))
+    say("\n".join(fit_lines(f"{spec.name}: {spec.source}", text_width(), "", "  ")))
     say()
     table(("error", "value"), [(key, f"{value:.4g}") for key, value in sheet.items()])
     record(name=spec.name, source=spec.source, datasheet=sheet)
@@ -118,7 +118,7 @@ def doctor() -> None:
     """Tell what is installed, compiled and found: the lines that a report of a fault should hold."""
     found: dict[str, list[str]] = {}
     for what, how in _of_installation():
-        say("\n".join(fitted(f"{what:13} {how}", text_width(), "", " " * 14)))
+        say("\n".join(fit_lines(f"{what:13} {how}", text_width(), "", " " * 14)))
         found.setdefault(what, []).append(how)
     record(installation=found)
 

@@ -2,7 +2,7 @@
 document for programs.
 
 A command says lines and tables (`say`, `note`, `table`), adds numbers to the document (`record`) and
-names the files that it wrote (`wrote`). `speaking`, which is around every command, decides what of
+names the files that it wrote (`wrote`). `command_output`, which is around every command, decides what of
 that is shown. Light, since every start loads it.
 """
 
@@ -45,7 +45,7 @@ _current = _Output()
 
 
 @contextmanager
-def speaking(command: str, as_json: bool, quiet: bool) -> Iterator[None]:
+def command_output(command: str, as_json: bool, quiet: bool) -> Iterator[None]:
     """Show what a command says as it was asked to: the line of its files comes last, the document
     alone. A command that ends by an exit code has its results."""
     global _current
@@ -194,7 +194,7 @@ def text_width() -> int:
     return max(get_terminal_size().columns, NARROWEST)
 
 
-def fitted(text: str, width: int, indent: str = "", further: str | None = None) -> list[str]:
+def fit_lines(text: str, width: int, indent: str = "", further: str | None = None) -> list[str]:
     """A text in lines of a width, broken between words alone; `further` begins those after the
     first."""
     return wrap(
@@ -216,18 +216,18 @@ def on_terminal(text: str, stream: TextIO) -> list[str]:
     for line in text.split("\n"):
         indent = " " * (len(line) - len(line.lstrip()))
         short = len(line) <= text_width()
-        found += [line] if short else fitted(line.strip(), text_width(), indent, f"{indent}    ")
+        found += [line] if short else fit_lines(line.strip(), text_width(), indent, f"{indent}    ")
     return found
 
 
 def table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> None:
     """Print a table as wide as its cells, on a terminal as wide as that."""
-    head, found = laid_out(header, rows)
+    head, found = layout(header, rows)
     for line in [*head, *(line for lines in found for line in lines)]:
         print(line)
 
 
-def laid_out(
+def layout(
     header: Sequence[object], rows: Iterable[Sequence[object]]
 ) -> tuple[list[str], list[list[str]]]:
     """(Lines of the header, lines of each row) of a table.
@@ -244,7 +244,7 @@ def laid_out(
             rule = ["-" * width for width in widths]
             head = [*_row(names, widths, gap), *_row(rule, widths, gap)]
             return head, [_row(row, widths, gap) for row in cells]
-    return [], [_listed(names, row, room) for row in cells]
+    return [], [_list_lines(names, row, room) for row in cells]
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
@@ -280,7 +280,8 @@ def _is_prose(column: Sequence[str]) -> bool:
 def _row(cells: Sequence[str], widths: Sequence[int], gap: int) -> list[str]:
     """The lines of a row: each cell goes on below itself."""
     parts = [
-        [cell] if len(cell) <= width else fitted(cell, width) for cell, width in zip(cells, widths)
+        [cell] if len(cell) <= width else fit_lines(cell, width)
+        for cell, width in zip(cells, widths)
     ]
     return [
         (" " * gap).join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
@@ -288,12 +289,12 @@ def _row(cells: Sequence[str], widths: Sequence[int], gap: int) -> list[str]:
     ]
 
 
-def _listed(names: Sequence[str], row: Sequence[str], room: int) -> list[str]:
+def _list_lines(names: Sequence[str], row: Sequence[str], room: int) -> list[str]:
     """A row as a list: its first cell, and the others below it with their headers."""
-    lines = fitted(row[0], room)
+    lines = fit_lines(row[0], room)
     for name, cell in zip(names[1:], row[1:]):
         if cell:
-            lines += fitted(f"{name}: {cell}" if name else cell, room, "  ", "    ")
+            lines += fit_lines(f"{name}: {cell}" if name else cell, room, "  ", "    ")
     return lines
 
 
