@@ -34,7 +34,7 @@ from .console import (
     robust_sources,
     triple,
 )
-from .output import note, record, say, table, wrote
+from .output import known_columns, note, record, say, table, wrote
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -176,7 +176,7 @@ def show(found: "sd.Comparison") -> None:
                 for i, (start, stop) in enumerate(found.windows, 1)
             ],
         )
-    table(HEAD, [_row(row) for _, row in in_order(found).iterrows()])
+    table(*known_columns(HEAD, [_row(row) for _, row in in_order(found).iterrows()]))
     for line in sentences(found):
         say(line)
     record(

@@ -17,7 +17,18 @@ from ..checks import DataError, check_choice, locate_errors
 from ..data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 from ..units.wording import count_text, short
 from . import complete
-from .output import complain, has_colour, is_quiet, note, record, say, say_verdict, table, wrote
+from .output import (
+    complain,
+    has_colour,
+    is_quiet,
+    known_columns,
+    note,
+    record,
+    say,
+    say_verdict,
+    table,
+    wrote,
+)
 
 if TYPE_CHECKING:
     from ..engine.installation import Prior
@@ -499,8 +510,8 @@ def print_errors(
             f"angle {' '.join(AttitudeAngles._fields)}, deg",
         )
         all_columns = not all(solution.has_position for solution in solutions.values())
-        kept = [i for i in range(5 if all_columns else 4) if any(row[i] != "-" for row in rows)]
-        table([header[i] for i in kept], [[row[i] for i in kept] for row in rows])
+        columns = 5 if all_columns else 4
+        table(*known_columns(header[:columns], [row[:columns] for row in rows]))
     against = contradictions(found, window)
     for name, texts in against.items():
         for text in texts:

@@ -227,6 +227,14 @@ def table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> None:
         print(line)
 
 
+def known_columns(
+    header: Sequence[str], rows: Sequence[Sequence[str]]
+) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns in which nothing is known."""
+    kept = [i for i in range(len(header)) if any(row[i] != "-" for row in rows)]
+    return [header[i] for i in kept], [[row[i] for i in kept] for row in rows]
+
+
 def layout(
     header: Sequence[object], rows: Iterable[Sequence[object]]
 ) -> tuple[list[str], list[list[str]]]:
