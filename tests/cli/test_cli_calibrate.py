@@ -24,7 +24,7 @@ def drive(late, tmp_path):
 def test_help_shows_both(command):
     code, out, err = command("calibrate", "--help")
     assert (code, err) == (0, [])
-    assert "--sensor" in out and "\n  installation  Find clock offsets" in out
+    assert "--sensor" in out
     assert out.startswith("Usage: strapdown calibrate [OPTIONS] ")
     assert out.splitlines()[1] == ("       strapdown calibrate installation [OPTIONS] RECORDING")
     code, out, _ = command("calibrate", "installation", "--help")
@@ -63,7 +63,7 @@ def test_a_file_is_shown_what_changes_then_changed_then_left(drive, command):
     assert written and float(written[1]) == pytest.approx(0.3, abs=0.03)
     code, out, _ = command("calibrate", "installation", drive, "--write")
     kept = drive.with_name("recording.toml.before")
-    assert code == 0 and out.splitlines()[-1] == f"the old file is {kept}"
+    assert code == 0 and out.splitlines()[-2:] == [f"the old file is {kept}", f"wrote {drive}"]
     assert kept.read_text() == TOML and drive.read_text() != TOML
     written = drive.read_text()
     code, out, _ = command("calibrate", "installation", drive, "--write")
@@ -107,7 +107,7 @@ def test_a_page_is_written(drive, command, tmp_path):
     code, out, _ = command(
         "calibrate", "installation", drive, "--write", "--out", tmp_path / "page"
     )
-    assert code == 0 and f"wrote {tmp_path}/page/installation.html" in out
+    assert code == 0 and f"wrote {drive}; {tmp_path}/page/installation.html" in out
     page = (tmp_path / "page" / "installation.html").read_text()
     assert f"Written: {drive}; the old file is {drive}.before." in page
     assert "To change in recording.toml" not in page and len(page) > 3e5

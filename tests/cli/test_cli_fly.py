@@ -232,7 +232,7 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
 
 @pytest.mark.short
 def test_the_largest_has_its_sign(flight):
-    rows = {what: float(largest) for what, _, largest, _ in cli_fly.tracking_rows(flight)}
+    rows = {what: largest for what, (_, largest, _) in cli_fly.path_errors(flight).items()}
     assert rows["above its route, m"] < 0 and rows["above its route, m"] == pytest.approx(
         flight.log["above route, m"].min(), rel=0.01
     )

@@ -1,5 +1,7 @@
 """Help with groups, examples and pages, and what the shell offers."""
 
+import contextlib
+import io
 import os
 import re
 import shlex
@@ -43,13 +45,73 @@ def completed(line, shell="bash"):
     return shown.stdout.splitlines()
 
 
+@pytest.fixture(scope="module")
+def titles():
+    """The titles of the documentation's pages."""
+    pages = (ROOT / "docs").rglob("*.md")
+    return {page.read_text("utf-8").partition("\n")[0].removeprefix("# ") for page in pages}
+
+
 @pytest.mark.short
-def test_every_command_has_a_line_a_page_and_examples():
+def test_every_command_has_a_line_a_page_and_examples(titles):
     assert help.ABOUT.keys() == commands().keys()
     for name, about in help.ABOUT.items():
-        assert (ROOT / "docs" / about.page).exists(), name
+        assert about.page in titles, name
         assert len(about.short) < 66 and about.examples, name
         assert f" {name} " in f"{about.examples[0][1]} ", name
+
+
+def shown(name, width, monkeypatch):
+    """The help of a command, "" the one of all, on a terminal of a width."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    root = typer.main.get_command(app.app)
+    with pytest.raises(SystemExit), contextlib.redirect_stdout(io.StringIO()) as out:
+        root.main([*name.split(), "--help"], "strapdown")
+    return out.getvalue()
+
+
+ALL = ("", *help.ABOUT)
+SCREEN = 50
+"""Rows of a terminal on which help is read."""
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", ALL)
+def test_help_fits_a_screen_and_breaks_no_word(name, monkeypatch):
+    wide = shown(name, 80, monkeypatch)
+    assert len(wide.splitlines()) <= SCREEN
+    for width in (40, 80):
+        text = shown(name, width, monkeypatch)
+        long = [line for line in text.splitlines() if len(line) > width]
+        # an option stays with its value
+        assert all(line.startswith("      --") or " " not in line.strip() for line in long)
+        # a command line goes on behind a backslash
+        assert sorted(set(text.replace(" \\\n", " ").split()) - {"#"}) == sorted(
+            set(wide.replace(" \\\n", " ").split()) - {"#"}
+        )
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", ALL)
+def test_help_names_nothing_that_a_wheel_does_not_install(name, titles, monkeypatch):
+    text = shown(name, 80, monkeypatch)
+    assert not re.findall(r"\b(?:docs|benchmarks|examples|tests|reproductions|src)/", text)
+    assert not re.findall(r"\S+\.md\b", text)
+    joined = " ".join(text.split())
+    assert set(re.findall(r'the page "([^"]*)"', joined)) <= titles
+    known = {f"strapdown {each}" for each in help.ABOUT}
+    for line in re.findall(r"`(strapdown [a-z ]*[a-z])[^`]*`", joined):
+        assert line in known or line == "strapdown", line
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", ALL)
+def test_help_says_nothing_twice(name, monkeypatch):
+    """No text of an option is that of another, and the formats are in `strapdown formats` alone."""
+    command = commands().get(name, typer.main.get_command(app.app))
+    texts = [parameter.help for parameter in command.params if getattr(parameter, "help", None)]
+    assert len(texts) == len(set(texts))
+    assert not re.search(r"ulg|DataFlash|MCAP|ROS|UBX|NMEA", "".join(texts))
 
 
 @pytest.mark.short
@@ -78,17 +140,15 @@ def test_examples_that_need_nothing_run(good, tmp_path, monkeypatch):
 @pytest.mark.short
 @pytest.mark.parametrize("name", ["closed-loop", "vru", "xkf-two-stage"])
 def test_all_about_a_filter_ends_at_a_page(good, name):
-    (page,) = re.findall(r"page: (\S+)", good("filters", name))
-    assert (ROOT / page).exists()
+    (page,) = re.findall(r"page of the documentation: (\S+)", good("filters", name))
+    assert (ROOT / f"docs/reference/filters/{page}.md").exists()
 
 
 @pytest.mark.short
 def test_help_has_its_options_in_groups(good):
     out = good("fuse", "--help")
-    places = [
-        out.index(f"\n{heading}:\n") for heading in ("Input", "Filter", "Results", "Examples")
-    ]
-    assert places == sorted(places) and "docs/how-to/fuse.md" in out
+    places = [out.index(f"\n{heading}:\n") for heading in ("Input", "Filter", "Output", "Examples")]
+    assert places == sorted(places) and 'the page "Fuse a recording"' in out
     assert places[0] < out.index("--imu GRADE") < places[1] < out.index("--smooth") < places[2]
     there = {
         option.removeprefix("--")
@@ -96,7 +156,7 @@ def test_help_has_its_options_in_groups(good):
         for parameter in command.params
         for option in parameter.opts
     }
-    assert set(" ".join(help.GROUPS.values()).split()) <= there
+    assert set(" ".join(help.GROUPS.values()).split()) <= there | {"help"}
     assert "[RECORDING]" not in out and "Usage: strapdown fuse [OPTIONS] RECORDING...\n" in out
 
 

@@ -21,8 +21,8 @@ def test_a_simulated_recording_is_read_and_fused(hop, command):
     code, out, _ = command("simulate", "hop.toml", "--seed", 4, "--out", "made/hop.nc")
     assert (
         code == 0
-        and "wrote made/hop.nc: 30 s, 600 IMU samples, 30 GNSS position, the truth as reference"
-        in out
+        and "simulated 30 s: 600 IMU samples, 30 GNSS position, the truth as reference\n" in out
+        and out.endswith("wrote made/hop.nc\n")
     )
     assert len(sd.read("made/hop.nc").reference.t) == 601
     np.testing.assert_array_equal(

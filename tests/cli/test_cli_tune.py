@@ -53,9 +53,9 @@ def test_files_are_written_and_serve(plain, command, asked, tmp_path):
         asked["correlated"] is False and asked["span"][1] <= 60 and asked["filter"] == "closed-loop"
     )
     assert out.splitlines()[-2:] == [
-        f"wrote {folder}/{plain}-imu.toml, {plain}-sources.toml, tune.html",
         f"to use them: strapdown fuse drive.nc --imu {folder}/{plain}-imu.toml --sources "
         f"{folder}/{plain}-sources.toml",
+        f"wrote {folder}/{plain}-imu.toml, {plain}-sources.toml, tune.html",
     ]
     assert (tmp_path / folder / "tune.html").stat().st_size > 3e5
 
@@ -76,9 +76,10 @@ def test_a_recording_toml_is_changed_in_place(drive, command, tmp_path):
     path = described(drive, tmp_path)
     code, out, err = command("tune", path, "--write")
     assert (code, err) == (0, []) and f"changed in {path}:" in out
-    assert out.splitlines()[-2:] == [
+    assert out.splitlines()[-3:] == [
         f"the old file is {path}.before",
-        f"wrote {tmp_path}/recording-imu.toml, which it names as grade",
+        f"it names {tmp_path}/recording-imu.toml as grade",
+        f"wrote {tmp_path}/recording.toml, recording-imu.toml",
     ]
     assert 'grade = "recording-imu.toml"  # 95 % intervals in that file' in path.read_text()
     assert (tmp_path / "recording.toml.before").read_text() == TOML

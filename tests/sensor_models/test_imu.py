@@ -11,6 +11,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import WarmUp
 from strapdown.sensor_models.imu import (
+    SERIES,
     ImuSpec,
     Triad,
     imu as imu_spec,
@@ -230,6 +231,29 @@ def test_grades_by_name_by_path_and_by_value(tmp_path):
         imu_spec("tactcal")
     with pytest.raises(DataError, match="absent.toml: cannot be read"):
         imu_spec("absent.toml")
+
+
+@pytest.mark.parametrize(
+    "name, grade",
+    [
+        ("MPU9999", "consumer"),
+        ("icm-42688-p", "consumer"),
+        ("ADIS16505", "industrial"),
+        ("Epson", None),
+        ("HG4930", "tactical"),
+        ("hg9900", "navigation"),
+    ],
+)
+def test_an_unknown_part_gets_the_grade_of_its_kind(name, grade):
+    with pytest.raises(DataError) as refused:
+        imu_spec(name)
+    text = str(refused.value)
+    assert ("a part like it is of the grade" in text) == (grade is not None)
+    assert grade is None or (f"the grade {grade!r}" in text and "did you mean" not in text)
+
+
+def test_every_series_has_a_grade():
+    assert set(SERIES) <= set(imus())
 
 
 def test_better_grades_have_better_gyros_and_turn_on_biases():

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import isfinite, radians
 from pathlib import Path
@@ -18,6 +18,7 @@ import typer
 import strapdown as sd
 
 from ..checks import brief
+from ..units.wording import count_text
 from . import calibrate, compare, diagnose, export, filters, fly, lists, simulation, tune
 from .console import (
     ADAPTIVE,
@@ -30,7 +31,6 @@ from .console import (
     MAP,
     NOT_TRUSTED,
     OPTION,
-    RECORDING,
     ROBUST,
     SOURCES,
     STRICT,
@@ -59,10 +59,13 @@ from .console import (
     summarise,
     with_figures,
 )
-from .help import Command, Commands
+from .help import Command, Commands, ResultCommand
+from .output import complain, note, record, say, say_verdict, spell_for, wrote
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
+    from ..evaluation.protection import ProtectionLevels
+    from ..io.inspection import Inspection
     from ..pages.shell import Page
 
 app = typer.Typer(
@@ -81,6 +84,8 @@ def main() -> None:
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     sys.unraisablehook = _again
+    for stream in (sys.stdout, sys.stderr):
+        spell_for(stream)
     warnings.showwarning = _warn
     try:
         # typer takes Ctrl-C for itself and returns the code, as it does that of an Exit
@@ -132,7 +137,7 @@ def _again(raised: "sys.UnraisableHookArgs") -> None:
 def _warn(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
     """A warning that is meant for the user as a line; others as Python shows them."""
     if category.__name__ == "PluginWarning":
-        print(f"strapdown: {message}", file=sys.stderr)
+        complain(f"strapdown: {message}")
     else:
         _python_warns(message, category, *place, **more)
 
@@ -142,7 +147,7 @@ _python_warns = warnings.showwarning
 
 def _stop(message: str, code: int = 2) -> NoReturn:
     with suppress(OSError):  # of a standard error that is full
-        print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
+        complain("strapdown: " + message.replace("\n", " "))
     raise SystemExit(code)
 
 
@@ -185,8 +190,7 @@ def options(
         list[str] | None,
         typer.Option(
             metavar="FILE",
-            help="A Python file or module with sensors, filters, readers or figures of your own; may "
-            "be repeated. See `strapdown plugins`.",
+            help="Python file or module; see `strapdown plugins`.",
         ),
     ] = None,
     max_size: Annotated[
@@ -216,26 +220,23 @@ def options(
         name_plugins(plugin)
 
 
-@app.command(cls=Command)
+@app.command(cls=ResultCommand)
 @with_figures
 def demo(
     out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
-    seed: Annotated[
-        int, typer.Option(help="Of the random errors; another seed is another flight's noise.")
-    ] = 7,
+    seed: Annotated[int, typer.Option(help="Seed of the random errors.")] = 7,
     imu: GRADE = "tactical",
     recorded: Annotated[
         bool,
-        typer.Option(
-            "--recorded", help="A recorded drive with outages of GNSS instead, from the package."
-        ),
+        typer.Option("--recorded", help="Take a recorded drive from the package."),
     ] = False,
     map: MAP = False,
 ) -> None:
     """Simulate a 10-minute flight, or take a recorded drive, fuse it open and closed loop, print the
     errors and write a page."""
     shown = _recorded_demo() if recorded else _simulated_demo(imu, seed)
-    print(shown.about)
+    say(shown.about)
+    record(about=shown.about, window_s=shown.window)
     truth = shown.recording.reference
     assert truth is not None  # as of all that is simulated, and of the drive
     with results_folder(out.parent), Progress() as progress:
@@ -253,7 +254,6 @@ def demo(
         print_errors(solutions, truth, shown.window)
         title = f"strapdown demo: {shown.title}"
         save_page(sd.report(solutions, truth, title, window=shown.window, map=map), out)
-    print(f"wrote {out}")
 
 
 class _Demo(NamedTuple):
@@ -289,7 +289,7 @@ def _recorded_demo() -> _Demo:
     return _Demo(drive.hidden(DEMO_OUTAGES), None, (60.0, drive.span[1]), about, title)
 
 
-@app.command(cls=Command)
+@app.command(cls=ResultCommand)
 @with_figures
 def fuse(
     recording: Annotated[list[Path], recording_argument()],
@@ -302,64 +302,57 @@ def fuse(
     stop: TO = None,
     hide: Annotated[
         str | None,
-        typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s."),
+        typer.Option(metavar="T:T,...", help="Withhold fixes in these windows, s."),
     ] = None,
     heading: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg)."),
+        typer.Option(metavar="DEG", help="Initial heading, clockwise from north."),
     ] = None,
     option: OPTION = None,
     estimate: ESTIMATE = None,
     robust: ROBUST = None,
     adaptive: ADAPTIVE = None,
-    every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
+    every: Annotated[int, typer.Option(metavar="N", help="Keep each N-th row.")] = 1,
     ahrs: AHRS = None,
-    ahrs_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="Rate of that source, at most the IMU's.")
-    ] = 10.0,
+    ahrs_rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of its output.")] = 10.0,
     smooth: Annotated[
         bool,
         typer.Option(
             "--smooth",
-            help="Estimate each time from the whole recording, for filters that can be smoothed.",
+            help="Use the whole recording for each time.",
         ),
     ] = False,
     follow: Annotated[
         bool,
         typer.Option(
             "--follow",
-            help="Apply what `strapdown diagnose` finds wrong where the data decide, show what it "
-            "changes, and fuse again.",
+            help="Apply what `strapdown diagnose` finds; fuse again.",
         ),
     ] = False,
     diagnosed: Annotated[
         bool,
-        typer.Option(
-            "--diagnose", help="Then say what of the installation is wrong: `strapdown diagnose`."
-        ),
+        typer.Option("--diagnose", help="Say what of the installation is wrong."),
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
+        typer.Option(help="Folder of results.  [default: NAME-FILTER[-smooth]]"),
     ] = None,
     also: Annotated[
         str | None,
         typer.Option(
             metavar="ENDING,...",
-            help="Further files: gpx, geojson, tum (poses, for evo), csv.gz, csv.xz.",
+            help="gpx, geojson, tum (for evo), csv.gz, csv.xz.",
         ),
     ] = None,
     utc: Annotated[
         bool,
-        typer.Option(
-            "--utc", help="A column of ISO 8601 times in solution.csv, of an absolute clock."
-        ),
+        typer.Option("--utc", help="Column of UTC times in solution.csv."),
     ] = False,
     origin: Annotated[
         str | None,
         typer.Option(
             metavar="LAT,LON,HEIGHT",
-            help="Origin of the positions in track.tum, deg and m.  [default: the first position]",
+            help="Of the positions in track.tum, deg and m.",
         ),
     ] = None,
     map: MAP = False,
@@ -397,20 +390,19 @@ def fuse(
             solution.meta["withheld"] = windows
         summarise(solution)
         if windows:
-            print(f"{_count(part) - _count(seen)} fixes withheld")
+            withheld = _count(part) - _count(seen)
+            say(f"{count_text(withheld, 'fix', 'es')} withheld")
+            record(fixes_withheld=withheld)
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
-        print(
-            _write_solution(
-                solution, folder, endings, files, sd.report(solution, whole.reference, map=map)
-            )
-        )
+        page = sd.report(solution, whole.reference, map=map)
+        _write_solution(solution, folder, endings, files, page)
     if diagnosed:
         try:
             diagnose.show(seen, filter, named, vehicle, begin, options)
         except sd.DataError as error:  # the results are written
-            print(f"diagnose: {error}")
+            note(f"diagnose: {error}")
     end(strict, [solution.verdict])
 
 
@@ -424,7 +416,7 @@ def _check_utc(utc: bool, recording: "sd.Recording") -> None:
     if utc and recording.utc is None:
         raise sd.DataError(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
-            "recording.toml (docs/reference/time.md), or leave --utc out"
+            "recording.toml, or leave --utc out"
         )
 
 
@@ -447,7 +439,8 @@ def _follow(
     make = lambda part, options: _run(part, filter, smooth, options)[0]
     found = follow_with(recording, make, **run)
     for line in found.lines:
-        print(line)
+        say(line)
+    record(applied=found.applied, left=found.left)
     return found.after, f"{filter}, smoothed" if smooth else filter
 
 
@@ -465,9 +458,25 @@ def _with_protection(solution: "sd.Solution") -> "sd.Solution":
     if not solution.verdict.trusted or solution.trajectory.std is None:
         return solution
     levels = solution.protection()
-    print(levels)
+    say(str(levels))
+    record(protection={"risk": levels.risk, **_medians(levels)})
     columns = {**solution.columns, **levels.as_columns()}
     return replace(solution, columns=columns)
+
+
+def _medians(levels: "ProtectionLevels") -> dict[str, float]:
+    """Medians of protection levels for the document."""
+    import numpy as np
+
+    of = {
+        "horizontal_m": levels.horizontal,
+        "vertical_m": levels.vertical,
+        "heading_deg": np.degrees(levels.heading),
+    }
+    return {
+        key: float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
+        for key, values in of.items()
+    }
 
 
 def _write_solution(
@@ -476,8 +485,8 @@ def _write_solution(
     endings: Sequence[str],
     files: SolutionFiles,
     page: "Page",
-) -> str:
-    """Write the files of a solution, all or none; the line that says which."""
+) -> None:
+    """Write the files of a solution, all or none."""
     from ..fileio.files import together
 
     names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
@@ -489,9 +498,10 @@ def _write_solution(
         for name in names:
             origin = files["origin"] if name.endswith(".tum") else None
             sd.write_solution(kept, folder / name, utc=files["utc"], origin=origin)
+            wrote(folder / name)
         save_page(page, folder / "report.html")
-    missing = "" if solution.has_position else "; no track, because there is no position"
-    return f"wrote {folder}/{', '.join(names)}, report.html{missing}"
+    if not solution.has_position:
+        say("no track, because there is no position")
 
 
 def _start(
@@ -517,9 +527,9 @@ def _start(
     return sd.align(recording, imu, heading=radians(heading), position=has_position(find(filter)))
 
 
-@app.command(cls=Command)
+@app.command(cls=ResultCommand)
 def inspect(
-    path: Annotated[list[Path], typer.Argument(metavar="PATH", help=f"{RECORDING}.")],
+    path: Annotated[list[Path], recording_argument("PATH")],
     write: WRITE = None,
     imu: IMU = None,
     take: TAKE = None,
@@ -535,10 +545,27 @@ def inspect(
             f"--imu {grade}: inspect writes a grade into a draft; add --write FILE, or leave it out"
         )
     found = inspect(*path, **instances(number, take))
-    print(found)
+    show_inspection(found)
     save_draft(write, path, imu, take)
     if found.problems:
         raise typer.Exit(NOT_TRUSTED)
+
+
+def show_inspection(found: "Inspection") -> None:
+    """Print what was found in a file; the problems with --quiet, too."""
+    for line in found.lines:
+        (say_verdict if line.startswith(PROBLEM) else say)(line)
+    record(
+        path=found.path,
+        facts=found.facts,
+        problems=found.problems,
+        reasons=[reason._asdict() for reason in found.reasons],
+        inconclusive=found.inconclusive,
+    )
+
+
+PROBLEM = "problem: "
+"""Beginning of a line of `inspect` on what is wrong."""
 
 
 def _endings(text: str | None) -> list[str]:
@@ -586,17 +613,17 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
     return windows
 
 
-for command in (
-    *simulation.COMMANDS,
-    *lists.COMMANDS,
-    with_figures(compare.compare),
-    diagnose.diagnose,
-    filters.filters,
-    with_figures(tune.tune),
-    with_figures(fly.fly),
-    export.export,
-):
-    app.command(cls=Command)(command)
+COMMANDS: dict[type[Command], tuple[Callable[..., None], ...]] = {
+    ResultCommand: (
+        *simulation.COMMANDS,
+        *map(with_figures, (compare.compare, tune.tune, fly.fly)),
+        *(diagnose.diagnose, export.export),
+    ),
+    Command: (*lists.COMMANDS, filters.filters),
+}
+for kind, functions in COMMANDS.items():
+    for function in functions:
+        app.command(cls=kind)(function)
 app.add_typer(calibrate.group)
 
 if __name__ == "__main__":

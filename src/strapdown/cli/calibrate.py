@@ -23,13 +23,14 @@ from .console import (
     grade_of,
     option_values,
     read_given,
+    record_parameters,
     recording_argument,
     results_folder,
     save_page,
-    table,
     with_figures,
 )
-from .help import Command
+from .help import ResultCommand
+from .output import note, record, say, say_verdict, table, wrote
 
 if TYPE_CHECKING:
     from ..calibration.installation.findings import Installation
@@ -48,14 +49,13 @@ class CommandGroup(TyperGroup):
         return super().parse_args(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """The help of the command without a name, then the other one."""
+        """The help of the command without a name."""
         command = self.commands[SENSORS]
         own = command.context_class(command, info_name=ctx.info_name, parent=ctx.parent)
         command.format_help(own, formatter)
-        self.format_commands(ctx, formatter)
 
 
-class Unnamed(Command):
+class Unnamed(ResultCommand):
     """The command of a group that stands without its name."""
 
     def make_context(
@@ -64,11 +64,9 @@ class Unnamed(Command):
         """As click asks."""
         return super().make_context(parent.info_name, args, parent.parent, **extra)
 
-    def format_usage(self, ctx: Any, formatter: Any) -> None:
-        """As click asks: its own, then that of the other command."""
-        super().format_usage(ctx, formatter)
-        other = f"{ctx.command_path} {INSTALLATION}"
-        formatter.write_usage(other, "[OPTIONS] RECORDING", prefix=" " * len("Usage: "))
+    def usages(self, ctx: Any) -> list[str]:
+        """Its own, then that of the other command."""
+        return [*super().usages(ctx), f"{ctx.command_path} {INSTALLATION} [OPTIONS] RECORDING"]
 
 
 group = typer.Typer(
@@ -79,19 +77,14 @@ group = typer.Typer(
 
 SENSOR = Annotated[
     str | None,
-    typer.Option(
-        help="accelerometer, magnetometer, or the name of a magnetometer.  "
-        "[default: magnetometer, where there is one]"
-    ),
+    typer.Option(help="accelerometer, magnetometer, or a magnetometer's name."),
 ]
 
 
 @group.command(SENSORS, cls=Unnamed, hidden=True)
 @with_figures
 def calibrate(
-    recording: Annotated[
-        list[Path], recording_argument("; docs/how-to/calibrate.md tells how to record it.")
-    ],
+    recording: Annotated[list[Path], recording_argument()],
     sensor: SENSOR = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second to use.")
@@ -104,22 +97,44 @@ def calibrate(
     """Calibrate accelerometer or magnetometer from a record: the file that recording.toml names
     as calibration, residuals, coverage."""
     found = sd.calibrate(read_given(recording)[0], sensor, start, stop)
-    for note in found.notes:
-        print(f"note: {note}")
+    for text in found.notes:
+        note(text)
     table(found.header, found.rows)
     if {"bias", "matrix", "temperature"} & set(found.columns):
-        print(
+        say(
             "these numbers are on top of the calibration that the recording names; the file holds "
             "both"
         )
-    print(found.verdict)
+    say_verdict(found.verdict)
+    _record(found)
     with results_folder(out):
         found.write(out)
-    print(f"wrote {out}/calibration.toml, calibration.html")
-    print(f"in recording.toml: {found.hint.format(f'{out}/calibration.toml')}")
+    say(f"in recording.toml: {found.hint.format(f'{out}/calibration.toml')}")
+    wrote(out / "calibration.toml", out / "calibration.html")
 
 
-@group.command(INSTALLATION, cls=Command)
+def _record(found: "sd.Calibration") -> None:
+    """Add a calibration of a sensor to the document, in m/s^2 or T."""
+    bias_std, matrix_std = found.std
+    record(
+        sensor=found.sensor,
+        form=found.form,
+        unit="m/s^2" if found.sensor == "accelerometer" else "T",
+        bias=found.bias,
+        bias_std=bias_std,
+        matrix=found.matrix,
+        matrix_std=matrix_std,
+        strength=found.strength,
+        rms_before=found.before,
+        rms_after=found.after,
+        residual_rms=found.residual,
+        coverage=found.coverage,
+        lacking=found.lacking,
+        held=found.held,
+    )
+
+
+@group.command(INSTALLATION, cls=ResultCommand)
 @with_figures
 def installation(
     recording: Annotated[list[Path], recording_argument()],
@@ -127,14 +142,14 @@ def installation(
         bool,
         typer.Option(
             "--write",
-            help="Change recording.toml in place; the old one is kept as recording.toml.before.",
+            help="Change recording.toml; keep the old one as .before.",
         ),
     ] = False,
     imu_clock: Annotated[
         bool,
         typer.Option(
             "--imu-clock",
-            help="The IMU's time stamps are wrong, where all sources are off by the same.",
+            help="The IMU's own time stamps are wrong.",
         ),
     ] = False,
     filter: RELATIVE = "closed-loop",
@@ -144,9 +159,7 @@ def installation(
     start: FROM = None,
     stop: TO = None,
     option: OPTION = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for a page.  [default: none is made]")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for a page.  [default: none]")] = None,
 ) -> None:
     """Find clock offsets, lever arms, mounting and odometer scale from a log, and write them into
     its recording.toml."""
@@ -167,15 +180,15 @@ def installation(
             options=options,
         )
         for line in found.lines:
-            print(line)
+            say(line)
+        record_parameters(found.parameters)
+        record(changes=found.changes)
         with together():
             lines, refusal = _change(found, recording[0], write)
             if out:  # the page says what was written
                 save_page(found.page(), out / "installation.html")
         for line in lines:
-            print(line)
-        if out:
-            print(f"wrote {out}/installation.html")
+            say_verdict(line)
     if refusal:
         raise refusal
 
@@ -190,6 +203,7 @@ def _change(
     try:
         lines = found.diff(path)
         kept = found.write(path) if write else None
+        wrote(*[path] * write)
     except sd.DataError as error:
         by_hand = "to change by hand:" if found.changes else "nothing to change"
         told = [by_hand, *(f"  {line}" for line in found.changes)]

@@ -32,9 +32,9 @@ from .console import (
     recording_argument,
     results_folder,
     robust_sources,
-    table,
     triple,
 )
+from .output import known_columns, note, record, say, table, wrote
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,17 +44,14 @@ FILTERS = Annotated[
     typer.Option(
         metavar="A,B,...",
         autocompletion=complete.filters,
-        help="Filters, with options as NAME:option=value; may be repeated.  "
-        "[default: all that estimate a position but pkf, which takes minutes]",
+        help="NAME:option=value,...  [default: those of position]",
     ),
 ]
 OUTAGES = Annotated[
     str,
     typer.Option(
         metavar="PROTOCOL",
-        help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), "
-        "100:130,200:230 (windows) or "
-        "10,30@240:575/5 (a sweep: windows of 10 and of 30 s inside 240 to 575 s, one every 5 s).",
+        help="30/300 (30 s of every 300 s), 15: (from 15 s on), 100:130 (a window), 10,30@240:575/5 (a sweep: windows of 10 and of 30 s, one every 5 s).",
     ),
 ]
 KINDS = Annotated[
@@ -68,9 +65,7 @@ KINDS = Annotated[
 
 
 def compare(
-    recording: Annotated[
-        list[Path], recording_argument("; without a reference the withheld fixes are it.")
-    ],
+    recording: Annotated[list[Path], recording_argument()],
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,
@@ -85,7 +80,7 @@ def compare(
     adaptive: ADAPTIVE = None,
     ahrs: AHRS = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
+        Path | None, typer.Option(help="Folder of results.  [default: NAME-compare]")
     ] = None,
     strict: STRICT = False,
 ) -> None:
@@ -116,7 +111,7 @@ def compare(
         )
         found.write(folder)
     show(found)
-    print(f"wrote {folder}/index.html, scores.csv, summary.csv, paired.csv, growth.csv, table.csv")
+    wrote(*(folder / name for name in WRITTEN))
     end(strict, found.verdicts.values())
 
 
@@ -160,20 +155,20 @@ def show(found: "sd.Comparison") -> None:
     from ..experiments.outages.texts import sentences
 
     print_verdicts(found.verdicts)
-    for note in found.notes:
-        print(f"note: {note}")
+    for text in found.notes:
+        note(text)
     # that of a list counts them itself
     count = "" if "outage" in found.words else f": {count_text(len(found.windows), 'outage')}"
-    print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
+    say(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
-    print(f"start of all filters at {start['t']:.2f} s: {start['note']}")
+    say(f"start of all filters at {start['t']:.2f} s: {start['note']}")
     if are_listed(found):
         made = found.table()
 
         def three(i: int, name: str) -> str:
             return triple([made[axis, name].loc[i] for axis in AXES])
 
-        print("RMSE N E D in each outage, m")
+        say("RMSE N E D in each outage, m")
         table(
             ("outage", "from-to, s", *found.filters),
             [
@@ -181,11 +176,21 @@ def show(found: "sd.Comparison") -> None:
                 for i, (start, stop) in enumerate(found.windows, 1)
             ],
         )
-    table(HEAD, [_row(row) for _, row in in_order(found).iterrows()])
+    table(*known_columns(HEAD, [_row(row) for _, row in in_order(found).iterrows()]))
     for line in sentences(found):
-        print(line)
+        say(line)
+    record(
+        protocol=found.protocol,
+        kinds=found.kinds,
+        start={"t_s": start["t"], "note": start["note"]},
+        windows_s=found.windows,
+        scores=found.scores,
+        summary=in_order(found),
+        answer=list(sentences(found)),
+    )
 
 
+WRITTEN = "index.html", "scores.csv", "summary.csv", "paired.csv", "growth.csv", "table.csv"
 AXES = ("North", "East", "Down")
 """Axes in the table of the outages."""
 HEAD = (

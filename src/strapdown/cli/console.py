@@ -7,11 +7,8 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
-from itertools import zip_longest
 from pathlib import Path
-from shutil import get_terminal_size
 from tempfile import TemporaryFile
-from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
@@ -22,9 +19,22 @@ from ..checks import DataError, check_choice, locate_errors
 from ..data.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 from ..units.wording import count_text, short
 from . import complete
+from .output import (
+    complain,
+    has_colour,
+    is_quiet,
+    known_columns,
+    note,
+    record,
+    say,
+    say_verdict,
+    table,
+    wrote,
+)
 
 if TYPE_CHECKING:
     from ..engine.installation import Prior
+    from ..installation.findings import Estimate
     from ..pages.shell import Page
     from ..typing import Array
 
@@ -33,7 +43,7 @@ FILTER = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.filters,
-        help="Architecture; see `strapdown filters`.",
+        help="See `strapdown filters`.",
     ),
 ]
 RELATIVE = Annotated[
@@ -41,7 +51,7 @@ RELATIVE = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.filters,
-        help="The closed loop or another filter of the closed-loop family.",
+        help="Of the closed-loop family.",
     ),
 ]
 AHRS = Annotated[
@@ -49,9 +59,7 @@ AHRS = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.attitude_filters,
-        help="A filter of attitude alone that runs first; its output is the attitude aiding.  "
-        "[default: attitude-mekf, where a filter needs attitude and the recording has a magnetometer "
-        "or heading instead]",
+        help="Attitude filter that runs first and aids the others.",
     ),
 ]
 GRADE = Annotated[
@@ -59,7 +67,7 @@ GRADE = Annotated[
     typer.Option(
         metavar="GRADE",
         autocompletion=complete.imus,
-        help="IMU grade (see `strapdown imus`) or a file that describes one.",
+        help="See `strapdown imus`; or a .toml file.",
     ),
 ]
 GNSS = Annotated[
@@ -67,41 +75,37 @@ GNSS = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.receivers,
-        help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: the "
-        "scenario's].",
+        help="See `strapdown receivers`; or a .toml file.",
     ),
 ]
-OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
+OUT = Annotated[Path, typer.Option(help="Folder of results.")]
 IMU = Annotated[
     str | None,
     typer.Option(
         metavar="GRADE",
         autocompletion=complete.imus,
-        help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
-        "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical.",
+        help="See `strapdown imus`; or a .toml file; N: IMU N of a log.",
     ),
 ]
 SOURCES = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Noise of the sources, as `strapdown tune` wrote it (NAME-sources.toml); default: as "
-        "the recording has it.",
+        help="Noise of the fixes, a file of `strapdown tune`.",
     ),
 ]
 TAKE = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=N",
-        help="Which of several alike in a log to take: gnss=1, magnetometer=0, reference=1; "
-        "gnss=none for none. May be repeated.",
+        help="Of several alike in a log: gnss=1, reference=0, gnss=none.",
     ),
 ]
 WRITE = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="From tables and logs: draft the recording.toml that says what is taken from them.",
+        help="Draft the recording.toml of these tables or logs.",
     ),
 ]
 VEHICLE = Annotated[
@@ -109,26 +113,21 @@ VEHICLE = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete.vehicles,
-        help="What carries the sensors: any, pedestrian, car, ship, multicopter or aircraft; "
-        "nothing beyond its bounds is believed.  [default: what the recording names, else any]",
+        help="any, pedestrian, car, ship, multicopter or aircraft.",
     ),
 ]
 OPTION = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="An option of the filter (see `strapdown filters`); may be repeated.",
+        help="An option of `strapdown filters NAME`.",
     ),
 ]
 ESTIMATE = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME,...",
-        help="What of the installation becomes states of the filter: clock, lever-arm, mounting, scale, "
-        "gyro-scale, accel-scale, gyro-misalignment, accel-misalignment; `position clock` of the source of "
-        "that name or kind alone; clock=0.05 with its prior standard deviation, in s, m, deg or none, "
-        "mounting=0/1/2 of each component; none for nothing. May be repeated.  [default: what the "
-        "recording names]",
+        help="States for clock, lever-arm, mounting, scale; of the IMU gyro- and accel-scale, -misalignment.",
     ),
 ]
 
@@ -146,37 +145,33 @@ ROBUST = Annotated[
     typer.Option(
         metavar="SOURCE,...",
         callback=_no_option,
-        help="Sources whose fixes have a heavy-tailed likelihood in place of the gate, by name or kind; "
-        "all, or none.  [default: what the recording says]",
+        help="Sources with a heavy-tailed likelihood; all, or none.",
     ),
 ]
 ADAPTIVE = Annotated[
     list[str] | None,
     typer.Option(
         metavar="SECONDS",
-        help="Follow the noise of the sources with this memory; SOURCE=SECONDS of one, 0 for none. May "
-        "be repeated.  [default: what the recording says]",
+        help="Memory to follow their noise with; or SOURCE=SECONDS.",
     ),
 ]
 FROM = Annotated[
     float | None,
-    typer.Option("--from", metavar="T", help="First second of the recording to use."),
+    typer.Option("--from", metavar="T", help="First second to use."),
 ]
-TO = Annotated[
-    float | None, typer.Option("--to", metavar="T", help="Last second of the recording to use.")
-]
+TO = Annotated[float | None, typer.Option("--to", metavar="T", help="Last second to use.")]
 STRICT = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help="Exit with code 3 unless the verdict is `trusted`; results are written all the same.",
+        help="Exit with 3 unless the verdict is `trusted`.",
     ),
 ]
 MAP = Annotated[
     bool,
     typer.Option(
         "--map",
-        help="The track on a street map, too, which the page then loads from the network.",
+        help="Add a street map, loaded from the network.",
     ),
 ]
 FIGURES = Annotated[
@@ -187,18 +182,16 @@ FIGURES = Annotated[
         help="Folder for each figure of the page as SVG, too, for which a Chromium must be installed.",
     ),
 ]
-SEED = Annotated[int, typer.Option(help="Of the random errors.")]
+SEED = Annotated[int, typer.Option(help="Seed of the random errors.")]
 WORKERS = Annotated[
     int,
-    typer.Option(
-        metavar="N", help="Worker processes of this machine, on Dask; 0 is threads in this process."
-    ),
+    typer.Option(metavar="N", help="Dask processes of this machine; 0: threads."),
 ]
 SCHEDULER = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.",
+        help="Dask scheduler, tcp://HOST:PORT.",
     ),
 ]
 
@@ -207,18 +200,11 @@ NOT_TRUSTED = 3
 something wrong; docs/reference/conventions.md lists all."""
 SPEED_OVER = 600.0
 """s: steps of a study are further apart than the half minute that bars usually look back."""
-NARROWEST = 32
-"""Characters that a column that is wrapped may have at least."""
 
 
-RECORDING = "A log, a table, or a recording.toml that names them; see `strapdown formats`"
-"""Help of an argument that is a file in one of the formats."""
-
-
-def recording_argument(note: str = ".") -> Any:
-    """The argument of a command that reads files in one of the formats, and a note."""
-    several = " Several files of logs or tables make one recording."
-    return typer.Argument(metavar="RECORDING", help=RECORDING + note + several)
+def recording_argument(name: str = "RECORDING") -> Any:
+    """The argument of a command that reads the files of a recording."""
+    return typer.Argument(metavar=name, help="Files of one recording: `strapdown formats`.")
 
 
 def read_given(
@@ -231,9 +217,14 @@ def read_given(
     --imu names. Prints what was taken from logs, assumed and left."""
     number, grade = asked_imu(imu)
     recording = sd.read(*paths, **instances(number, take))
-    for line in recording.meta.get("read", []):
-        if grade is None or not line.startswith("assumed: imu grade"):
-            print(line)
+    told = [
+        line
+        for line in recording.meta.get("read", [])
+        if grade is None or not line.startswith("assumed: imu grade")
+    ]
+    for line in told:
+        say(line)
+    record(read=told)
     return (recording if sources is None else sd.with_noise(recording, sources)), grade
 
 
@@ -286,7 +277,8 @@ def save_draft(
     text = draft(paths, instances(number, take), folder, grade)
     with replacing(write) as part:
         part.write_text(text, encoding="utf-8")
-    print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
+    say(f"read {write} through, then `strapdown inspect {write}`")
+    wrote(write)
 
 
 def summarise(solution: "sd.Solution") -> None:
@@ -296,29 +288,38 @@ def summarise(solution: "sd.Solution") -> None:
     from ..pages.summary import claimed_std
 
     print_verdicts({"": solution.verdict})
-    for note in solution.meta.get("notes", []):
-        print(f"note: {note}")
-    print(f"start: {solution.meta['start']['note']}")
-    for name, (good, bad) in solution.counts().items():
-        print(f"{name}: {count_text(good, 'fix', 'es')} accepted, {bad} rejected")
-    if solution.meta["fixes_outside"]:
-        outside = solution.meta["fixes_outside"]
+    for text in solution.meta.get("notes", []):
+        note(text)
+    say(f"start: {solution.meta['start']['note']}")
+    counts, outside = solution.counts(), solution.meta["fixes_outside"]
+    for name, (good, bad) in counts.items():
+        say(f"{name}: {count_text(good, 'fix', 'es')} accepted, {bad} rejected")
+    if outside:
         verbs = ("lies", "was") if outside == 1 else ("lie", "were")
-        print(
+        say(
             f"{count_text(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
             f"and {verbs[1]} not used"
         )
     for line in solution.installation.told:
-        print(line)
+        say(line)
     for t, text in solution.events[:10]:
-        print(f"{t:10.2f} s  {text}")
+        say(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
-        print(f"           and {len(solution.events) - 10} more events; the report lists them")
+        say(f"           and {len(solution.events) - 10} more events; the report lists them")
     if doubtful := solution.seconds(DOUBTFUL):
-        print(
-            f"doubtful: {doubtful:.4g} s of {solution.t[-1] - solution.t[0]:.4g} s, see the events"
-        )
-    print(f"at the end: {uncertainty(claimed_std(solution)[-1])}")
+        say(f"doubtful: {doubtful:.4g} s of {solution.t[-1] - solution.t[0]:.4g} s, see the events")
+    std = claimed_std(solution)[-1]
+    say(f"at the end: {uncertainty(std)}")
+    record(
+        span_s=[solution.t[0], solution.t[-1]],
+        start={"note": solution.meta["start"]["note"]},
+        fixes={name: {"accepted": good, "rejected": bad} for name, (good, bad) in counts.items()},
+        fixes_outside=outside,
+        installation=[_parameter(each) for each in solution.installation.parameters],
+        events=[{"t_s": t, "text": text} for t, text in solution.events],
+        doubtful_s=doubtful,
+        std_at_end={key: value for key, (_, _, value) in _claims(std).items()},
+    )
 
 
 def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
@@ -327,47 +328,52 @@ def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     and of what was not tested. Results that agree share theirs."""
     groups, several = together(verdicts), len(verdicts) > 1
     for names, verdict in groups:
-        them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
-        _notify(f"verdict{f' on {them}' if several else ''}: {_word_in_colour(verdict.word)}")
-        for line in _verdict_in_short(verdict) if several else verdict.lines[1:]:
-            _notify(line)
+        all_of_them = "both" if len(names) == 2 else f"all {len(names)}"
+        them = all_of_them if len(groups) == 1 else ", ".join(names)
+        say_verdict(f"verdict{f' on {them}' if several else ''}: {_word_in_colour(verdict.word)}")
+        for line in _reasons_in_short(verdict) if several else _named_once(verdict.lines[1:]):
+            say(line)
+    if several:
+        untested = dict.fromkeys(each.what for _, verdict in groups for each in verdict.untested)
+        if untested:
+            say(f"  {NOT_TESTED}{', '.join(untested)}")
+        record(verdicts={name: verdict.as_dict() for name, verdict in verdicts.items()})
+    else:
+        record(verdict=next(iter(verdicts.values())).as_dict())
 
 
-def _verdict_in_short(verdict: Verdict) -> Iterator[str]:
+NOT_TESTED = "not tested: "
+
+
+def _reasons_in_short(verdict: Verdict) -> Iterator[str]:
     first, *others = verdict.reasons or (None,)
     if first:
         yield f"  {first}"
     if others:
         yield f"  also: {', '.join(reason.what for reason in others)}"
-    if verdict.untested:
-        yield f"  not tested: {', '.join(each.what for each in verdict.untested)}"
+
+
+def _named_once(lines: Iterable[str]) -> Iterator[str]:
+    """The lines of a verdict, of which the first alone says that something was not tested."""
+    said = False
+    for line in lines:
+        begins = line.startswith(f"  {NOT_TESTED}")
+        yield line.replace(NOT_TESTED, " " * len(NOT_TESTED), 1) if begins and said else line
+        said |= begins
 
 
 COLOURS = {TRUSTED: "green", DOUBTFUL: "yellow", NOT_TO_BE_TRUSTED: "red"}
 
 
 def _word_in_colour(word: str) -> str:
-    """A verdict's word, on a terminal in its colour, unless NO_COLOR is set (https://no-color.org)."""
-    plain = not sys.stdout.isatty() or os.environ.get("NO_COLOR")
-    return word if plain else typer.style(word, fg=COLOURS.get(word), bold=True)
-
-
-def _notify(text: str) -> None:
-    """Print a line, on a terminal in lines of its width, the further ones indented."""
-    if sys.stdout.isatty():
-        text = fill(text, text_width(), subsequent_indent="      ", break_on_hyphens=False)
-    print(text)
-
-
-def text_width() -> int:
-    """Columns that text has."""
-    return max(get_terminal_size().columns, NARROWEST)
+    """A verdict's word, on a terminal in its colour."""
+    return typer.style(word, fg=COLOURS.get(word), bold=True) if has_colour() else word
 
 
 def end(strict: bool, verdicts: Iterable[Verdict]) -> None:
     """End a command with its exit code, which with --strict says whether all is trusted."""
     if strict and not all(verdict.trusted for verdict in verdicts):
-        print("strapdown: not trusted (--strict); the results are written", file=sys.stderr)
+        complain("strapdown: not trusted (--strict); the results are written")
         raise SystemExit(NOT_TRUSTED)
 
 
@@ -395,35 +401,47 @@ def with_figures(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def save_page(page: "Page", path: Path) -> None:
-    """Write a report, and print what it notes, such as a figure that could not be drawn."""
-    for note in page.notes:
-        print(f"note: {note}")
+    """Write a report, and say what it notes, such as a figure that could not be drawn."""
+    for text in page.notes:
+        note(text)
     page.save(path)
+    wrote(path)
 
 
 def uncertainty(std: "Array") -> str:
     """The standard deviations of one row that a filter claims, as text; those of the gyro bias
     where it claims no position."""
-    import numpy as np
-
-    parts = [
-        ("position", "m NED", std[:3]),
-        ("velocity", "m/s", std[3:6]),
-        ("attitude", "deg", np.degrees(std[6:9])),
-    ]
-    parts += (
-        [("gyro bias", "deg/h", np.degrees(std[12:15]) * 3600)]
-        if not np.isfinite(std[:2]).any()
-        else []
-    )
     return (
         ", ".join(
-            f"{name} std {triple(values)} {unit}"
-            for name, unit, values in parts
-            if np.isfinite(values).any()
+            f"{name} std {triple(values)} {unit}" for name, unit, values in _claims(std).values()
         )
         or "no uncertainty claimed"
     )
+
+
+def _claims(std: "Array") -> "dict[str, tuple[str, str, Array]]":
+    """{key of the document: (name, unit, three values)} of what `uncertainty` says."""
+    import numpy as np
+
+    parts = {
+        "position_ned_m": ("position", "m NED", std[:3]),
+        "velocity_ned_m_per_s": ("velocity", "m/s", std[3:6]),
+        "attitude_rph_deg": ("attitude", "deg", np.degrees(std[6:9])),
+    }
+    if not np.isfinite(std[:2]).any():
+        parts["gyro_bias_deg_per_h"] = ("gyro bias", "deg/h", np.degrees(std[12:15]) * 3600)
+    return {key: part for key, part in parts.items() if np.isfinite(part[2]).any()}
+
+
+def _parameter(found: "Estimate") -> dict[str, Any]:
+    """An estimated parameter of an installation, for the document; its numbers are in its unit."""
+    names = ("name", "sources", "status", "unit", "given", "change", "std", "motion")
+    return {name: getattr(found, name) for name in names}
+
+
+def record_parameters(parameters: "Iterable[Estimate]") -> None:
+    """Add the estimated parameters of an installation to the document."""
+    record(parameters=[_parameter(each) for each in parameters])
 
 
 def print_outages(
@@ -433,20 +451,13 @@ def print_outages(
     says in one line why there is none."""
     from ..evaluation.metrics import outages
 
-    rows = []
+    found = []
     for window in windows:
         try:
-            (outage,) = outages(solution, reference, [window])
+            found += outages(solution, reference, [window])
         except sd.DataError as error:
-            print(f"not scored: {error}")
-            continue
-        rows.append(
-            (
-                f"{outage.start:g}-{outage.stop:g}",
-                *map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max)),
-            )
-        )
-    if rows:
+            say(f"not scored: {error}")
+    if found:
         table(
             (
                 "fixes withheld, s",
@@ -454,8 +465,26 @@ def print_outages(
                 "at the end, m",
                 "largest vertical, m",
             ),
-            rows,
+            [
+                (
+                    f"{each.start:g}-{each.stop:g}",
+                    *map(number, (each.horizontal_max, each.horizontal_end, each.down_max)),
+                )
+                for each in found
+            ],
         )
+    record(
+        outages=[
+            {
+                "start_s": each.start,
+                "stop_s": each.stop,
+                "horizontal_max_m": each.horizontal_max,
+                "horizontal_end_m": each.horizontal_end,
+                "down_max_m": each.down_max,
+            }
+            for each in found
+        ]
+    )
 
 
 def triple(values: "Iterable[float]") -> str:
@@ -484,13 +513,13 @@ def print_errors(
     from ..evaluation.metrics import AttitudeAngles, errors, rms
     from ..pages.summary import contradictions, heading_held
 
-    rows, found = [], {}
+    rows, found, scored = [], {}, {}
     for name, solution in solutions.items():
         try:
             found[name] = errors(solution, reference)
             r = rms(found[name], window)
         except sd.DataError as error:
-            print(f"not scored: {error}")
+            say(f"not scored: {error}")
             continue
         angles = [np.degrees(part) for part in (r.rph, r.angles)]
         if not heading_held(solution):
@@ -498,11 +527,13 @@ def print_errors(
                 np.where([known, True, False], part, np.nan)
                 for part, known in zip(angles, (True, False))
             ]
-        rows.append((name, triple(r.position), triple(r.velocity), *map(triple, angles)))
+        parts = r.position, r.velocity, *angles
+        rows.append((name, *map(triple, parts)))
+        scored[name] = dict(zip(RMS_KEYS, parts))
     if rows:
-        print(
+        say(
             "rms error against the reference"
-            + (f" over {window[0]:g}-{window[1]:g} s" if window else "")
+            + (f" over {short(window[0])}-{short(window[1])} s" if window else "")
         )
         header = (
             "filter",
@@ -512,44 +543,26 @@ def print_errors(
             f"angle {' '.join(AttitudeAngles._fields)}, deg",
         )
         all_columns = not all(solution.has_position for solution in solutions.values())
-        table(
-            header if all_columns else header[:-1],
-            rows if all_columns else [row[:-1] for row in rows],
-        )
-    for name, texts in contradictions(found, window).items():
-        print(*(f"{name}: {text}" for text in texts), sep="\n")
+        columns = 5 if all_columns else 4
+        table(*known_columns(header[:columns], [row[:columns] for row in rows]))
+    against = contradictions(found, window)
+    for name, texts in against.items():
+        for text in texts:
+            say(f"{name}: {text}")
+    record(rms_errors=scored, contradictions=against)
 
 
-def table(header: Sequence[object], rows: Sequence[Sequence[object]]) -> None:
-    """Print rows of cells in columns as wide as their widest cell."""
-    widths = [max(len(str(row[i])) for row in [header, *rows]) for i in range(len(header))]
-    for row in [header, ["-" * width for width in widths], *rows]:
-        print("  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip())
-
-
-def wrapped_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """The same, but the last two columns go on in further rows, below themselves, where the
-    terminal (80 columns without one) is too narrow."""
-    before = sum(2 + max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 2))
-    width = max((get_terminal_size().columns - before - 2) // 2, NARROWEST)
-
-    def fit(text: str) -> list[str]:
-        return wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
-
-    lines = []
-    for *lead, one, other in rows:
-        for i, parts in enumerate(zip_longest(fit(one), fit(other), fillvalue="")):
-            lines.append((*(lead if not i else [""] * len(lead)), *parts))
-    table(header, lines)
+RMS_KEYS = "position_ned_m", "velocity_ned_m_per_s", "attitude_rph_deg", "attitude_angles_deg"
+"""Names of rms errors in the document."""
 
 
 class Progress:
     """A progress bar on standard error where that is a terminal, with the time that is left; plain
-    lines for what takes long otherwise."""
+    lines for what takes long otherwise. Nothing with --quiet."""
 
     def __enter__(self) -> Self:
         self.bar = None
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and not is_quiet():
             from rich.console import Console
             from rich.progress import Progress
 
@@ -569,10 +582,10 @@ class Progress:
 
     def notify(self, text: str) -> None:
         """A line that is seen at once."""
-        if self.bar is None:
-            print(text, file=sys.stderr, flush=True)
-        else:
-            self.bar.console.print(text, highlight=False, markup=False, soft_wrap=True)
+        if self.bar is not None:
+            self.bar.console.print(text, highlight=False, markup=False)
+        elif not is_quiet():
+            complain(text)
 
     def track(self, name: str) -> Callable[[float], None]:
         """A function of the fraction done."""

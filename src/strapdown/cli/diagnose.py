@@ -18,8 +18,10 @@ from .console import (
     grade_of,
     option_values,
     read_given,
+    record_parameters,
     recording_argument,
 )
+from .output import record, say, say_verdict
 
 if TYPE_CHECKING:
     from ..core.loop.contract import InitialState
@@ -63,5 +65,7 @@ def show(
             progress=progress.track("diagnose"),
             options=options,
         )
-    for line in found.lines:
-        print(line)
+    for i, line in enumerate(found.lines):
+        (say if i < len(found.parameters) else say_verdict)(line)
+    record_parameters(found.parameters)
+    record(changes=found.changes)

@@ -18,6 +18,7 @@ from .console import (
     read_given,
     results_folder,
 )
+from .output import note, record, say, wrote
 
 REPLAYED = 60.0
 """s of the flight that is simulated where no recording is given."""
@@ -29,8 +30,7 @@ def export(
         typer.Option(
             metavar="KIND,...",
             autocompletion=complete.kinds,
-            help="Kinds of fixes that it shall take, in the order of their numbers; docs/reference/sensors.md "
-            "has them.",
+            help="Kinds of fixes that it takes.",
         ),
     ],
     target: Annotated[
@@ -38,10 +38,10 @@ def export(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.targets,
-            help="host (this machine), aarch64, cortex-m4f, cortex-m7, wasm32, x86-64-v2 or x86-64-v3.",
+            help="host, aarch64, cortex-m4f, cortex-m7, wasm32, x86-64-v2 or -v3.",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for the files.")],
+    out: Annotated[Path, typer.Option(help="Folder of results.")],
     filter: FILTER = "closed-loop",
     imu: IMU = None,
     vehicle: VEHICLE = None,
@@ -50,13 +50,11 @@ def export(
         list[Path] | None,
         typer.Option(
             metavar="RECORDING",
-            help="What the example replays, and whose IMU, lever arms and start are the values to begin "
-            "with; may be repeated for the files of one recording.  [default: a simulated flight of a "
-            "minute]",
+            help="Replayed by the example.  [default: a minute's flight]",
         ),
     ] = None,
     waiting: Annotated[
-        int, typer.Option(metavar="N", help="Fixes that there is room for until a sample comes.")
+        int, typer.Option(metavar="N", help="Fixes that may wait for a sample.")
     ] = 16,
 ) -> None:
     """Write a filter as an object file with a C header, an example and a README, for firmware,
@@ -76,7 +74,9 @@ def export(
     with results_folder(out) as folder:
         with Progress() as progress:
             done = exported.export(what, made_for, folder, progress.notify)
-    for note in done.notes:
-        print(f"note: {note}")
-    print(done.sizes.text)
-    print(f"wrote {folder}/{', '.join(done.files)}; {folder}/README.md says how to go on")
+    for text in done.notes:
+        note(text)
+    say(done.sizes.text)
+    say(f"{folder}/README.md says how to go on")
+    record(target=target, sizes_bytes=done.sizes)
+    wrote(*(folder / name for name in done.files))

@@ -2,13 +2,12 @@
 
 import inspect
 from collections.abc import Iterable, Sequence
-from textwrap import fill
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import complete
-from .console import table, text_width
+from .output import fit_lines, layout, record, say, table, text_width
 
 if TYPE_CHECKING:
     from ..core.loop.contract import Filter
@@ -45,24 +44,26 @@ def filters(
 def _list(found: "Sequence[Filter]") -> None:
     from ..filters import FAMILIES, family
 
-    groups: dict[str, list[tuple[str, str, str]]] = {each: [] for each in (*FAMILIES, "")}
-    for each in found:
-        groups[family(each.name)].append((each.name, each.good_for, ", ".join(needs(each))))
-    header = "filter", "good for", "needs"
-    widths = [
-        max(len(row[i]) for rows in groups.values() for row in [header, *rows]) for i in range(2)
-    ]
-
-    def line(row: Sequence[str]) -> str:
-        cells = (cell.ljust(width) for cell, width in zip(row, (*widths, 0)))
-        return ("  " + "  ".join(cells)).rstrip()
-
-    print(line(header))
-    for folder, rows in groups.items():
-        if rows:
-            print(f"\n{FAMILIES.get(folder, OF_PLUGINS)}")
-            print("\n".join(map(line, rows)))
-    print("\n`strapdown filters NAME` tells all about one.")
+    rows = [(each.name, each.good_for, ", ".join(needs(each))) for each in found]
+    head, lines = layout(("filter", "good for", "needs"), rows)
+    print("\n".join(head))
+    for folder in (*FAMILIES, ""):
+        own = [lines[i] for i, each in enumerate(found) if family(each.name) == folder]
+        if own:
+            say(f"\n{FAMILIES.get(folder, OF_PLUGINS)}")
+            print("\n".join(line for each in own for line in each))
+    say("\n`strapdown filters NAME` tells all about one.")
+    record(
+        filters=[
+            {
+                "name": each.name,
+                "family": family(each.name),
+                "good_for": each.good_for,
+                "needs": needs(each),
+            }
+            for each in found
+        ]
+    )
 
 
 def needs(filter: "Filter") -> list[str]:
@@ -95,18 +96,17 @@ def _tell(filter: "Filter") -> None:
         "installation as states": yes(filter.installation),
         "eight runs at once in studies": yes(filter.lanes),
         "source": filter.reference,
-        "page": f"docs/reference/filters/{filter.name}.md" if own else "",
+        "page of the documentation": filter.name if own else "",
     }
-    print(filter.name)
+    say(filter.name)
     for fact, text in facts.items():
         if text:
-            print(
-                fill(f"{fact}: {text}", text_width(), initial_indent="  ", subsequent_indent="    ")
-            )
-    print()
+            say("\n".join(fit_lines(f"{fact}: {text}", text_width(), "  ", "    ")))
+    say()
     table(("option", "default"), [(each, default) for each, default in filter.options.items()])
     for text in _meaning(filter):
-        print("\n" + fill(text, text_width()))
+        say("\n" + "\n".join(fit_lines(text, text_width())))
+    record(name=filter.name, facts=facts, options=filter.options)
 
 
 def _states(indices: Iterable[int]) -> list[str]:

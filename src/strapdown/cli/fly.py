@@ -26,23 +26,20 @@ from .console import (
     results_folder,
     save_page,
     summarise,
-    table,
 )
+from .output import record, say, table, wrote
 
-FEEDBACK = Annotated[str, typer.Option(help="What the autopilot flies by: estimate, or truth.")]
+FEEDBACK = Annotated[str, typer.Option(help="The autopilot's: estimate, or truth.")]
 PREDICTION = Annotated[
     str,
-    typer.Option(
-        help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's; "
-        "model-always: also between fixes."
-    ),
+    typer.Option(help="While GNSS is cut: imu, model; model-always."),
 ]
 BAROMETER = Annotated[
     bool, typer.Option("--barometer", help="Carry a barometer of 10 samples per second.")
 ]
 WIND = Annotated[
     str | None,
-    typer.Option(metavar="N,E[,D]", help="Steady wind towards north, east and down, m/s."),
+    typer.Option(metavar="N,E[,D]", help="Wind towards north, east and down, m/s."),
 ]
 
 
@@ -52,7 +49,7 @@ def fly(
         typer.Argument(
             metavar="PLAN",
             autocompletion=complete.plans,
-            help="straight, turning, or a TOML file (docs/how-to/flight.md).",
+            help="straight, turning, or a .toml file.",
         ),
     ] = "straight",
     filter: FILTER = "closed-loop",
@@ -62,31 +59,28 @@ def fly(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.receivers,
-            help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: "
-            "five fixes a second with white noise].",
+            help="See `strapdown receivers`; or a .toml file.",
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")
+        float | None, typer.Option(metavar="S", help="Seconds to fly.  [default: the plan's]")
     ] = None,
     outage: Annotated[
         str | None,
         typer.Option(
-            metavar="T:T,...", help="When the receiver is cut, s; 15: is from 15 s to the end."
+            metavar="T:T,...", help="Cut the receiver in these windows, s; 15: for the rest."
         ),
     ] = None,
     feedback: FEEDBACK = "estimate",
     prediction: PREDICTION = "imu",
     turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none",
     wind: WIND = None,
-    aircraft: Annotated[
-        str, typer.Option(help="A built-in aircraft (docs/explanation/aircraft.md) or a TOML file.")
-    ] = "aerosonde",
+    aircraft: Annotated[str, typer.Option(help="Aircraft, or its .toml file.")] = "aerosonde",
     seed: SEED = 0,
     barometer: BAROMETER = False,
     option: OPTION = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")
+        Path | None, typer.Option(help="Folder of results.  [default: fly-PLAN-FILTER]")
     ] = None,
     strict: STRICT = False,
 ) -> None:
@@ -132,9 +126,9 @@ def fly(
             sd.write_recording(flight.recording, folder / "recording.nc")
             sd.write_solution(flight.solution, folder / "solution.nc")
             write_log(flight, folder / "log.csv")
+            wrote(*(folder / name for name in ("recording.nc", "solution.nc", "log.csv")))
             save_page(page, folder / "report.html")
     show(flight, filter, windows)
-    print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
     end(strict, [flight.solution.verdict])
 
 
@@ -169,10 +163,22 @@ def show(flight: "sd.flight.Flight", name: str, windows: Sequence[tuple[float, f
     print_errors({name: flight.solution}, flight.recording.reference)
     print_outages(flight.solution, flight.recording.reference, windows)
     for start, stop in windows if flight.solution.has_position else []:
-        print(drift(flight, start, stop))
-    table(("the aircraft", "rms", "largest", "at the end"), tracking_rows(flight))
+        say(drift(flight, start, stop))
+    kept = path_errors(flight)
+    table(
+        ("the aircraft", "rms", "largest", "at the end"),
+        [(what, *map(number, values)) for what, values in kept.items()],
+    )
     if flight.stopped:
-        print(flight.stopped)
+        say(str(flight.stopped))
+    record(
+        aircraft={what: dict(zip(PATH_ERROR_KEYS, values)) for what, values in kept.items()},
+        stopped=flight.stopped,
+    )
+
+
+PATH_ERROR_KEYS = "rms", "largest", "at_the_end"
+"""Names of the numbers of `path_errors` in the document."""
 
 
 def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
@@ -189,9 +195,9 @@ def withheld_outages(flight: "sd.flight.Flight") -> list[tuple[float, float]]:
     ]
 
 
-def tracking_rows(flight: "sd.flight.Flight") -> list[tuple[str, ...]]:
-    """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was
-    off its plan, and its controls off their trim."""
+def path_errors(flight: "sd.flight.Flight") -> dict[str, tuple[float, float, float]]:
+    """{what: (RMS, the value of largest magnitude, last)}: how far the aircraft was off its plan, and
+    its controls off their trim."""
     import numpy as np
 
     log, degrees = flight.log, np.degrees(1)
@@ -206,11 +212,14 @@ def tracking_rows(flight: "sd.flight.Flight") -> list[tuple[str, ...]]:
     for control, trimmed in zip(("elevator", "aileron", "rudder"), flight.trim.commands):
         rows.append((f"{control} from trim, deg", (log[f"{control}, rad"] - trimmed) * degrees))
     rows.append(("throttle from trim, %", (log["throttle"] - flight.trim.commands[3]) * 100))
-    found = []
-    for what, values in rows:
-        shown = np.sqrt(np.mean(values**2)), values[np.abs(values).argmax()], values[-1]
-        found.append((what, *(number(float(value)) for value in shown)))
-    return found
+    return {
+        what: (
+            float(np.sqrt(np.mean(values**2))),
+            float(values[np.abs(values).argmax()]),
+            float(values[-1]),
+        )
+        for what, values in rows
+    }
 
 
 def drift(flight: "sd.flight.Flight", start: float, stop: float) -> str:

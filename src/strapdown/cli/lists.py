@@ -2,9 +2,8 @@
 
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, version
-from textwrap import fill
 from typing import Annotated
 
 import typer
@@ -12,7 +11,7 @@ import typer
 import strapdown as sd
 
 from . import complete
-from .console import table, text_width, wrapped_table
+from .output import fit_lines, record, say, table, text_width
 
 
 def imus(
@@ -29,15 +28,19 @@ def imus(
     from ..sensor_models.imu import imu, imu_parts, imus
 
     if name is None:
-        header = "", *(heading for heading, _ in MAIN_ERRORS)
-        table(header, [_main_errors(each) for each in imus()])
-        print()
-        table(header, [_main_errors(part) for part in imu_parts()])
-        print("\n`strapdown imus NAME` tells all about one, with its source.")
+        header = (*(heading for heading, _ in MAIN_ERRORS),)
+        table(("grade", *header), [_main_errors(each) for each in imus()])
+        say()
+        table(("part", *header), [_main_errors(part) for part in imu_parts()])
+        say("\n`strapdown imus NAME` tells all about one, with its source.")
+        record(grades=_sheets(imus()), parts=_sheets(imu_parts()))
         return
     spec = imu(name)
-    print(fill(f"{spec.name}: {spec.source}", text_width(), subsequent_indent="  ") + "\n")
-    table(("", ""), [(key, f"{value:.4g}") for key, value in spec.datasheet().items() if value])
+    sheet = {key: value for key, value in spec.datasheet().items() if value}
+    say("\n".join(fit_lines(f"{spec.name}: {spec.source}", text_width(), "", "  ")))
+    say()
+    table(("error", "value"), [(key, f"{value:.4g}") for key, value in sheet.items()])
+    record(name=spec.name, source=spec.source, datasheet=sheet)
 
 
 MAIN_ERRORS = (
@@ -49,6 +52,13 @@ MAIN_ERRORS = (
     ("in run, mg", "accel gauss markov, mg"),
 )
 """(heading, term of the data sheet) of the list."""
+
+
+def _sheets(names: Iterable[str]) -> dict[str, dict[str, float]]:
+    """{name: all terms of its data sheet}, with units in their names."""
+    from ..sensor_models.imu import imu
+
+    return {name: imu(name).datasheet() for name in names}
 
 
 def _main_errors(name: str) -> tuple[str, ...]:
@@ -69,6 +79,7 @@ def receivers() -> None:
         ("", *sheets),
         [(term, *(sheet[term] or "-" for sheet in sheets.values())) for term in terms],
     )
+    record(receivers=sheets)
 
 
 def plugins() -> None:
@@ -77,37 +88,39 @@ def plugins() -> None:
 
     rows = registration_rows()
     if rows:
-        wrapped_table(("plugin", "from", "brings", "cannot be used"), rows)
+        table(PLUGIN_HEADER, rows)
     else:
-        print("no plugins: nothing is installed, in STRAPDOWN_PLUGINS or given by --plugin")
+        say("no plugins: nothing is installed, in STRAPDOWN_PLUGINS or given by --plugin")
+    record(plugins=[dict(zip(PLUGIN_HEADER, row)) for row in rows])
+
+
+PLUGIN_HEADER = "plugin", "from", "brings", "cannot be used"
 
 
 def formats() -> None:
     """List the formats of recordings that are read, with their suffixes."""
     from ..io.registry import formats as known
 
-    wrapped_table(
-        ("suffix", "format"), [(", ".join(ends) or "any", what) for what, ends in known()]
+    table(("suffix", "format"), [(", ".join(ends) or "any", what) for what, ends in known()])
+    say()
+    say(
+        "A format is recognised by its content, and by its suffix where several could be meant. Files "
+        "may be packed (.xz, .gz, .bz2, .zip)."
     )
-    print(
-        "\nA format is recognised by its content, and by its suffix where several could be meant. Files "
-        "may be packed (.xz, .gz, .bz2, .zip).\nSeveral files of logs or tables make one recording: "
+    say(
+        "Several files of logs or tables make one recording: "
         "`strapdown inspect imu.csv gnss.csv --write recording.toml`."
     )
+    record(formats=[{"format": what, "suffixes": ends} for what, ends in known()])
 
 
 def doctor() -> None:
     """Tell what is installed, compiled and found: the lines that a report of a fault should hold."""
+    found: dict[str, list[str]] = {}
     for what, how in _of_installation():
-        print(
-            fill(
-                f"{what:13} {how}",
-                text_width(),
-                subsequent_indent=" " * 14,
-                break_on_hyphens=False,
-                break_long_words=False,
-            )
-        )
+        say("\n".join(fit_lines(f"{what:13} {how}", text_width(), "", " " * 14)))
+        found.setdefault(what, []).append(how)
+    record(installation=found)
 
 
 WITH = {

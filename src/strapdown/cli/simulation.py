@@ -2,7 +2,7 @@
 a simulation needs."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,12 +25,14 @@ from .console import (
     results_folder,
     save_page,
     standard_deviations,
-    table,
     with_figures,
 )
+from .output import note, record, say, say_verdict, table, wrote
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from ..allan.page import Analysis
 
 
 def simulate(
@@ -39,7 +41,7 @@ def simulate(
         typer.Argument(
             metavar="SCENARIO",
             autocompletion=complete.scenarios,
-            help="A built-in scenario (docs/how-to/simulate.md) or a TOML file.",
+            help="A scenario's name or .toml file.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
@@ -48,14 +50,14 @@ def simulate(
         typer.Option(
             metavar="GRADE",
             autocompletion=complete.imus,
-            help="IMU grade or file [default: the scenario's].",
+            help="See `strapdown imus`; or a .toml file.",
         ),
     ] = None,
     gnss: GNSS = None,
     seed: SEED = 0,
     duration: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Seconds to simulate [default: the scenario's]."),
+        typer.Option(metavar="S", help="Seconds.  [default: the scenario's]"),
     ] = None,
 ) -> None:
     """Simulate a scenario and write it with its truth, as a recording that `strapdown fuse`
@@ -67,13 +69,16 @@ def simulate(
     recording = sd.simulate(sd.scenario(scenario), duration, imu, seed, gnss=gnss)
     with results_folder(out.parent):
         sd.write_recording(recording, out)
-    for note in recording.meta["notes"]:
-        print(f"note: {note}")
-    fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.sources)
-    print(
-        f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU "
-        f"samples, {fixes or 'no fixes'}, the truth as reference"
+    for text in recording.meta["notes"]:
+        note(text)
+    fixes = {a.name or a.kind: len(a.t) for a in recording.sources}
+    counts = ", ".join(f"{count} {name}" for name, count in fixes.items())
+    say(
+        f"simulated {recording.span[1] - recording.span[0]:g} s: {len(recording.imu.t)} IMU "
+        f"samples, {counts or 'no fixes'}, the truth as reference"
     )
+    record(span_s=recording.span, seed=seed, imu_samples=len(recording.imu.t), fixes=fixes)
+    wrote(out)
 
 
 def study(
@@ -82,7 +87,7 @@ def study(
         typer.Argument(
             metavar="SCENARIO",
             autocompletion=complete.scenarios,
-            help="Built-in scenarios or TOML files.",
+            help="Names or .toml files of scenarios.",
         ),
     ],
     imu: Annotated[
@@ -90,7 +95,7 @@ def study(
         typer.Option(
             metavar="GRADE",
             autocompletion=complete.imus,
-            help="IMU grade or file; may be repeated [default: the scenario's].",
+            help="See `strapdown imus`; or a .toml file.",
         ),
     ] = None,
     gnss: GNSS = None,
@@ -99,8 +104,7 @@ def study(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.filters,
-            help="A filter, with options as NAME:option=value; may be repeated.  [default: "
-            "closed-loop, open-loop]",
+            help="NAME:option=value,...  [default: closed-loop, open-loop]",
         ),
     ] = None,
     runs: Annotated[
@@ -110,9 +114,7 @@ def study(
         str | None,
         typer.Option(
             metavar="NAME=STD,...",
-            help="Standard deviations from which each run draws what is wrong with the "
-            "installation, in s, m and deg: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02; "
-            "clock alone with the prior of `estimate`.",
+            help="Standard deviations of errors that each run draws: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02 in s, m, deg.",
         ),
     ] = None,
     seed: SEED = 0,
@@ -132,7 +134,7 @@ def study(
         if installation is not None
         else {},
     )
-    print(
+    say(
         f"{count_text(len(made.cells), 'cell')}, {count_text(len(made.filters), 'filter')}, "
         f"{count_text(runs, 'run')}: "
         f"{made.steps() / 1e6:.3g} million filter steps"
@@ -147,7 +149,8 @@ def study(
         )
         save_page(campaign.page(), out / "index.html")
     print_summary(campaign.summary)
-    print(f"wrote {out}/index.html, summary.csv, runs.csv and the chunk files in chunks")
+    record(runs=runs, seed=seed, summary=campaign.summary)
+    wrote(out / "index.html", out / "summary.csv", out / "runs.csv", out / "chunks")
 
 
 def _with_receiver(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
@@ -209,24 +212,20 @@ def advise(
         typer.Option(
             metavar="KIND",
             autocompletion=complete.missions,
-            help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, "
-            "ship, ...) or a TOML file.",
+            help="dynamic (circuits), a scenario, or a .toml file.",
         ),
     ],
-    duration: Annotated[
-        str, typer.Option(metavar="T", help="Length of the mission: 90min, 2h, or seconds.")
-    ],
+    duration: Annotated[str, typer.Option(metavar="T", help="90min, 2h, or seconds.")],
     runs: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Runs of the study [default: as the page says]."),
+        typer.Option(metavar="N", help="Runs of the study."),
     ] = None,
     seed: SEED = 0,
     map: Annotated[
         bool | None,
         typer.Option(
             "--map/--no-map",
-            help="Also the crossover map of grades, durations and dynamics.  [default: unless "
-            "--quick]",
+            help="Also the map of grades, durations and dynamics.",
         ),
     ] = None,
     quick: Annotated[
@@ -236,8 +235,7 @@ def advise(
         str,
         typer.Option(
             metavar="HOW",
-            help="How the attitude at the start is known: given (as the scenario says), or moving "
-            "(as an alignment in motion knows it).",
+            help="given, or moving (by an alignment).",
         ),
     ] = "given",
     out: OUT = Path("advice"),
@@ -264,8 +262,13 @@ def advise(
             progress=progress.track("advise"),
             alignment=alignment,
         )
-    print(made)
-    print(f"wrote {out}/index.html")
+    condition, answer, *others = str(made).splitlines()
+    say_verdict(condition)
+    say_verdict(answer)
+    for line in others:
+        say(line)
+    record(**made.as_dict())
+    wrote(out / "index.html")
 
 
 def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
@@ -307,15 +310,13 @@ def reproduce(
         typer.Argument(
             metavar="NAME",
             autocompletion=complete.reproductions,
-            help="What to run again; an unknown name lists what there is.",
+            help="What to run again; an unknown name lists them.",
         ),
     ],
     out: OUT = Path("reproduction"),
     quick: Annotated[
         bool,
-        typer.Option(
-            "--quick", help="Less of it, in about a minute; the page says what was left out."
-        ),
+        typer.Option("--quick", help="Less of it, in about a minute."),
     ] = False,
     ablations: Annotated[
         bool, typer.Option("--ablations", help="Also what decides the result, of hager-bryne.")
@@ -325,30 +326,26 @@ def reproduce(
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(help="Of the random errors [default: that of the published pages]."),
+        typer.Option(help="Seed of the random errors."),
     ] = None,
     workers: WORKERS = 0,
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results; of "
-            "hager-bryne.",
+            help="Dask scheduler, tcp://HOST:PORT; of hager-bryne.",
         ),
     ] = None,
     recordings: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder of the recordings, or of their descriptions "
-            "[default: those of the checkout and the data folder]."
-        ),
+        typer.Option(help="Folder of the recordings."),
     ] = None,
     filter: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME",
             autocompletion=complete.filters,
-            help="Only this filter, of consistency and faults; may be repeated.",
+            help="Only this filter, of consistency and faults.",
         ),
     ] = None,
     scenario: Annotated[
@@ -356,7 +353,7 @@ def reproduce(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.scenarios,
-            help="Only this scenario, of consistency; may be repeated.",
+            help="Only this scenario, of consistency.",
         ),
     ] = None,
 ) -> None:
@@ -397,14 +394,13 @@ def reproduce(
             ("claim", "target", "measured", "holds"),
             [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims],
         )
-    print(f"wrote {out}/index.html")
+    record(claims=claims)
+    wrote(out / "index.html")
 
 
 def allan(
-    recording: Annotated[list[Path], recording_argument("; at rest.")],
-    imu: Annotated[
-        str | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
-    ] = None,
+    recording: Annotated[list[Path], recording_argument()],
+    imu: Annotated[str | None, typer.Option(metavar="N", help="IMU N of a log.")] = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second of the rest.")
     ] = None,
@@ -424,13 +420,35 @@ def allan(
             f"leave it out"
         )
     analysis = analyse(found, start, stop)
-    for note in analysis.notes:
-        print(f"note: {note}")
+    for text in analysis.notes:
+        note(text)
     table(analysis.header, analysis.rows)
-    print(analysis.verdict)
+    say_verdict(analysis.verdict)
+    record(
+        span_s=analysis.recording.span,
+        grade=analysis.suggestion.grade,
+        disturbed=analysis.disturbed,
+        coefficients=[*_coefficients(analysis)],
+    )
     with results_folder(out):
         analysis.write(out)
-    print(f"wrote {out}/allan.html, allan.csv, allan-imu.toml")
+    wrote(*(out / name for name in ("allan.html", "allan.csv", "allan-imu.toml")))
+
+
+def _coefficients(analysis: "Analysis") -> Iterator[dict[str, Any]]:
+    """The noise coefficients of both triads for the document, in the units of data sheets; of what
+    cannot be told from zero the limit alone is known."""
+    from ..allan.fit import COEFFICIENTS
+    from ..units.conversion import SHEET, in_units
+
+    for sensor in (analysis.result.gyro, analysis.result.accel):
+        fit = sensor.triad.fit
+        for name in fit.names:
+            si = COEFFICIENTS[name].units[sensor.name]
+            numbers = {"value": fit.value, "std": fit.std, "limit": fit.limit}
+            yield {"sensor": sensor.name, "coefficient": name, "unit": SHEET[si]} | {
+                key: in_units(of[name], si) for key, of in numbers.items()
+            }
 
 
 COMMANDS = (

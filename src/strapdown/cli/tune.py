@@ -24,6 +24,7 @@ from .console import (
     results_folder,
     save_page,
 )
+from .output import record, record_note, say, wrote
 
 if TYPE_CHECKING:
     from ..tuning.findings import Tuning
@@ -41,23 +42,19 @@ def tune(
         bool,
         typer.Option(
             "--correlated/--no-correlated",
-            help="Look for errors of the sources that last over many fixes.",
+            help="Look for errors that last over many fixes.",
         ),
     ] = True,
     option: OPTION = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder for the IMU file, the sources' noise and the page.  [default: NAME-tune; "
-            "none with --write]"
-        ),
+        typer.Option(help="Folder of results.  [default: NAME-tune; with --write none]"),
     ] = None,
     write: Annotated[
         bool,
         typer.Option(
             "--write",
-            help="Change recording.toml in place and put the IMU file beside it; the old one is kept "
-            "as recording.toml.before.",
+            help="Change recording.toml; keep the old one as .before.",
         ),
     ] = False,
 ) -> None:
@@ -86,28 +83,30 @@ def tune(
             options=option_values(option),
         )
         for line in found.lines:
-            print(line)
-        for line in _write_results(found, recording[0], folder, write):
-            print(line)
+            say(line)
+        record(parameters=found.table(), span_s=found.seconds, runs=found.runs)
+        for text in found.notes:
+            record_note(text)
+        _write_results(found, recording[0], folder, write)
 
 
-def _write_results(found: "Tuning", path: Path, folder: Path | None, write: bool) -> list[str]:
-    """Write what was asked for, all or nothing; lines that say what, and how to use it."""
+def _write_results(found: "Tuning", path: Path, folder: Path | None, write: bool) -> None:
+    """Write what was asked for, all or nothing; say how to use it."""
     from ..fileio.files import together
 
-    lines: list[str] = []
+    lines, written = [], []
     with together():
         if write:
             changes = found.diff(path)
             imu, kept = found.change(path)
+            written = [path, imu]
             lines = [f"changed in {path}:", *(f"  {line}" for line in changes)]
-            lines += [f"the old file is {kept}", f"wrote {imu}, which it names as grade"]
+            lines += [f"the old file is {kept}", f"it names {imu} as grade"]
         elif folder:
-            imu, sources = found.write(folder)
-            lines = [
-                f"wrote {folder}/{imu.name}, {sources.name}, tune.html",
-                f"to use them: strapdown fuse {path} --imu {imu} --sources {sources}",
-            ]
+            imu, sources = written = found.write(folder)
+            lines = [f"to use them: strapdown fuse {path} --imu {imu} --sources {sources}"]
+        wrote(*written)
         if folder:
             save_page(found.page(), folder / "tune.html")
-    return lines + [f"wrote {folder}/tune.html"] * bool(write and folder)
+    for line in lines:
+        say(line)

@@ -76,6 +76,21 @@ MAX_SLIP = 0.1
 """rad per m/s^2: tyres on ice have less."""
 
 
+def kernels_of(
+    filter: Filter, kinds: Iterable[str], needed: stages.Needed = stages.NONE
+) -> list[Any]:
+    """The kernels that `prepare` compiles."""
+    return [
+        *_own_kernels(filter),
+        *needed.kernels,
+        *(aiding.find(kind).observe for kind in dict.fromkeys(kinds)),
+    ]
+
+
+def _own_kernels(filter: Filter) -> list[Any]:
+    return [filter.predict, filter.correct, loop.run, *filter.start_kernels]
+
+
 def prepare(
     filter: str | Filter,
     kinds: Iterable[str],
@@ -84,18 +99,16 @@ def prepare(
 ) -> Kernels:
     """Compile (or load from the cache) the kernels of `filter`, of the `kinds` of measurements and of
     the stages that they need. Calls `notify` where that takes seconds."""
-    filter = filters.find(filter)
-    sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
-    slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
-    observers = [sensor.observe for sensor in sensors]
-    compile_together([*slow, *needed.kernels, *observers], filter.name, notify)
-    for kernel in slow:
+    filter, kinds = filters.find(filter), [*dict.fromkeys(kinds)]
+    sensors = [aiding.find(kind) for kind in kinds]
+    compile_together(kernels_of(filter, kinds, needed), filter.name, notify)
+    for kernel in _own_kernels(filter):
         filters.compile_filter_kernel(filter, kernel)
     for sensor in sensors:
         aiding.compile_observation(sensor.name)
     numbers = [aiding.number(sensor.name) for sensor in sensors]
     table = np.zeros(max(numbers, default=0) + 1, np.int64)
-    table[numbers] = list(map(address, observers))
+    table[numbers] = [address(sensor.observe) for sensor in sensors]
     return needed.addresses(address(filter.predict), address(filter.correct), table)
 
 

@@ -213,6 +213,13 @@ OF_GRADES = {
     "STIM300": "tactical",
 }
 """{part: grade that has its data sheet}."""
+SERIES = {
+    "navigation": ("hg9900", "hg2801"),
+    "tactical": ("stim", "hg", "kvh", "ln200"),
+    "industrial": ("adis", "mti", "xsens", "vn", "3dm", "mg3", "g3", "ellipse"),
+    "consumer": ("mpu", "icm", "iim", "bmi", "bno", "lsm", "ism"),
+}
+"""{grade: beginnings of names of parts of its kind}, as their data sheets have them."""
 
 
 def saturation_notes(spec: ImuSpec, imu: Imu) -> list[str]:
@@ -315,11 +322,20 @@ def imu(name: GivenImu) -> ImuSpec:
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
     raise DataError(
-        f"unknown IMU {name!r}{did_you_mean(name, [*imus(), *imu_parts()])}; grades: "
+        f"unknown IMU {name!r}{_suggestion(name)}; grades: "
         f"{', '.join(imus())}; parts: {', '.join(imu_parts())}; of another part take consumer for a chip "
         f"of a phone or a hobby board, industrial for a calibrated module, or give the path of a .toml "
         f"file with its data sheet"
     )
+
+
+def _suggestion(name: str) -> str:
+    """A name for one that is not known: of a part of a known series the grade of its kind, else the
+    name that it is most like."""
+    for grade, series in SERIES.items():
+        if _plain(name).startswith(series):
+            return f" (a part like it is of the grade {grade!r})"
+    return did_you_mean(name, [*imus(), *imu_parts()])
 
 
 def required_imu(

@@ -143,7 +143,11 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
             break
         # on to where a parabola would cross, and a little further
         grown = np.sqrt(CHI_SQUARE_95 / max(loss, 1e-3))
-        stride = float(np.clip(abs(x - at.theta[j]) * (1.1 * grown - 1), 0.5 * stride, min(4 * stride, MAX_STRIDE)))
+        stride = float(
+            np.clip(
+                abs(x - at.theta[j]) * (1.1 * grown - 1), 0.5 * stride, min(4 * stride, MAX_STRIDE)
+            )
+        )
     return points
 
 

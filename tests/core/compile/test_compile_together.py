@@ -141,6 +141,16 @@ def test_other_processes_leave_kernels_in_the_cache(cold):
     assert list(cold.rglob("pace"))
 
 
+def test_the_time_that_compiling_takes_is_told_before(cold):
+    from strapdown.core.compile.side_by_side import seconds_to_compile
+
+    both = [heading.observe, velocity.observe]
+    one, two = seconds_to_compile(both[:1]), seconds_to_compile(both)
+    assert 0 < one < PATIENCE and 0 < two < PATIENCE
+    jit.compile_together(both, "two")
+    assert seconds_to_compile(both) == 0.0
+
+
 def test_a_kernel_of_no_module_is_compiled_here(cold):
     own = kernel(ONE)(lambda x: x + 1.0)
     jit.compile_together([own, heading.observe, velocity.observe], "three")

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown import DataError
+from strapdown import DataError, filters
 from strapdown.evaluation.consistency import Interval, proportion
+from strapdown.experiments.advice import advise as advising
 from strapdown.experiments.advice.advise import _map_imus, _map_scenarios, advise, durations
 from strapdown.experiments.advice.mission import kinds, mission, seconds
 from strapdown.experiments.advice.page import sentences
@@ -435,6 +436,21 @@ def test_the_cost_is_told_before_and_after(tmp_path):
     assert 0 < elapsed < 60
     advise("tactical", "straight", 60, **given)
     assert "0 to do of 0.0108 million filter steps" in said[-2]
+    assert "compiling" not in said[-2]
+
+
+def test_the_cost_counts_compiling(monkeypatch):
+    """That of all kernels of the study."""
+    asked, said = [], []
+    monkeypatch.setattr(
+        advising, "seconds_to_compile", lambda kernels: asked.append(kernels) or 118.0
+    )
+    advise("tactical", "straight", 60, runs=2, seed=1, quick=True, notify=said.append)
+    (kernels,) = asked
+    for name in ("closed-loop", "open-loop"):
+        assert filters.find(name).predict in kernels, name
+    told = next(line for line in said if "million filter steps" in line)
+    assert told.endswith("s of processor time, after about 118 s of compiling, this time alone")
 
 
 def test_a_consumer_grade_may_not():

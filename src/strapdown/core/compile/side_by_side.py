@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,6 +34,10 @@ TELLING = 0.1
 """Share of the work that tells the pace: a small kernel takes mostly what a process begins with."""
 PACE = "pace"
 """File beside the kernels: seconds that a unit of `work` took on this machine the last time."""
+
+
+USUAL_PACE = 9e-6
+"""s that a unit of `work` takes where this machine has compiled nothing yet: a server core of 2026."""
 
 
 class Job(NamedTuple):
@@ -68,7 +72,7 @@ def fill(kernels: Sequence[Any], tell: Callable[[CompileProgress], None]) -> Non
     it is, at the beginning and after each kernel."""
     jobs = {kernel: job for kernel in kernels if (job := _job(kernel))}
     spread = sorted(jobs, key=work, reverse=True)
-    count = min(_cores(), len(spread), int(sum(map(work, spread)) / ENOUGH))
+    count = _processes(spread)
     clock = _Clock(kernels, max(count, 1))
     tell(clock.now())
     if count < 2:
@@ -89,6 +93,20 @@ def fill(kernels: Sequence[Any], tell: Callable[[CompileProgress], None]) -> Non
             clock.took(by_path[job.path], seconds)
             tell(clock.now())
     clock.keep()
+
+
+def _processes(spread: Sequence[Any]) -> int:
+    """The number of processes in which these kernels are compiled."""
+    return min(_cores(), len(spread), int(sum(map(work, spread)) / ENOUGH))
+
+
+def seconds_to_compile(kernels: Iterable[Any]) -> float:
+    """s that `fill` takes, about, for those kernels that are not at hand; 0 where all are."""
+    slow = [kernel for kernel in dict.fromkeys(kernels) if not kernel.at_hand]
+    if not slow:
+        return 0.0
+    clock = _Clock(slow, max(_processes(slow), 1), USUAL_PACE)
+    return clock.now().seconds or 0.0
 
 
 def _job(kernel: Any) -> Job | None:
@@ -129,12 +147,13 @@ def _cores() -> int:
 class _Clock:
     """The time left to compile kernels in several processes."""
 
-    def __init__(self, kernels: Sequence[Any], processes: int) -> None:
+    def __init__(self, kernels: Sequence[Any], processes: int, pace: float | None = None) -> None:
+        """`pace`: where this machine has shown none."""
         self._left = {kernel: work(kernel) for kernel in kernels}
         self._count, self._processes = len(kernels), processes
         self._work, self._seconds, self._begun = 0.0, 0.0, time.perf_counter()
         self._path = _pace_file(kernels)
-        self._before = _stored_pace(self._path)
+        self._before = _stored_pace(self._path) or pace
 
     def took(self, kernel: Any, seconds: float) -> None:
         """A kernel is done; 0 s where it did not compile, which says nothing of the pace."""

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from ...checks import DataError, check_choice, check_number
+from ...core.compile.side_by_side import seconds_to_compile
 from ...data.value import Value
 from ...engine.options import takes
 from ...evaluation.consistency import Interval
@@ -26,8 +27,9 @@ from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, imu as imu_spec
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress
-from ...units.wording import count_text
+from ...units.wording import count_text, duration_text
 from ..monte_carlo.campaign import Campaign, make_folder
+from ..monte_carlo.chunks import kernels_for
 from ..monte_carlo.study import CAMPAIGN_OPTIONS, CampaignOptions, Study
 from .mission import CIRCUIT, MISSION_RATE, aligned_in_motion, mission, seconds
 from .page import page, sentences, summary_table
@@ -234,7 +236,8 @@ def advise(
     # what is refused is refused before anything is said
     begun = [Campaign.begin(parts[name], folder / "runs" / name) for name in parts if folder]
     how["notify"] = notify = how.get("notify") or (lambda text: None)
-    notify(_cost(study, maps, _missing_steps(begun) if folder else steps))
+    compiling = seconds_to_compile(kernels_for(study) + (kernels_for(maps) if maps else []))
+    notify(_cost(study, maps, _missing_steps(begun) if folder else steps, compiling))
     clocks, tell = (perf_counter(), process_time()), listener(progress)
 
     def run(part: Study, name: str, first: int) -> Campaign:
@@ -261,8 +264,9 @@ def _map_study(scenario: Scenario, spec: ImuSpec, runs: int, seed: int) -> Study
     return _study(scenarios, imus, MAP_FILTERS, min(runs, MAP_RUNS), seed)
 
 
-def _cost(study: Study, maps: Study | None, steps: int) -> str:
-    """Describe in a line the runs that a command is about to do, and their processor time."""
+def _cost(study: Study, maps: Study | None, steps: int, compiling: float) -> str:
+    """Describe in a line the runs that a command is about to do, their processor time, and the
+    time (s) that compiling takes before."""
     cells = len(study.cells) + (len(maps.cells) if maps else 0)
     work = steps * STEP_TIME + cells * CELL_TIME
     total = study.steps() + (maps.steps() if maps else 0)
@@ -270,8 +274,12 @@ def _cost(study: Study, maps: Study | None, steps: int) -> str:
     return (
         f"{count_text(study.runs, 'run')} of {count_text(len(study.filters), 'filter')}"
         + (f", and a map of {len(maps.cells)} cells" if maps else "")
-        + f": {steps / 1e6:.3g}{left} million filter steps, about {work:.2g} s of processor time "
-        "where kernels are compiled already"
+        + f": {steps / 1e6:.3g}{left} million filter steps, about {work:.2g} s of processor time"
+        + (
+            f", after about {duration_text(max(round(compiling), 1))} of compiling, this time alone"
+            if compiling
+            else ""
+        )
     )
 
 

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ... import aiding, filters
 from ...checks import DataError
 from ...core.compile.signatures import LANES
-from ...core.loop.contract import STATES, InitialState, compile_kernel, compile_together
+from ...core.loop.contract import STATES, Filter, InitialState, compile_kernel, compile_together
 from ...data.recording import Recording
 from ...engine.batch import fuse
 from ...engine.installation import StateParameter
-from ...engine.prepare import prepare
+from ...engine.prepare import kernels_of, prepare
 from ...evaluation.cramer_rao import cramer_rao
 from ...plugins import Plugin
 from ...sensor_models.imu import ImuSpec, imu as imu_spec
@@ -305,11 +305,23 @@ def _kinds(study: Study) -> list[str]:
 def compile_for(study: Study, notify: Notify | None = None) -> None:
     """Compile the kernels that a study needs, before several threads want them."""
     kinds = _kinds(study)
+    compile_together(kernels_for(study), "the filters of the study", notify)
     for label in study.filters:
         filter = parse_label(label)[0]
         prepare(filter, kinds, notify)
-        if study.side_by_side and filter.lanes:
-            wide = kernels_in_lanes(filter, kinds)
-            compile_together(wide, f"{filter.name} for eight runs at once", notify)
-            for kernel in wide:
-                compile_kernel(kernel)
+        for kernel in _wide_kernels(study, filter):
+            compile_kernel(kernel)
+
+
+def kernels_for(study: Study) -> list[Any]:
+    """The kernels that `compile_for` compiles."""
+    kinds, found = _kinds(study), []
+    for label in study.filters:
+        filter = parse_label(label)[0]
+        found += [*kernels_of(filter, kinds), *_wide_kernels(study, filter)]
+    return found
+
+
+def _wide_kernels(study: Study, filter: Filter) -> list[Any]:
+    """Those of a filter for several runs at once."""
+    return kernels_in_lanes(filter, _kinds(study)) if study.side_by_side and filter.lanes else []
