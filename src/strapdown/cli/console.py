@@ -389,7 +389,7 @@ def with_figures(command: Callable[..., None]) -> Callable[..., None]:
 
         with saving_pictures(figures):
             command(*words, **given)
-        print(f"wrote the figures, as SVG, into {figures}")
+        wrote(figures)
 
     known = inspect.signature(command)
     option = inspect.Parameter(

@@ -17,6 +17,7 @@ from ..data.recording import Recording
 from ..data.solution import Solution
 from ..engine.prepare import AugmentedState, augmented_states
 from ..typing import Array, ArrayLike
+from ..units.constants import NORMAL_95
 from . import metrics
 
 SURVIVED, POSITION_LOST, INCONSISTENT = 0, 1, 2
@@ -248,7 +249,7 @@ def autocorrelation(innovation: ArrayLike, lags: int = 20) -> tuple[Array, float
     power = np.square(z).sum(axis=0)
     power[power == 0] = np.nan  # an innovation that is always 0 tells nothing
     products = np.array([(z[lag:] * z[:-lag]).sum(axis=0) for lag in range(1, lags + 1)])
-    return products / power, float(1.96 / np.sqrt(m))
+    return products / power, float(NORMAL_95 / np.sqrt(m))
 
 
 def _complete(innovation: ArrayLike) -> Array:

@@ -185,18 +185,17 @@ class _Runs:
     def make_diagnosis(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """Return the diagnosis of the sought parameters by the last trial."""
         final = estimate_unknowns(last, sought, self.way.centre)
-        wrong, alone = self.surely(last, sought, final)
-        value, theta, best = final.value.copy(), first.theta, first.made
-        if alone is not None:
+        wrong = self.surely(last, sought, final)
+        value, theta, best = final.value, first.theta, first.made
+        if wrong.any():
             some = [each for each, one in zip(sought, wrong) if one]
-            value[wrong], theta = alone.value, full_theta(some, alone.value)
-            final.std[wrong] = alone.std
+            theta = full_theta(some, value[wrong])
             best = self.begin(theta)
             best.complete()
             self.way.runs += 1
         gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
         if gain <= MIN_GAIN:
-            wrong, value, gain = np.zeros(len(sought), bool), final.value, 0.0
+            wrong, gain = np.zeros(len(sought), bool), 0.0
             theta, best = first.theta, first.made
         shares = (value / final.model_std) ** 2 * wrong
         shares *= gain / max(shares.sum(), 1e-300)
@@ -237,19 +236,17 @@ class _Runs:
         there = last._replace(theta=theta, sums=last.sums.shift(theta - last.theta))
         return estimate_unknowns(there, some, self.way.centre)
 
-    def surely(
-        self, last: Trial, sought: Sequence[Unknown], final: Estimated
-    ) -> tuple[Mask, Estimated | None]:
-        """Which of those sought are wrong (q,), also with all others as given; and these alone."""
+    def surely(self, last: Trial, sought: Sequence[Unknown], final: Estimated) -> Mask:
+        """Which of those sought are wrong (q,), also with all others as given."""
         wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
         while wrong.any():
             some = [each for each, one in zip(sought, wrong) if one]
             alone = self.alone(last, some, final.value[wrong])
             sure = np.array([self.wrong(each, alone, k) for k, each in enumerate(some)])
             if sure.all():
-                return wrong, alone
+                break
             wrong[np.flatnonzero(wrong)[~sure]] = False
-        return wrong, None
+        return wrong
 
     def estimate(
         self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float

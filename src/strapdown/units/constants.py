@@ -12,6 +12,8 @@ REST_SPEED = 0.3
 """m/s, which neither a receiver at rest nor the swing of a lever arm exceeds for long."""
 CHI_SQUARE_95 = 3.841
 """95 % of one degree of freedom."""
+NORMAL_95 = 1.96
+"""Standard deviations to either side that hold 95 % of a normal distribution."""
 MAX_TIME_CONSTANT = 1e6
 """s (12 days) of errors that last, and of the memory that follows them: what takes longer does not
 change within a recording."""

@@ -7,9 +7,9 @@ from typing import Any
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.reproduction import Asked, reproduction
 from ..common.runner import Task, collect_tables
-from . import drive, misses, simulated
+from . import commands, drive, misses, simulated
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN
-from .summary import DRIVE, FILTER, MISSES, STUDY
+from .summary import COMMANDS, DRIVE, FILTER, MISSES, STUDY
 
 SEEDS, QUICK_SEEDS = 100, 3
 OTHERS, OTHER_PART = ("mekf", "ukf"), 5
@@ -45,6 +45,11 @@ def all_tasks(folder: Path, seeds: range) -> list[Task]:
     return [
         *(recorded if there else ()),
         *(task for cell in cells for task in batches(*cell)),
+        *(
+            Task(COMMANDS, commands.rows, (name, seeds[first : first + BATCH]))
+            for name in MOTIONS
+            for first in range(0, len(seeds), BATCH)
+        ),
     ]
 
 

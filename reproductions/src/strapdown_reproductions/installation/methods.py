@@ -72,8 +72,7 @@ def state_calibration(found: Any, recording: Recording, wanted: Mapping[str, Non
     """Return the Calibrated of a Diagnosis or a result like it, with name, cause, status, change
     and std of each of its `parameters`, and the recording set up as found."""
     parameters = parameters_of(recording, wanted)
-    known = {_name(each.name, each.cause): each for each in found.parameters}
-    own = [known[_words(p)] for p in parameters]
+    own = [_estimate_of(p, recording, found.parameters) for p in parameters]
     factors = np.array([p.of.factor for p in parameters])
     estimate = np.array([each.change for each in own]) / factors
     return Calibrated(
@@ -84,14 +83,12 @@ def state_calibration(found: Any, recording: Recording, wanted: Mapping[str, Non
     )
 
 
-def _name(name: str, cause: str) -> str:
-    """The name of an Estimate without its sources."""
-    return cause if cause == "clock" else name.partition(" of ")[0]
-
-
-def _words(parameter: StateParameter) -> str:
-    axis = parameter.of.components[parameter.component]
-    return " ".join(filter(None, (parameter.of.cause, axis)))
+def _estimate_of(parameter: StateParameter, recording: Recording, estimates: Any) -> Any:
+    """That of the estimates which is of this parameter: of several clocks that of its source."""
+    of, axis = parameter.of, parameter.component
+    names = {recording.sources[i].name or recording.sources[i].kind for i in parameter.sources}
+    own = [each for each in estimates if (each.of, each.axis) == (of, axis)]
+    return next((each for each in own if names & {*each.sources}), own[0])
 
 
 METHODS: dict[str, Method] = {

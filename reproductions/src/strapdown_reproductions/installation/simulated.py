@@ -10,12 +10,12 @@ from strapdown.data.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.consistency import nees_of
 from strapdown.typing import Array
+from strapdown.units.constants import NORMAL_95
 
 from .cases import case
 
 RUNS, EPOCHS, SCALES = "runs", "epochs", "scales"
 """Tables of the Evidence."""
-NORMAL_95 = 1.96
 FOUND = 0.5
 """A parameter is called found where its standard deviation at the end is at most this part of its
 prior: the same half as of `diagnose`."""

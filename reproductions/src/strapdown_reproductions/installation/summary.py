@@ -16,7 +16,7 @@ from .drive import NOTHING, RIGHT
 from .misses import BOUNDS, STATES, UNITS
 from .simulated import EPOCHS, RUNS, SCALES
 
-DRIVE, MISSES = "drive", "misses"
+DRIVE, MISSES, COMMANDS = "drive", "misses", "commands"
 """Tables of the Evidence beside those of simulated.py."""
 INTRODUCTION = (
     "Clocks, lever arms, mounting and odometer scale are given wrongly, and estimated as states of "
@@ -80,6 +80,13 @@ TARGETS = {
         90.0,
         "%",
     ),
+    "commands": Target(
+        "simulated: 95 % intervals of diagnose and calibrate installation that hold the truth, own "
+        "alignment, the worst parameter",
+        ">=",
+        92.0,
+        "%",
+    ),
     "unseen": Target(
         "simulated: what the motion does not show, called found, the most often", "<=", 1.0, "%"
     ),
@@ -112,6 +119,22 @@ def intervals(parameters: pd.DataFrame) -> pd.DataFrame:
         }
 
     return group_rows(parameters, ["motion", "filter", "start", "parameter"], measures, COLUMNS)
+
+
+def of_commands(table: pd.DataFrame) -> pd.DataFrame:
+    """A row per motion, command and parameter: the share of its 95 % intervals that hold the truth, the
+    RMSE and the mean standard deviation."""
+    return group_rows(
+        table,
+        ["motion", "command", "parameter"],
+        lambda own: {
+            "known": len(own),
+            "inside_%": 100 * float(own["inside"].mean()),
+            "rmse": rms(own["error"]),
+            "std": own["std"].mean(),
+        },
+        ("known", "inside_%", "rmse", "std"),
+    )
 
 
 COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "std", "prior")
@@ -214,6 +237,8 @@ def figures(found: StudyTables) -> dict[str, float]:
             & nees["motion"].isin(list(MOTIONS))
         ]
         values[f"nees, {start}"] = float(rows["nees_in_band_%"].min()) if len(rows) else np.nan
+    told_by = of_commands(found[COMMANDS])
+    values["commands"] = float(told_by["inside_%"].min()) if len(told_by) else np.nan
     cannot = unseen[is_hidden(unseen)]
     values["unseen"] = float((100 * cannot["found"] / cannot["runs"]).max())
     of_scale = scales(found[SCALES])
@@ -238,6 +263,10 @@ def tables(found: StudyTables) -> Tables:
         "simulated": (
             "Simulated: errors at the end, and intervals where called found",
             told[~cannot & told["motion"].isin(list(MOTIONS))],
+        ),
+        "commands": (
+            "Simulated, own alignment: intervals of the commands where they know the parameter",
+            of_commands(found[COMMANDS]),
         ),
         "nees": ("NEES averaged over the runs", consistency(found[EPOCHS])),
         "not-shown": ("What the motion does not show", told[cannot]),

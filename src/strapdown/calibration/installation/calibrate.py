@@ -20,12 +20,10 @@ from ...installation.states import EstimatedParameter
 from ...preprocessing.rotated_imu import is_of_the_imu
 from ...progress import listener, with_bar
 from ...typing import Progress
+from ...units.constants import NORMAL_95
 from .as_states import Asking, as_states, check_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, CalibratedParameter, Installation
 from .iterated import Settled, settle, theta_of
-
-CONTRADICT = 3.0
-"""Combined standard deviations by which the two estimates of a parameter may differ."""
 
 VARIES = 4.0
 """Combined standard deviations by which both halves of the time may differ: of constants they differ
@@ -48,8 +46,7 @@ def calibrate_installation(
 
     `diagnose` is run on what it found until that has nothing wrong; the smoother with the same
     numbers as states, around what was found, is the second estimate. A parameter is found where it
-    is off what was given by `diagnose`'s limits and both agree; its standard deviation is the larger
-    of the two. What the recording asks to be estimated is left out.
+    is off what was given by `diagnose`'s limits and both agree; its 95 % interval holds both. What the recording asks to be estimated is left out.
 
     Parameters
     ----------
@@ -115,36 +112,36 @@ def calibrate_installation(
 
 
 def _parameter(each: Diagnosed, settled: Settled, seen: EstimatedParameter) -> CalibratedParameter:
-    """The two estimates of a constant together. The value is that of the innovations; the standard
-    deviation is the larger."""
+    """The two estimates of a constant together. The value is that of the innovations; its 95 %
+    interval holds the other one and is at least as wide as either: both are of the same data, so that
+    what they differ by is what the model lacks."""
     factor, j = each.of.factor, settled.of(each)
     before = settled.before[j] * factor
     change, by_states = before + each.change, settled.theta[j] * factor + seen.change
     halves = tuple((before + half, own) for half, own in each.halves)
+    own_std = max(each.std, seen.std)
     whole = vars(each) | {
         "given": each.given - before * (each.of is LEVER_ARM),
         "change": float(change),
-        "std": max(each.std, seen.std),
+        "std": max(own_std, abs(change - by_states) / NORMAL_95),
         "halves": halves,
     }
     found = CalibratedParameter(**whole, by_states=float(by_states), states_std=seen.std)
-    agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.std, seen.std)
-    moved, sure = bool(settled.theta[j]), bool(agree and settled.sure)
-    return replace(found, status=_status(found, moved, sure))
+    return replace(found, status=_status(found, own_std, bool(settled.theta[j]), settled.sure))
 
 
-def _status(found: CalibratedParameter, moved: bool, sure: bool) -> str:
+def _status(found: CalibratedParameter, own_std: float, moved: bool, settled: bool) -> str:
     """The status of two estimates together: `moved` where the recording was changed by the first,
-    `sure` where they agree and the first settled."""
+    `settled` where that settled; `own_std` is the larger of their standard deviations."""
     of = found.of
-    least = max(of.min_reported * of.factor, MIN_Z * found.std)
-    if found.std > of.known_std * of.factor:
+    least = max(of.min_reported * of.factor, MIN_Z * own_std)
+    if own_std > of.known_std * of.factor:
         return NOT_OBSERVABLE
     if not moved or abs(found.change) <= least:
         return CONSISTENT
     if not _constant(found) and not _helps_both(found.change, found.halves):
         return NOT_CONSTANT
-    if not sure:
+    if not settled or abs(found.change) <= MIN_Z * found.std:
         return NOT_CONFIRMED
     if abs(found.change) > of.most * of.factor:
         return IMPLAUSIBLE

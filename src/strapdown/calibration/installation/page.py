@@ -18,6 +18,7 @@ from ...installation.model import apply_constants, constants
 from ...pages.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
 from ...pages.parts import bullet_list, paragraphs, remarks, table
 from ...pages.shell import Document, Page
+from ...units.constants import NORMAL_95
 from ...units.wording import count_text, join_words
 from .iterated import theta_of
 
@@ -29,7 +30,7 @@ STEPS = (-6.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0,
 SMOOTHED = 10.0
 """s over which the NIS is averaged."""
 DRAWN = {"as given": GREY, "as found": COLOURS[0]}
-FOOTER = "change = what is to be added to what was given. Standard deviations are the larger of two estimates'."
+FOOTER = "change = what is to be added to what was given. The 95 % interval holds two estimates."
 
 
 def page(found: "Installation") -> Page:
@@ -227,8 +228,8 @@ def misfit_figure(found: "Installation", each: "CalibratedParameter") -> go.Figu
     )
     drawn.add_vline(x=each.change, line={"color": COLOURS[1], "width": 1, "dash": "dash"})
     drawn.add_vrect(
-        x0=each.change - 1.96 * each.std,
-        x1=each.change + 1.96 * each.std,
+        x0=each.change - NORMAL_95 * each.std,
+        x1=each.change + NORMAL_95 * each.std,
         fillcolor=COLOURS[1],
         opacity=0.12,
         line={"width": 0},

@@ -20,14 +20,13 @@ from ...evaluation.consistency import (
     rmse,
 )
 from ...typing import Array
+from ...units.constants import NORMAL_95
 from .scoring import ERROR_GROUPS, RUN_REASONS
 
 if TYPE_CHECKING:
     from .campaign import Campaign
     from .chunks import Arrays
 
-NORMAL_95 = 1.96
-"""Standard deviations to both ends of a 95 % interval."""
 SETTLED_AFTER = 120.0
 """s: the Cramer-Rao ratio leaves out what comes before, where the start and not the filter
 decides."""
