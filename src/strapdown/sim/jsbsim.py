@@ -12,6 +12,7 @@ import numpy as np
 
 from ..checks import DataError, check_array, check_number, did_you_mean, is_number, locate_errors
 from ..data.solution import Trajectory
+from ..geometry.rotations import Rotation
 from ..typing import Array
 from .splined import spline_motion
 from .trajectory import DEG, Motion
@@ -332,9 +333,7 @@ def _fly(
 
 def quaternions(angles: Array) -> Array:
     """q_nb (n, 4), scalar first and not negative, of roll, pitch and heading (n, 3), rad."""
-    from scipy.spatial.transform import Rotation
-
-    q = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
+    q = Rotation.from_rph(angles).as_wxyz()
     return q * np.where(q[:, :1] < 0, -1.0, 1.0)
 
 

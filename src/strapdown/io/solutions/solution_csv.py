@@ -18,6 +18,7 @@ from ...data.solution import NAV_COLUMNS, UNITS, Innovations, Solution, Solution
 from ...data.verdict import NOT_JUDGED
 from ...fileio.checksum import DAMAGED
 from ...fileio.spreadsheet import as_written, inert
+from ...geometry.rotations import Rotation
 from ...typing import Array
 from ...units.time_scales import gps_of, iso, iso_text
 from ..own.array_rules import broken_rules
@@ -190,8 +191,6 @@ def _read_comment(path: Path) -> dict[str, Any]:
 
 def _quaternion(rph: Array) -> Array | None:
     """From roll, pitch, heading in degrees; None where none is known."""
-    from scipy.spatial.transform import Rotation
-
     if not np.isfinite(rph).any():
         return None
-    return Rotation.from_euler("ZYX", rph[:, ::-1], degrees=True).as_quat()[:, [3, 0, 1, 2]]
+    return Rotation.from_rph(np.radians(rph)).as_wxyz()
