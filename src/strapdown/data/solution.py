@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..checks import DataError as DataError
 from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from ..core.mathematics.rotation import quaternion_to_euler
+from ..extras import optional_import
 from ..geometry import geodesy
 from ..geometry.rotations import Rotation
 from ..typing import Array, ArrayLike, File, Ints, Mask, Vector
@@ -83,7 +84,8 @@ OF_WHOLE = Untested("this part by itself", "the verdict is that of the whole run
 
 
 def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
-    import pandas as pd
+    with optional_import("a table"):
+        import pandas as pd
 
     return pd.DataFrame(columns, index=pd.Index(t, name="t"))
 

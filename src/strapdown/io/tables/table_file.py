@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO
 import numpy as np
 
 from ...checks import DataError, did_you_mean
+from ...extras import optional_import
 from ...fileio.file_access import Zip, metered_file, open_file
 from ...fileio.limits import Meter, regular
 from ...preprocessing.origin import Origin
@@ -33,9 +34,14 @@ PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
 """Endings of files that `open_text` unpacks."""
 
 
+ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+
+
 def zstd() -> Any:
-    """The module of zstd, which Python has itself from 3.14 on; loaded where it is needed."""
-    return import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+    """The module of zstd, which Python has itself from 3.14 on; loaded where it is needed. Raises
+    DataError where it is missing."""
+    with optional_import():
+        return import_module(ZSTD)
 
 
 OPENERS: dict[str, Any] = {
@@ -54,8 +60,9 @@ def packed_suffixes(*suffixes: str) -> tuple[str, ...]:
 
 def unpacking_errors() -> tuple[type[Exception], ...]:
     """Return the exceptions that unpacking a damaged file raises."""
-    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstd().ZstdError
-    return EOFError, struct.error, *damaged
+    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile
+    of_zstd = (zstd().ZstdError,) if ZSTD in sys.modules else ()  # without it, none was raised
+    return EOFError, struct.error, *damaged, *of_zstd
 
 
 SUFFIXES = packed_suffixes(".csv", ".txt", ".tsv", ".dat")
