@@ -121,10 +121,9 @@ class FileTable(NamedTuple):
     ) -> "FileTable":
         """A table of columns (n,) by name; `rows` (n,) are their numbers in the file, counted from
         0 where they are not given."""
-        import pandas as pd
-
-        frame = pd.DataFrame(dict(columns), copy=False)
-        return cls(name, frame, np.arange(len(frame)) if rows is None else rows, word)
+        content = _numbers_or_frame(columns)
+        count = len(content[next(iter(columns))]) if columns else 0
+        return cls(name, content, np.arange(count) if rows is None else rows, word)
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -140,6 +139,13 @@ class FileTable(NamedTuple):
     def titles(self) -> list[str]:
         """Names of the columns as text, their numbers where there is no header."""
         return [str(name) for name in self.names]
+
+    def with_columns(self, added: Mapping[str, Array]) -> "FileTable":
+        """The table with these columns (n,) too, or in place of those of their names."""
+        content = self.content
+        if isinstance(content, NumberColumns):
+            return self._replace(content=NumberColumns([*content.items(), *added.items()]))
+        return self._replace(content=content.assign(**added))
 
     def take(self, rows: Mask) -> "FileTable":
         """These rows of it."""
@@ -194,6 +200,17 @@ class FileTable(NamedTuple):
             return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
         hint = did_you_mean(column, names)
         return f"column {column!r} is missing{hint}; it has {', '.join(names[:20])}"
+
+
+def _numbers_or_frame(columns: Mapping[str, ArrayLike]) -> "pd.DataFrame | NumberColumns":
+    """Columns (n,) by name, without pandas where all are numbers."""
+    arrays = {name: np.asarray(column) for name, column in columns.items()}
+    shapes = {column.shape for column in arrays.values()}
+    if len(shapes) == 1 and all(c.ndim == 1 and c.dtype.kind in "iuf" for c in arrays.values()):
+        return NumberColumns(arrays)
+    import pandas as pd
+
+    return pd.DataFrame(dict(columns), copy=False)
 
 
 def open_bytes(path: Path, lines: bool = False) -> BinaryIO:
