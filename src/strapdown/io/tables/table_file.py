@@ -166,6 +166,13 @@ class FileTable(NamedTuple):
         cells = self.content[column]
         return cells if isinstance(cells, np.ndarray) else cells.to_numpy()
 
+    def filled(self, column: str | int) -> Mask:
+        """(n,) the rows whose cell of a column is not empty."""
+        cells = self.content[column]
+        if isinstance(cells, np.ndarray):
+            return np.asarray(cells == cells)  # NaN is not itself
+        return cells.notna().to_numpy()
+
     def numbers(self, column: str | int) -> Array:
         """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column
         or a cell that is no number."""
@@ -179,7 +186,7 @@ class FileTable(NamedTuple):
         import pandas as pd
 
         values = pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
-        wrong = np.isnan(values) & cells.notna().to_numpy()
+        wrong = np.isnan(values) & self.filled(column)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(
