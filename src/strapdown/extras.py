@@ -40,7 +40,7 @@ def remedy(package: str) -> str:
     return f'pip install "strapdown[{OPTIONAL[package].extra}]"'
 
 
-def missing(package: str, use: str = "") -> DataError:
+def missing_error(package: str, use: str = "") -> DataError:
     """The error for a package of OPTIONAL that is not installed; `use` says what needs it."""
     return DataError(f"{use or OPTIONAL[package].use} needs {package}: {remedy(package)}")
 
@@ -50,7 +50,7 @@ def name_extra(error: BaseException, use: str = "") -> DataError | None:
     error; `use` says what needs the package."""
     name = error.name if isinstance(error, ImportError) else None
     package = OF_MODULE.get((name or "").partition(".")[0])
-    return None if package is None else missing(package, use)
+    return None if package is None else missing_error(package, use)
 
 
 @contextmanager

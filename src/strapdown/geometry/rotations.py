@@ -17,13 +17,13 @@ class Rotation:
 
     @classmethod
     def from_wxyz(cls, wxyz: ArrayLike) -> Rotation:
-        """Of quaternions of any length but zero, which gives NaN."""
+        """Take quaternions of any length but zero, which gives NaN."""
         q = np.asarray(wxyz, float)
         return cls(unit(q.reshape(-1, 4)).reshape(q.shape))
 
     @classmethod
     def from_matrix(cls, C: ArrayLike) -> Rotation:
-        """Of orthogonal matrices (3, 3) or (n, 3, 3): the row of 4 q q' with the largest diagonal
+        """Take orthogonal matrices (3, 3) or (n, 3, 3): the row of 4 q q' with the largest diagonal
         element, which no rounding spoils (Bar-Itzhack 2000)."""
         (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(np.asarray(C, float), (-2, -1), (0, 1))
         rows = np.array(
@@ -40,7 +40,7 @@ class Rotation:
 
     @classmethod
     def from_rotvec(cls, vectors: ArrayLike) -> Rotation:
-        """Of rotation vectors (3,) or (n, 3), rad."""
+        """Take rotation vectors (3,) or (n, 3), rad."""
         r = np.asarray(vectors, float)
         angle = np.linalg.norm(r, axis=-1, keepdims=True)
         half = 0.5 * np.sinc(angle / (2 * np.pi))
@@ -122,7 +122,7 @@ class Rotation:
 
 
 STEEP = 1e-7
-"""Of a quaternion: below it, roll and heading are one turn."""
+"""Size of parts of a quaternion below which roll and heading are one turn."""
 
 
 def running_products(turns: Rotation) -> Rotation:

@@ -103,7 +103,7 @@ MAX_NAMES = 40
 
 def _not_taken(columns: ColumnNames, label: str) -> tuple[str, ...]:
     """A line on the columns that nothing is made of, but for empty ones."""
-    names = [name for name in columns.names if columns.table.filled(name).any()]
+    names = [name for name in columns.names if columns.table.cells_filled(name).any()]
     if not names:
         return ()
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
@@ -158,7 +158,7 @@ def _without_header(table: FileTable) -> Log:
     asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
     for name, each in values:
         texts: list[str] = (
-            list(dict.fromkeys(table.cells(name)[table.filled(name)]))
+            list(dict.fromkeys(table.cells(name)[table.cells_filled(name)]))
             if np.isnan(each).all()
             else []
         )

@@ -314,7 +314,7 @@ def _where(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
     name = columns.find(FIX)
     if name is None:
         return None, ""
-    cells = columns.table.cells(name)[columns.table.filled(name)]
+    cells = columns.table.cells(name)[columns.table.cells_filled(name)]
     if columns.table.content[name].dtype.kind in "iuf":
         values = np.unique(cells.astype(float))
         if (

@@ -196,7 +196,7 @@ def _of_no_form(columns: ColumnNames, name: str) -> str:
     """Return the message on a text column that holds no times: the cell that is no number, where
     most are numbers."""
     table = columns.table
-    numbers, known = columns.numbers(name), table.filled(name)
+    numbers, known = columns.numbers(name), table.cells_filled(name)
     odd = np.flatnonzero(known & ~np.isfinite(numbers))
     if 0 < len(odd) < np.isfinite(numbers).sum():
         return (

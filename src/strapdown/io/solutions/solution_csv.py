@@ -168,7 +168,7 @@ def _epoch_of(table: FileTable) -> str | None:
     """UTC of t = 0 where the table has a column of UTC."""
     if UTC not in table.names:
         return None
-    known = np.flatnonzero(table.filled(UTC))
+    known = np.flatnonzero(table.cells_filled(UTC))
     if not len(known):
         return None
     first = int(known[0])

@@ -166,7 +166,7 @@ class FileTable(NamedTuple):
         cells = self.content[column]
         return cells if isinstance(cells, np.ndarray) else cells.to_numpy()
 
-    def filled(self, column: str | int) -> Mask:
+    def cells_filled(self, column: str | int) -> Mask:
         """(n,) the rows whose cell of a column is not empty."""
         cells = self.content[column]
         if isinstance(cells, np.ndarray):
@@ -186,7 +186,7 @@ class FileTable(NamedTuple):
         import pandas as pd
 
         values = pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
-        wrong = np.isnan(values) & self.filled(column)
+        wrong = np.isnan(values) & self.cells_filled(column)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(
