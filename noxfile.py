@@ -19,7 +19,11 @@ OLDEST_NUMBA = {"3.14": "numba==0.63.*"}
 
 def lower_bounds() -> dict[str, str]:
     """{package: the oldest version that pyproject.toml allows, as pip wants it}."""
-    listed = nox.project.load_toml("pyproject.toml")["project"]["dependencies"]
+    told = nox.project.load_toml("pyproject.toml")
+    extras = told["project"]["optional-dependencies"]
+    listed = told["tool"]["strapdown"]["dependencies"] + [
+        each for extra in ("compile", "logs", "analysis") for each in extras[extra]
+    ]
     bounds = (re.match(r"([\w-]+)>=([\d.]+)", each) for each in listed)
     return {found[1]: f"{found[1]}=={found[2]}" for found in bounds if found}
 

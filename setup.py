@@ -1,5 +1,5 @@
-"""The library of kernels in what is built, and the README as a package index can show it;
-everything else stands in pyproject.toml.
+"""The library of kernels in what is built, what it then depends on, and the README as a package
+index can show it; everything else stands in pyproject.toml.
 
 STRAPDOWN_LIBRARY=1 builds it, the name of a folder takes the one there, else there is none
 (docs/how-to/library.md). Where it cannot be built, what is built works without it and says so.
@@ -41,10 +41,13 @@ def readme() -> str:
     return re.sub(rf"\[([^\]]*)\]{inside}", r"\1", text)
 
 
-def requirements() -> list[str]:
-    """What building needs beyond pyproject.toml: kernels are compiled by the package itself."""
+def dependencies() -> list[str]:
+    """Packages that strapdown runs with. The compiler is one where the library is not known to be
+    there before the build: what is built without it compiles on use."""
     told = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))
-    return told["project"]["dependencies"] if SAID == "1" else []
+    compiler = told["project"]["optional-dependencies"]["compile"]
+    brings_kernels = SAID not in ("", "0", "1") and not why_unusable(Path(SAID))
+    return told["tool"]["strapdown"]["dependencies"] + ([] if brings_kernels else compiler)
 
 
 def build_library(folder: Path, levels: list[str]) -> str:
@@ -64,18 +67,29 @@ def build_library(folder: Path, levels: list[str]) -> str:
     return last.removeprefix("no library of kernels: ") if process.wait() else ""
 
 
-def copy_library(source: Path, folder: Path) -> str:
-    """Take the one of a folder; why not, where it is none of these sources."""
+def why_unusable(source: Path) -> str:
+    """Why the library in a folder is none of these sources; empty where it is."""
     try:
         made = json.loads((source / MANIFEST).read_bytes())
         for file, digest in made["files"].items():
             if hashlib.sha256((PACKAGE / file).read_bytes()).hexdigest() != digest:
                 return f"{file} is another than the library in {source} was made from"
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in (MANIFEST, *(each["file"] for each in made["libraries"].values())):
-            shutil.copyfile(source / name, folder / name)
+        for each in made["libraries"].values():
+            if not (source / each["file"]).is_file():
+                return f"{source} lacks {each['file']}"
     except (OSError, ValueError, KeyError) as error:
         return f"{source} holds no library of kernels ({error})"
+    return ""
+
+
+def copy_library(source: Path, folder: Path) -> str:
+    """Take the one of a folder; why not, where it cannot be used."""
+    if why := why_unusable(source):
+        return why
+    made = json.loads((source / MANIFEST).read_bytes())
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in (MANIFEST, *(each["file"] for each in made["libraries"].values())):
+        shutil.copyfile(source / name, folder / name)
     return ""
 
 
@@ -124,7 +138,8 @@ class Wheel(bdist_wheel):
 
 setup(
     cmdclass={"build_py": Build, "bdist_wheel": Wheel},
-    setup_requires=requirements(),
+    install_requires=dependencies(),
+    setup_requires=dependencies() if SAID == "1" else [],  # the package compiles its kernels itself
     long_description=readme(),
     long_description_content_type="text/markdown",
 )

@@ -4,7 +4,7 @@ rotations, TOML read with complaints."""
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation as ScipyRotation, Slerp
 
 from strapdown.alignment.location import GIVEN_STD, place_of
 from strapdown.checks import DataError
@@ -12,11 +12,11 @@ from strapdown.data.solution import Source
 from strapdown.fileio.files import read_toml
 from strapdown.geometry.rotation_products import (
     running_matrices,
-    running_products,
     slerp,
     turns_between,
     unit,
 )
+from strapdown.geometry.rotations import Rotation, running_products
 from strapdown.preprocessing.stationary import stretches
 
 pytestmark = pytest.mark.short
@@ -111,12 +111,12 @@ def test_toml_is_read(tmp_path):
 
 def random_quaternions(n, seed):
     """(n, 4), scalar first, of either sign."""
-    q = Rotation.random(n, random_state=seed).as_quat()[:, [3, 0, 1, 2]]
+    q = ScipyRotation.random(n, random_state=seed).as_quat()[:, [3, 0, 1, 2]]
     return q * np.where(np.arange(n) % 2, -1, 1)[:, None]
 
 
 def rotations(q):
-    return Rotation.from_quat(q[:, [1, 2, 3, 0]])
+    return ScipyRotation.from_quat(q[:, [1, 2, 3, 0]])
 
 
 def test_turns_between_quaternions_are_those_of_scipy():
@@ -127,7 +127,7 @@ def test_turns_between_quaternions_are_those_of_scipy():
     assert np.abs(found[2]).tolist() == pytest.approx([np.pi, 0, 0], abs=1e-12)
     found[2] = expected[2]  # of either sign
     assert found == pytest.approx(expected, abs=1e-12)
-    tiny = Rotation.from_rotvec(np.full((1, 3), 1e-13)).as_quat()[:, [3, 0, 1, 2]]
+    tiny = ScipyRotation.from_rotvec(np.full((1, 3), 1e-13)).as_quat()[:, [3, 0, 1, 2]]
     assert turns_between(tiny, np.array([[1.0, 0, 0, 0]])) == pytest.approx(1e-13, rel=1e-6)
 
 

@@ -186,7 +186,8 @@ def test_an_attitude_in_ecef(fixes):
     keys = dict(axes='"FLU to ECEF"', quaternion='"xyzw"', columns='["qx", "qy", "qz", "qw"]')
     section = entry("attitude", unit='"deg"', std="1.0", **keys)
     source = fixes(section, POSITION, gnss=turned).sources[0]
-    np.testing.assert_allclose(np.degrees(source.y), rph, atol=1e-9)
+    off = (np.degrees(source.y) - rph + 180) % 360 - 180
+    np.testing.assert_allclose(off, 0, atol=1e-9)
     np.testing.assert_allclose(source.std, np.radians(1.0))
     reference = """
 [reference]
@@ -198,7 +199,8 @@ attitude = { columns = ["qx", "qy", "qz", "qw"], quaternion = "xyzw", axes = "FL
     speed = 'velocity = { columns = ["vx", "vy", "vz"], unit = "m/s", axes = "ECEF" }\n'
     for more in ("", where + speed):
         found = fixes(POSITION, VELOCITY, reference + more, gnss=turned)
-        np.testing.assert_allclose(np.degrees(found.reference.rph), rph, atol=1e-9)
+        off = (np.degrees(found.reference.rph) - rph + 180) % 360 - 180
+        np.testing.assert_allclose(off, 0, atol=1e-9)
     np.testing.assert_allclose(found.reference.lla, found.sources[0].y, atol=1e-8)
     np.testing.assert_allclose(found.reference.v_n, found.sources[1].y, atol=1e-9)
 

@@ -26,6 +26,14 @@ def test_file_size_tag_and_levels_are_told(tmp_path):
     )
 
 
+def requirements(made):
+    """The lines of a wheel's metadata on what it needs."""
+    with zipfile.ZipFile(made) as file:
+        name = next(name for name in file.namelist() if name.endswith("METADATA"))
+        lines = file.read(name).decode().splitlines()
+    return "\n".join(line for line in lines if line.startswith("Requires-Dist"))
+
+
 @pytest.mark.deep
 def test_pip_makes_a_wheel_with_the_library_of_a_folder_and_without_a_stale_one(tmp_path):
     """Built anew is tested by hand: that would install numba for the build."""
@@ -54,8 +62,12 @@ def test_pip_makes_a_wheel_with_the_library_of_a_folder_and_without_a_stale_one(
     stale, said = built("stale", folder)
     assert stale.name.endswith("-py3-none-any.whl")
     assert "checks.py is another than the library" in said
+    assert "Requires-Dist: numba" in requirements(stale)
     (folder / "kernels.json").write_text(json.dumps({**manifest, "files": {}}), encoding="utf-8")
     with_library, _ = built("with", folder)
+    told = requirements(with_library)
+    assert "Requires-Dist: numpy" in told and 'numba>=0.61; extra == "compile"' in told
+    assert "numba" not in told.replace('numba>=0.61; extra == "compile"', "")
     assert with_library.name.endswith("-py3-none-manylinux_2_17_x86_64.whl")
     with zipfile.ZipFile(with_library) as file:
         assert file.read("strapdown/lib/one.bin") == b"machine code"

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates, spline_filter
 
 from strapdown.sensor_models import geoid
 
@@ -23,7 +24,20 @@ NGA = np.array(
 def test_it_is_that_of_the_nga():
     lat, lon = np.radians(NGA[:, :2]).T
     assert np.abs(geoid.undulation(lat, lon) - NGA[:, 2]).max() < 0.005
-    assert np.array_equal(geoid.undulation(lat, lon - 2 * np.pi), geoid.undulation(lat, lon))
+    once_round = geoid.undulation(lat, lon - 2 * np.pi)
+    assert once_round == pytest.approx(geoid.undulation(lat, lon), abs=1e-9)
+
+
+def test_it_is_the_cubic_spline_of_scipy():
+    rng = np.random.default_rng(1)
+    lat, lon = rng.uniform(-np.pi / 2, np.pi / 2, 1000), rng.uniform(-7, 7, 1000)
+    own = geoid._spline()
+    assert spline_filter(
+        map_coordinates(own, np.indices(own.shape), order=3, prefilter=False), 3
+    ) == (pytest.approx(own, abs=1e-9))
+    place = [(90 - np.degrees(lat)) * 4 + geoid.MARGIN, np.degrees(lon) % 360 * 4 + geoid.MARGIN]
+    expected = map_coordinates(own, place, order=3, prefilter=False, mode="nearest")
+    assert geoid.undulation(lat, lon) == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_grid_is_the_published_file():

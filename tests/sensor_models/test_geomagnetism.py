@@ -141,7 +141,7 @@ def test_before_the_world_magnetic_models_it_is_the_igrf():
 
 def test_without_its_extra_the_igrf_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "ppigrf", None)
-    with pytest.raises(DataError, match=r"IGRF-14, .* pip install 'strapdown\[igrf\]'"):
+    with pytest.raises(DataError, match=r'IGRF-14, .* pip install "strapdown\[igrf\]"'):
         geomagnetic_field("2001-05-01", 0.8, 0.2)
     assert geomagnetic_field("2012-05-01", 0.8, 0.2).model == "WMM2010"
 

@@ -169,7 +169,7 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch, tmp_path, command):
     path = tmp_path / "cessna.toml"
     path.write_text(SCENARIO)
     code, _, said = command("simulate", path, "--out", tmp_path / "made.nc")
-    assert code == 2 and len(said) == 1 and "pip install 'strapdown[jsbsim]'" in said[0]
+    assert code == 2 and len(said) == 1 and 'pip install "strapdown[jsbsim]"' in said[0]
     assert not (tmp_path / "made.nc").exists()
 
 

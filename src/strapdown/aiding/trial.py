@@ -11,6 +11,8 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import STATES, FilterState, MeasurementModel, Observe
+from ..core.mathematics.rotation import euler_terms
+from ..core.mathematics.rotation_vectors import exponentials
 from ..core.mathematics.source import new_source
 from ..typing import Array
 
@@ -57,15 +59,13 @@ def derivative_complaints(sensor: MeasurementModel, observe: Observe) -> list[st
 
 def _belief(turn: tuple[float, float, float], extra: int, dx: Array | None = None) -> FilterState:
     """A belief at an attitude, moved by the error dx (15 + extra,), SI."""
-    from scipy.spatial.transform import Rotation
-
     dx = np.zeros(STATES + extra) if dx is None else dx
     lat = 0.8
-    C = Rotation.from_rotvec(dx[6:9]) * Rotation.from_euler("ZYX", turn[::-1])
+    C = exponentials(dx[None, 6:9])[0] @ np.reshape(euler_terms(*turn), (3, 3))
     return FilterState(
         np.array([lat, 0.2, 400.0]) + dx[:3] / (EARTH_RADIUS, EARTH_RADIUS * math.cos(lat), -1.0),
         np.array([12.0, -7.0, 1.5]) + dx[3:6],
-        np.ascontiguousarray(C.as_matrix()),
+        C,
         dx[9:12].copy(),
         dx[12:15].copy(),
         np.eye(STATES + extra),

@@ -19,7 +19,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.loop.contract import Imu
-from ..geometry.rotation_products import running_products
+from ..geometry.rotations import Rotation, running_products
 from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..typing import Array, Ints, Mask
 from .ellipsoid import (
@@ -116,11 +116,7 @@ def windows(t: Array, y: Array, imu: Imu, strength: float) -> Windows | None:
 def _attitude(t: Array, imu: Imu) -> tuple[Array, Array, Array]:
     """Attitude C (n, 3, 3) by the gyros alone, its integral (n, 3, 3) and that of C f (n, 3), at
     times t."""
-    from scipy.spatial.transform import Rotation
-
-    total = running_products(
-        Rotation.from_rotvec(imu.dtheta.copy())
-    ).as_matrix()  # at the ends of samples
+    total = running_products(Rotation.from_rotvec(imu.dtheta)).as_matrix()  # at the ends of samples
     start = np.concatenate([np.eye(3)[None], total])
     middle = start[:-1] @ Rotation.from_rotvec(imu.dtheta / 2).as_matrix()
     integral = np.concatenate(
@@ -223,8 +219,6 @@ def _start(w: Windows, dip: float | None) -> State:
 def _window_rotations(w: Windows, gyro: Array) -> tuple[Array, Array]:
     """(C (W, L, 3, 3) from the body at each sample to that at the start of its window, its
     integral per gyro bias (W, L, 3, 3))."""
-    from scipy.spatial.transform import Rotation
-
     slip = Rotation.from_rotvec((-w.slip @ gyro).reshape(-1, 3)).as_matrix().reshape(w.slip.shape)
     C, S = np.empty(w.turn.shape), np.zeros(w.slip.shape)
     C[:, 0] = np.eye(3)

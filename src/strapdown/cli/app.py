@@ -18,6 +18,7 @@ import typer
 import strapdown as sd
 
 from ..checks import brief
+from ..extras import name_extra
 from ..units.wording import count_text
 from . import calibrate, compare, diagnose, export, filters, fly, lists, simulation, tune
 from .console import (
@@ -109,6 +110,8 @@ def main() -> None:
             )
         if isinstance(error, sd.DataError):
             _stop(str(error))
+        if told := name_extra(error):
+            _stop(str(told))
         if isinstance(error, MemoryError):
             _stop("memory ran out; take a part of the recording, or a larger machine")
         if isinstance(error, OSError):

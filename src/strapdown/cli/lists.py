@@ -10,6 +10,7 @@ import typer
 
 import strapdown as sd
 
+from ..extras import OPTIONAL, remedy
 from . import complete
 from .output import fit_lines, record, say, table, text_width
 
@@ -124,24 +125,17 @@ def doctor() -> None:
 
 
 WITH = {
-    "numpy": "arrays",
-    "scipy": "",
-    "numba": "compiles kernels",
-    "pandas": "",
-    "plotly": "pages",
-    "dask": "studies on many machines: pip install 'strapdown[study]'",
-    "xarray": "tables of studies: pip install 'strapdown[study]'",
-    "ipykernel": "notebooks: pip install 'strapdown[notebook]'",
-    "ppigrf": "other field models: pip install 'strapdown[igrf]'",
-    "jsbsim": "aircraft of JSBSim: pip install 'strapdown[jsbsim]'",
-    "strapdown-reproductions": "`strapdown reproduce`: pip install ./reproductions",
+    "numpy": "",
+    "plotly": "",
+    **{name: f"for {package.use}: {remedy(name)}" for name, package in OPTIONAL.items()},
+    "strapdown-reproductions": "for `strapdown reproduce`: pip install ./reproductions",
 }
-"""{package: its use where one may do without}."""
+"""{package: its use and how to install it, where one may do without}."""
 
 
 def _of_installation() -> Iterator[tuple[str, str]]:
     """(what, how it is) of this installation."""
-    from ..core.compile import kernel_cache, library
+    from ..core.compile import library
     from ..io.locate import data_folder
     from ..registration import registration_rows
 
@@ -158,16 +152,24 @@ def _of_installation() -> Iterator[tuple[str, str]]:
     for line in library.describe_library():
         what, _, how = line.partition(": ")
         yield what, how
-    kept = kernel_cache.folder()
-    files = [path for path in kept.rglob("*") if path.is_file()] if kept and kept.is_dir() else []
-    size = sum(path.stat().st_size for path in files) / 1e6
-    yield "kernel cache", f"{len(files)} files, {size:.0f} MB in {kept or 'no folder: no home'}"
+    if there["numba"]:
+        yield "kernel cache", _kernel_cache()
     try:
         yield "data folder", str(data_folder())
     except sd.DataError as error:
         yield "data folder", f"none, which only some examples need: {error}"
     plugins = registration_rows()
     yield "plugins", ", ".join(row[0] for row in plugins) or "none"
+
+
+def _kernel_cache() -> str:
+    """Files and size of what this user's runs compiled."""
+    from ..core.compile import kernel_cache
+
+    kept = kernel_cache.folder()
+    files = [path for path in kept.rglob("*") if path.is_file()] if kept and kept.is_dir() else []
+    size = sum(path.stat().st_size for path in files) / 1e6
+    return f"{len(files)} files, {size:.0f} MB in {kept or 'no folder: no home'}"
 
 
 def _version(package: str) -> str:

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from ..checks import DataError as DataError
 from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from ..core.mathematics.rotation import quaternion_to_euler
+from ..extras import optional_import
 from ..geometry import geodesy
+from ..geometry.rotations import Rotation
 from ..typing import Array, ArrayLike, File, Ints, Mask, Vector
 from ..units.time_scales import Moment, ends, utc, within
 from ..units.wording import count_text
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
     import xarray as xr
-    from scipy.spatial.transform import Rotation
+    from scipy.spatial.transform import Rotation as ScipyRotation
 
     from ..evaluation.metrics import Errors
     from ..evaluation.other_instants import Instants
@@ -82,7 +84,8 @@ OF_WHOLE = Untested("this part by itself", "the verdict is that of the whole run
 
 
 def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
-    import pandas as pd
+    with optional_import("a table"):
+        import pandas as pd
 
     return pd.DataFrame(columns, index=pd.Index(t, name="t"))
 
@@ -132,12 +135,12 @@ class Trajectory(Value, TakenByTime):
         return Trajectory(*(None if part is None else part[rows] for part in parts))  # type: ignore[arg-type]  # t and lla are there
 
     @property
-    def rotation(self) -> Rotation:
+    def rotation(self) -> ScipyRotation:
         """scipy Rotation (n,) from body to navigation frame. scipy 1.17 takes no read-only arrays:
         body velocity is `path.rotation.inv().apply(path.v_n.copy())`."""
-        from scipy.spatial.transform import Rotation
+        from scipy.spatial.transform import Rotation as ScipyRotation
 
-        return Rotation.from_quat(_assume_known(self.q_nb)[:, [1, 2, 3, 0]])
+        return ScipyRotation.from_quat(_assume_known(self.q_nb)[:, [1, 2, 3, 0]])
 
     @cached_property
     def rph(self) -> Array:
@@ -151,7 +154,7 @@ class Trajectory(Value, TakenByTime):
 
         Standard deviations stay those of the original point.
         """
-        turn = self.rotation
+        turn = attitude_of(self)
         return replace(
             self,
             lla=geodesy.displace_lla(self.lla, turn.apply(np.array(lever_arm, float))),
@@ -191,6 +194,11 @@ class Trajectory(Value, TakenByTime):
     def __repr__(self) -> str:
         span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
         return f"Trajectory({len(self)} rows, {span})"
+
+
+def attitude_of(path: Trajectory) -> Rotation:
+    """The Rotation (n,) of a trajectory with attitude, from body to navigation frame."""
+    return Rotation.from_wxyz(_assume_known(path.q_nb))
 
 
 class Correlated(NamedTuple):

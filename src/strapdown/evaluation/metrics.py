@@ -298,16 +298,26 @@ def _position(reference: Trajectory, t: Array) -> Array:
     lla[known, 1] = np.unwrap(lla[known, 1])
     if reference.v_n is None:
         return _linear(reference.t, lla, t)
-    from scipy.interpolate import CubicHermiteSpline
-
     rows, left = _brackets(reference.t, known & _known_rows(reference.v_n), t)
     out, inside = _linear(reference.t, lla, t), left >= 0
     if inside.any():
         R_M, R_N = radii(lla[rows, 0])
         h, v = lla[rows, 2], reference.v_n[rows]
         rates = np.c_[v[:, 0] / (R_M + h), v[:, 1] / ((R_N + h) * np.cos(lla[rows, 0])), -v[:, 2]]
-        out[inside] = CubicHermiteSpline(reference.t[rows], lla[rows], rates)(t[inside])
+        out[inside] = _hermite(reference.t[rows], lla[rows], rates, left[inside], t[inside])
     return out
+
+
+def _hermite(t_ref: Array, values: Array, rates: Array, left: Ints, t: Array) -> Array:
+    """(m, k) values at times t (m,) between the rows `left` (m,) and the next, by the cubic with the
+    values and rates (n, k) of both."""
+    step = (t_ref[left + 1] - t_ref[left])[:, None]
+    x = (t - t_ref[left])[:, None] / step
+    y = 1 - x
+    return np.asarray(
+        y * y * ((1 + 2 * x) * values[left] + x * step * rates[left])
+        + x * x * ((1 + 2 * y) * values[left + 1] - y * step * rates[left + 1])
+    )
 
 
 def _interpolate_attitude(t_ref: Array, q_ref: Array, t: Array) -> Array:

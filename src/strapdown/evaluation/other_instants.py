@@ -13,7 +13,7 @@ import numpy as np
 
 from ..checks import DataError, check_array
 from ..core.mathematics.error_dynamics import cross_matrix
-from ..data.solution import Solution, Trajectory
+from ..data.solution import Solution, Trajectory, attitude_of
 from ..data.value import Value
 from ..typing import Array, ArrayLike, Mask
 from ..units.time_scales import seconds_to
@@ -127,7 +127,7 @@ def _move_to_point(
     sample = np.clip(np.searchsorted(imu.t, path.t), 0, len(imu.t) - 1)
     omega = imu.dtheta[sample] / imu.dt[sample, None]
     omega -= np.nan_to_num(_interpolate_rows(solution.t, solution.b_g, path.t))
-    C = path.rotation.as_matrix()
+    C = attitude_of(path).as_matrix()
     J = np.tile(np.eye(15), (len(path.t), 1, 1))
     J[:, :3, 6:9] = [-cross_matrix(each) for each in C @ arm]
     J[:, 3:6, 6:9] = [

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_keys, check_number
+from ..geometry.rotations import Rotation
 from ..sim.jsbsim import FOOT, STATE_PROPERTIES, STATE_UNITS, begin, quaternions, session
 from ..sim.trajectory import EARTH_RATE
 from ..typing import Array, ArrayLike, File
@@ -97,10 +98,8 @@ def _place(
 ) -> None:
     """Begin at a state of ours; JSBSim counts the rates that it is given against the rotating
     Earth."""
-    from scipy.spatial.transform import Rotation
-
-    attitude = Rotation.from_quat(state[[7, 8, 9, 6]])
-    heading, pitch, roll = attitude.as_euler("ZYX")
+    attitude = Rotation.from_wxyz(state[6:10])
+    roll, pitch, heading = attitude.as_rph()
     rates = state[10:13] - attitude.inv().apply(
         EARTH_RATE * np.array([np.cos(state[0]), 0.0, -np.sin(state[0])])
     )

@@ -1,30 +1,24 @@
-"""Arithmetic of many rotations at once: as scipy Rotation, or as arrays where scipy would take
-longer, to load or to multiply. The kernels have their own in core/mathematics/rotation."""
+"""Arithmetic of many rotations at once, as arrays; `rotations.py` has them as objects. The kernels
+have their own in core/mathematics/rotation."""
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.mathematics.rotation_vectors import exponentials
 from ..typing import Array, Ints
 
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
-
-def running_products(turns: Rotation) -> Rotation:
-    """Products of the first 1, 2, ... n of the Rotations `turns` (n,), in order."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_quat(_running_products(turns.as_quat(), _times)) if len(turns) else turns
+def running_quaternions(turns: Array) -> Array:
+    """Products of the first 1, 2, ... n of unit quaternions (n, 4), scalar first, in order."""
+    return _running_products(turns, quaternion_products)
 
 
 def running_matrices(vectors: Array) -> Array:
-    """The same of rotation vectors (n, 3), rad, as matrices (n, 3, 3)."""
+    """Those of rotation vectors (n, 3), rad, as matrices (n, 3, 3)."""
     return _running_products(exponentials(vectors), operator.matmul)
 
 
@@ -42,16 +36,16 @@ def _running_products(found: Array, product: Callable[[Array, Array], Array]) ->
     return blocks.reshape(-1, *shape)[:n]
 
 
-def _times(p: Array, q: Array) -> Array:
-    """Products of quaternions (..., 4), the scalar last, as scipy has them."""
-    px, py, pz, pw = np.moveaxis(p, -1, 0)
-    x, y, z, w = np.moveaxis(q, -1, 0)
+def quaternion_products(p: Array, q: Array) -> Array:
+    """Products of quaternions (..., 4), scalar first."""
+    pw, px, py, pz = np.moveaxis(p, -1, 0)
+    w, x, y, z = np.moveaxis(q, -1, 0)
     return np.stack(
         [
+            pw * w - px * x - py * y - pz * z,
             pw * x + px * w + py * z - pz * y,
             pw * y - px * z + py * w + pz * x,
             pw * z + px * y - py * x + pz * w,
-            pw * w - px * x - py * y - pz * z,
         ],
         axis=-1,
     )

@@ -23,6 +23,7 @@ from ..data.solution import Source
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
+from ..geometry.rotations import Rotation
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
 from ..preprocessing.rotated_imu import with_the_imu
@@ -84,8 +85,6 @@ def apply_constants(recording: Recording, found: Sequence[Constant], theta: Arra
                 sources[i] = replace(a, y=a.y / (1 + value))
     imu = recording.imu
     if turn.any():
-        from scipy.spatial.transform import Rotation
-
         R = rotation(turn)
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
         sources = [with_the_imu(a, Rotation.from_rotvec(turn)) for a in sources]

@@ -16,6 +16,7 @@ from typing import Any
 
 from .. import plugins
 from ..checks import DataError, printable
+from ..extras import name_extra
 from ..fileio.limits import reading_within, regular
 from .reader import Reader
 from .tables.table_file import PACKED, SUFFIXES as OF_TEXT, files_in, head_of
@@ -183,6 +184,8 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
             raise
         raise DataError(f"{path}: {error}") from error
     except (Exception, SystemExit) as error:
+        if told := name_extra(error):
+            raise DataError(f"{path}: {told}") from error
         reason = (str(error).splitlines() or [""])[0]
         said = (
             f"needs a package that is not installed ({reason}); install it"

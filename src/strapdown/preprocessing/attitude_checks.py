@@ -5,7 +5,6 @@ same time. That is what the checks rest on.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,15 +12,12 @@ from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..data.solution import Source
 from ..data.verdict import Reason
-from ..geometry.rotation_products import running_products
+from ..geometry.rotations import Rotation, RotationPath, running_products
 from ..typing import Array, Ints, Mask
 from ..units.wording import count_text
 from .axes import named_permutation, signed_permutations
 from .stationary import at_rest, without_bias
 from .stuck import STUCK_TIME, stuck_samples
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation, Slerp
 
 SECOND, MIN_TURN, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
 """Turns are compared over about SECOND (s), where the gyro turned by MIN_TURN (rad) and more; at
@@ -101,8 +97,6 @@ def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
     They are rotation vectors over about a second; of an attitude without heading the turns of the
     vertical alone.
     """
-    from scipy.spatial.transform import Rotation
-
     whole = np.isfinite(y).all(axis=1)
     heading = whole.sum() > 0.5 * len(y)
     use = (
@@ -120,9 +114,9 @@ def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
     first = first[t[first + step] - t[first] < 2.5 * SECOND]
     if not len(first):
         return _no_turns
-    attitude, path = Rotation.from_euler("ZYX", np.nan_to_num(y[:, ::-1])), _gyro_path(imu)
+    attitude, path = Rotation.from_rph(np.nan_to_num(y)), _gyro_path(imu)
 
-    def vertical(turn: "Rotation") -> Array:
+    def vertical(turn: Rotation) -> Array:
         return turn.inv().apply([0.0, 0.0, 1.0])
 
     def gyro(rows: Ints, shift: float) -> Array:
@@ -155,12 +149,10 @@ def _margin(imu: Imu) -> float:
     return MAX_SHIFT if np.ptp(imu.t) > 4 * MAX_SHIFT else 0.0
 
 
-def _gyro_path(imu: Imu) -> "Slerp":
-    """Slerp of the attitude of the body since the first sample by the gyro alone, without its
+def _gyro_path(imu: Imu) -> RotationPath:
+    """Attitude of the body since the first sample by the gyro alone, without its
     mean at rest."""
-    from scipy.spatial.transform import Rotation, Slerp
-
-    return Slerp(imu.t, running_products(Rotation.from_rotvec(without_bias(imu).copy())))
+    return RotationPath(imu.t, running_products(Rotation.from_rotvec(without_bias(imu))))
 
 
 def facts_and_reasons(source: Source, imu: Imu) -> tuple[list[str], list[Reason]]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..data.solution import Trajectory
+from ..geometry.rotations import Rotation
 from ..typing import Array
 from .axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from .origin import Origin
@@ -50,23 +51,19 @@ def quaternions(
     values: (n, 3) roll, pitch, heading, rad, or (n, 4) with `order` a name of `ORDERS`; axes: text
     of `axes_of` or None. Raises DataError naming the row of a quaternion that is none.
     """
-    from scipy.spatial.transform import Rotation
-
     known, found = np.all(np.isfinite(values), axis=1), np.full((len(values), 4), np.nan)
     if not known.any():
         return found
     if order is None:
-        turn = Rotation.from_euler("ZYX", values[known][:, ::-1])
+        turn = Rotation.from_rph(values[known])
     else:
-        turn = Rotation.from_quat(
-            _unit(values[known][:, ORDERS[order]], origin.keep_rows(known, len(known)))[
-                :, [1, 2, 3, 0]
-            ]
+        turn = Rotation.from_wxyz(
+            _unit(values[known][:, ORDERS[order]], origin.keep_rows(known, len(known)))
         )
     if axes is not None:
         body, navigation = map(Rotation.from_matrix, axes_of(axes))
         turn = navigation * turn * body.inv()
-    found[known] = turn.as_quat()[:, [3, 0, 1, 2]]
+    found[known] = turn.as_wxyz()
     return found
 
 

@@ -12,18 +12,15 @@ solution moves with `Trajectory.displaced`.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import DataError, check_array
 from ..core.loop.contract import Imu
-from ..data.solution import Source, Trajectory
+from ..data.solution import Source, Trajectory, attitude_of
 from ..geometry.geodesy import displace_lla
+from ..geometry.rotations import Rotation, RotationPath
 from ..typing import Array, ArrayLike
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 ARM, METRES = "lever arm", "numbers, m forward, right, down"
 CONTIGUOUS = 0.5
@@ -116,8 +113,6 @@ def gnss_at(
     the lever arm into account themselves, with the attitude they estimate: this is for what has no
     lever arm of its own. Raises DataError.
     """
-    from scipy.spatial.transform import Slerp
-
     own = lever_arm_of(fixes) if lever_arm is None else lever_arm
     lever_arm = check_array(own, ARM, (3,), what=METRES)
     if fixes.kind not in ("position", "velocity"):
@@ -131,7 +126,7 @@ def gnss_at(
             f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to "
             f"{t[-1]:.3f} s; take fixes.between(...) first"
         )
-    turn = Slerp(t, turns)(fixes.t)
+    turn = RotationPath(t, turns)(fixes.t)
     between = np.stack([np.interp(fixes.t, t, column) for column in deviations.T], axis=1)
     std = np.broadcast_to(between if attitude_std is None else attitude_std, (len(fixes.t), 3))
     if fixes.kind == "position":
@@ -149,11 +144,9 @@ def gnss_at(
 
 def _attitude(
     attitude: Trajectory | tuple[ArrayLike, ArrayLike],
-) -> "tuple[Array, Rotation, Array]":
+) -> tuple[Array, Rotation, Array]:
     """Times (n,), Rotations body to navigation and standard deviations (n, 3) rad of a
     Trajectory or of (t, rph). Raises DataError."""
-    from scipy.spatial.transform import Rotation
-
     if isinstance(attitude, Trajectory):
         if attitude.q_nb is None:
             raise DataError("the trajectory has no attitude; give (t, rph)")
@@ -162,11 +155,11 @@ def _attitude(
             if attitude.std is not None and attitude.std.shape[1] >= 9
             else np.zeros((len(attitude), 3))
         )
-        t, turns = attitude.t, attitude.rotation
+        t, turns = attitude.t, attitude_of(attitude)
     else:
         t, rph = (np.asarray(part, float) for part in attitude)
-        turns, std = Rotation.from_euler("ZYX", rph[:, ::-1]), np.zeros((len(t), 3))
-    known = np.all(np.isfinite(turns.as_quat()), axis=1)
+        turns, std = Rotation.from_rph(rph), np.zeros((len(t), 3))
+    known = np.all(np.isfinite(turns.as_wxyz()), axis=1)
     if known.sum() < 2:
         raise DataError(
             "the attitude has fewer than two rows; fixes between its rows cannot be moved"

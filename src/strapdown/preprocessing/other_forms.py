@@ -4,6 +4,7 @@ positions, velocities and attitudes in ECEF."""
 import numpy as np
 
 from ..geometry import geodesy
+from ..geometry.rotations import Rotation
 from ..typing import Array
 from ..units.wording import count_text
 from .origin import Origin
@@ -95,14 +96,12 @@ def deviations(std: Array, lla: Array) -> Array:
 def attitudes(q: Array, lla: Array) -> Array:
     """(m, 4) attitude of the body in NED, scalar first, of that in ECEF at geodetic positions; NaN
     where one of them is."""
-    from scipy.spatial.transform import Rotation
-
     known = np.isfinite(q).all(axis=1) & np.isfinite(lla[:, :2]).all(axis=1)
     found = np.full(q.shape, np.nan)
     if known.any():
         turn = Rotation.from_matrix(geodesy.ned_axes(lla[known]))
-        body = Rotation.from_quat(q[known][:, [1, 2, 3, 0]])
-        found[known] = (turn * body).as_quat()[:, [3, 0, 1, 2]]
+        body = Rotation.from_wxyz(q[known])
+        found[known] = (turn * body).as_wxyz()
     return found
 
 

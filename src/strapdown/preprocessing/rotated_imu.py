@@ -1,15 +1,12 @@
 """Sources in the axes of the IMU, when these are taken to be others."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..aiding import find
 from ..data.solution import Source
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
+from ..geometry.rotations import Rotation
 
 
 def is_of_the_imu(a: Source) -> bool:
@@ -18,16 +15,14 @@ def is_of_the_imu(a: Source) -> bool:
     return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
 
 
-def with_the_imu(a: Source, turn: "Rotation") -> Source:
+def with_the_imu(a: Source, turn: Rotation) -> Source:
     """A source in axes to which `turn` leads, where it is in those of the IMU."""
-    from scipy.spatial.transform import Rotation
-
     if not is_of_the_imu(a):
         return a
     if a.kind != "attitude":
-        return replace(a, y=turn.apply(a.y.copy()))
+        return replace(a, y=turn.apply(a.y))
     # roll, pitch, heading; the first two know no heading
-    angles = np.nan_to_num(a.y)[:, ::-1]
-    turned = (Rotation.from_euler("ZYX", angles) * turn.inv()).as_euler("ZYX")[:, ::-1]
+    angles = np.nan_to_num(a.y)
+    turned = (Rotation.from_rph(angles) * turn.inv()).as_rph()
     turned[:, 2] = np.where(np.isnan(a.y[:, 2]), np.nan, turned[:, 2] % (2 * np.pi))
     return replace(a, y=turned)

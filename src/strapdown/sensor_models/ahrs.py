@@ -11,19 +11,17 @@ in correlated ways; the white errors are those of Fossen (2021), Handbook of Mar
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..checks import DataError, check_array, check_number
 from ..data.solution import Source, Trajectory
+from ..geometry.rotations import Rotation
 from ..typing import Array
 from .magnetometer import rotation_at
 from .sampling import as_triple, sample_times
 from .streams import RandomStream, SeedLike
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 MAX_ANGLE_STD = np.radians(30)
 """rad: errors beyond this are no small angles, and probably in deg."""
@@ -74,12 +72,10 @@ class AhrsPlan(NamedTuple):
     """Error-free measurements of an AHRS; each run adds its own errors."""
 
     source: Source  # all but its y
-    attitude: "Rotation"  # (n,), body to navigation
+    attitude: Rotation  # (n,), body to navigation
 
     def fixes(self, seed: SeedLike) -> Source:
         """The source of one run."""
-        from scipy.spatial.transform import Rotation
-
         error = RandomStream.of(seed).standard_normal((len(self.source.t), 3))
         error *= self.source.std
         if not len(error):
@@ -99,17 +95,17 @@ class AhrsPlan(NamedTuple):
             else ["AHRS: not one fix falls into the recording; its rate is too low"]
         )
 
-    def _with(self, attitude: "Rotation") -> Source:
+    def _with(self, attitude: Rotation) -> Source:
         t = self.source.t
         y = (
-            Trajectory(t, np.empty((0, 3)), q_nb=attitude.as_quat()[:, [3, 0, 1, 2]]).rph
+            Trajectory(t, np.empty((0, 3)), q_nb=attitude.as_wxyz()).rph
             if len(t)
             else np.empty((0, 3))
         )
         return replace(self.source, y=y)
 
 
-def _heading(attitude: "Rotation") -> Array:
+def _heading(attitude: Rotation) -> Array:
     """(n,) rad, in (-pi, pi]."""
     forward = attitude.apply([1.0, 0.0, 0.0])
     return np.arctan2(forward[:, 1], forward[:, 0])

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..checks import DataError, check_number, is_number
 from ..core.mathematics.earth import LATITUDE_LIMIT
+from ..extras import optional_import
 
 YEARS = 5.0  # that each WMM is meant for
 IGRF, IGRF_YEARS = "IGRF-14", (1900.0, 2030.0)
@@ -221,13 +222,8 @@ def _igrf(
     name: str, year: float, lat: float, lon: float, height: float
 ) -> tuple[float, float, float]:
     """North, east, down in nT; degrees and km."""
-    try:
+    with optional_import(f"{name}, the geomagnetic model of dates before 2010,"):
         import ppigrf
-    except ImportError:
-        raise DataError(
-            f"{name}, the geomagnetic model of dates before 2010, is an extra: pip install "
-            f"'strapdown[igrf]', or give the field itself"
-        ) from None
     whole = int(year)
     begin = datetime.datetime(whole, 1, 1)
     east, north, up = ppigrf.igrf(

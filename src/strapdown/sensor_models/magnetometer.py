@@ -11,18 +11,16 @@ Sensors 967245.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number, is_number
-from ..data.solution import Source, Trajectory
+from ..data.solution import Source, Trajectory, attitude_of
+from ..geometry.rotations import Rotation, RotationPath
 from ..typing import Array, ArrayLike
 from .sampling import as_triple, sample_times
 from .streams import RandomStream, SeedLike
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Soft iron that changes nothing."""
@@ -184,18 +182,14 @@ def reference_field(field: Sequence[float] | Array) -> tuple[float, ...]:
     return field
 
 
-def rotation_at(truth: Trajectory, t: Array) -> "Rotation":
-    """Attitude, body to navigation, at times t (n,) s as scipy Rotation: the trajectory's rows
+def rotation_at(truth: Trajectory, t: Array) -> Rotation:
+    """Attitude, body to navigation, at times t (n,) s: the trajectory's rows
     where these are its times, else turned at a constant rate between them."""
-    from scipy.spatial.transform import Rotation, Slerp
-
     assert truth.q_nb is not None  # who asks has seen to it
     row = np.searchsorted(truth.t, t)
     if np.array_equal(truth.t[np.minimum(row, len(truth.t) - 1)], t):
-        return (
-            Rotation.from_quat(truth.q_nb[row][:, [1, 2, 3, 0]]) if len(t) else Rotation.identity(0)
-        )
-    return Slerp(truth.t, truth.rotation)(t)
+        return Rotation.from_wxyz(truth.q_nb[row])
+    return RotationPath(truth.t, attitude_of(truth))(t)
 
 
 def _three(values: Any, name: str, unit: str = " in tesla", **bounds: Any) -> tuple[float, ...]:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_array, check_number, is_number
-from ..data.solution import Trajectory
+from ..data.solution import Trajectory, attitude_of
 from ..geometry.geodesy import wrap
+from ..geometry.rotations import RotationPath
 from ..typing import Array
 
 
@@ -44,9 +45,7 @@ def arm_in_navigation(
         return np.zeros((len(t), 3))
     if trajectory.q_nb is None:
         raise DataError(f"{name}: a lever arm needs the trajectory's attitude, and it has none")
-    from scipy.spatial.transform import Slerp
-
-    return Slerp(trajectory.t, trajectory.rotation)(t).apply(np.array(lever_arm, float))
+    return RotationPath(trajectory.t, attitude_of(trajectory))(t).apply(lever_arm)
 
 
 def fix_times(trajectory: Trajectory, times: float | Array) -> Array:

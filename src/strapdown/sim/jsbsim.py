@@ -12,6 +12,8 @@ import numpy as np
 
 from ..checks import DataError, check_array, check_number, did_you_mean, is_number, locate_errors
 from ..data.solution import Trajectory
+from ..extras import optional_import, remedy
+from ..geometry.rotations import Rotation
 from ..typing import Array
 from .splined import spline_motion
 from .trajectory import DEG, Motion
@@ -169,14 +171,11 @@ def _listen_session(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]
 def load_jsbsim() -> Any:
     """The module jsbsim. Raises DataError naming the extra where it is not installed, or too
     old."""
-    try:
+    with optional_import():
         import jsbsim
-    except ImportError:
-        raise DataError("JSBSim is not installed; pip install 'strapdown[jsbsim]'") from None
     if not hasattr(jsbsim, "set_logger"):
         raise DataError(
-            f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); pip install "
-            f"'strapdown[jsbsim]'"
+            f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); {remedy('jsbsim')}"
         )
     return jsbsim
 
@@ -332,9 +331,7 @@ def _fly(
 
 def quaternions(angles: Array) -> Array:
     """q_nb (n, 4), scalar first and not negative, of roll, pitch and heading (n, 3), rad."""
-    from scipy.spatial.transform import Rotation
-
-    q = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
+    q = Rotation.from_rph(angles).as_wxyz()
     return q * np.where(q[:, :1] < 0, -1.0, 1.0)
 
 

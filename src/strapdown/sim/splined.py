@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from ..checks import DataError
-from ..data.solution import Trajectory
+from ..data.solution import Trajectory, attitude_of
 from ..geometry.geodesy import displacement
 from ..typing import Array
 from .analytic import Times
@@ -99,7 +99,7 @@ def residual(motion: Motion, trajectory: Trajectory) -> tuple[Array, Array, Arra
     return (
         displacement(trajectory.lla[1:], made.lla),
         trajectory.v_n[1:] - made.v_n,
-        (trajectory.rotation[1:] * made.rotation.inv()).as_rotvec(),
+        (attitude_of(trajectory)[1:] * attitude_of(made).inv()).as_rotvec(),
     )
 
 

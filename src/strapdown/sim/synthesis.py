@@ -15,6 +15,7 @@ from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, InitialStat
 from ..data.recording import Recording, RecordingMeta, SimulatedRecording
 from ..data.solution import Source, Trajectory
 from ..geometry.geodesy import displace_lla
+from ..geometry.rotations import Rotation
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
@@ -341,11 +342,9 @@ def _start(
     biases: tuple[ArrayLike, ArrayLike] | None,
     note: str,
 ) -> InitialState:
-    from scipy.spatial.transform import Rotation
-
     assert truth.v_n is not None and truth.q_nb is not None
-    attitude = Rotation.from_quat(truth.q_nb[row, [1, 2, 3, 0]])
-    heading, pitch, roll = (Rotation.from_rotvec(-error[ATT]) * attitude).as_euler("ZYX")
+    attitude = Rotation.from_wxyz(truth.q_nb[row])
+    roll, pitch, heading = (Rotation.from_rotvec(-error[ATT]) * attitude).as_rph()
     b_a, b_g = (
         (np.zeros(3), np.zeros(3))
         if biases is None

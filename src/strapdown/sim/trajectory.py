@@ -12,6 +12,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..data.solution import Trajectory
+from ..geometry.rotations import Rotation
 from ..typing import Array, ArrayLike, Ints
 from .analytic import Numbers, Times
 
@@ -138,10 +139,7 @@ def records(
 
 
 def _truth(motion: Motion, t: Array, lla: Array) -> Trajectory:
-    from scipy.spatial.transform import Rotation
-
-    roll, pitch, heading = _values(motion.attitude, t)
-    q = Rotation.from_euler("ZYX", np.c_[heading, pitch, roll]).as_quat()[:, [3, 0, 1, 2]]
+    q = Rotation.from_rph(np.transpose(_values(motion.attitude, t))).as_wxyz()
     return Trajectory(
         t,
         lla,

@@ -169,6 +169,6 @@ def test_no_row_and_one_row(solution, count):
 def test_without_xarray_the_remedy_is_told(solution, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(
-        DataError, match=r"^to_xarray needs xarray: pip install 'strapdown\[notebook\]'$"
+        DataError, match=r'^to_xarray needs xarray: pip install "strapdown\[notebook\]"$'
     ):
         solution.to_xarray()

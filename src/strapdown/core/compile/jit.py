@@ -15,6 +15,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from ...extras import optional_import
 from ...typing import Array
 from . import c_calls, library
 from .records import check_names, dtype_of
@@ -95,9 +96,7 @@ class Kernel:
             if found := library.find(self):
                 self._address = found
                 return False
-            from . import compiler
-
-            self._address, new = compiler.kernel_address(self)
+            self._address, new = _compiler(self).kernel_address(self)
             return new
 
     @property
@@ -108,16 +107,12 @@ class Kernel:
             self._address = library.find(self) or 0
         if self._address or not COMPILED:
             return True
-        from . import compiler
-
-        return compiler.is_cached(self)
+        return bool(_compiler(self).is_cached(self))
 
     @property
     def why_not_kept(self) -> str:
         """The value for which it is compiled in each process; empty where there is none."""
-        from . import compiler
-
-        return compiler.cache_of(self).why_not
+        return str(_compiler(self).cache_of(self).why_not)
 
     @property
     def closes_over(self) -> tuple[Any, ...]:
@@ -147,6 +142,14 @@ class Kernel:
         from . import compiler
 
         return compiler.type_of(self)
+
+
+def _compiler(kernel: Kernel) -> Any:
+    """The module that compiles kernels. Raises DataError where numba is not installed."""
+    why = library.why_not(kernel)
+    with optional_import(f"{kernel.stem} must be compiled ({why}), which"):
+        from . import compiler
+    return compiler
 
 
 _TWINS: dict[int, Callable[..., Any]] = {}  # without the compiler: address -> Python function

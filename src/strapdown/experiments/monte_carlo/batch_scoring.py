@@ -9,6 +9,7 @@ from ...core.loop.contract import STATES, FilterState, kernel, matrix
 from ...core.loop.lane_loop import KEEP, KEEP_LANES
 from ...core.mathematics.earth import radii
 from ...core.mathematics.rotation import rotation_between, wrap
+from ...data.solution import attitude_of
 from ...evaluation.nees import normalised_error
 from ...typing import Array
 from .scoring import Epochs
@@ -30,7 +31,7 @@ def truth_array(at: Epochs) -> Array:
     """(n, 18) the truth at the epochs as the kernel takes it."""
     truth = at.truth
     assert truth.v_n is not None
-    C = truth.rotation.as_matrix().reshape(-1, 9)
+    C = attitude_of(truth).as_matrix().reshape(-1, 9)
     return np.c_[truth.lla, truth.v_n, C, truth.rph]
 
 

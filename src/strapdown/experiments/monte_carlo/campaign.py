@@ -30,6 +30,7 @@ from ...core.compile.jit import COMPILED, Kernel
 from ...core.compile.kernel_cache import closure_digest, code_digest
 from ...core.compile.library import processor
 from ...data.value import read_only
+from ...extras import optional_import
 from ...fileio.file_access import json_of, settings_text
 from ...fileio.files import netcdf, replacing, together, write_table
 from ...fileio.limits import LimitError, regular
@@ -284,12 +285,8 @@ class Campaign:
         """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that
         stays in the chunk files until it is used."""
         self.read(cell, ("t",))  # are the files whole, and of this study?
-        try:
+        with optional_import("an array of a study"):
             from .labelled import labelled_dataset
-        except ImportError:
-            raise DataError(
-                "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
-            ) from None
 
         def load(path: Path, names: Collection[str]) -> Arrays:
             return read(path, names, self.manifest, self._identity(path), {}, True)

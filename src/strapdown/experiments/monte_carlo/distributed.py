@@ -15,6 +15,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from ...checks import DataError
+from ...extras import optional_import
 from ...plugins import SESSION, require
 from ...typing import Notify
 from .chunks import Chunk, compile_for, plugins_of, run_chunk
@@ -172,14 +173,9 @@ def _kept_alive(cluster: LocalCluster, workers: int) -> Iterator[None]:
 @contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
     """A Dask client of an own cluster of processes, or of a scheduler's. Raises DataError."""
-    try:
+    with optional_import():
         import dask
         from dask.distributed import Client, LocalCluster
-    except ImportError:
-        raise DataError(
-            "worker processes need Dask: pip install 'strapdown[study]', or leave out workers and "
-            "scheduler"
-        ) from None
     if not scheduler:
         dask.config.set(
             {

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,13 +26,11 @@ from ...data.calibration_parameters import (
 from ...data.recording import Recording
 from ...data.solution import Source, Trajectory
 from ...engine.installation import Prior, StateParameter, parameters, with_estimates
+from ...geometry.rotations import Rotation
 from ...preprocessing.rotated_imu import with_the_imu
 from ...sensor_models.streams import RandomStream, SeedLike
 from ...typing import Array
 from ..filter_label import check_parameter
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 Installation: TypeAlias = Mapping[str, Prior]
 """{parameter: standard deviation, SI, one or one per component; None for that of `calibration_parameters`}."""
@@ -108,8 +106,6 @@ def installed_wrong(
 
 def start_of(installed: Installed, start: InitialState) -> InitialState:
     """An InitialState of the right recording, with the same error, in the axes as described."""
-    from scipy.spatial.transform import Rotation
-
     turn = np.zeros(3)
     for parameter, value in zip(installed.parameters, installed.error):
         if parameter.of is MOUNTING:
@@ -117,7 +113,7 @@ def start_of(installed: Installed, start: InitialState) -> InitialState:
     if not turn.any():
         return start
     own = Rotation.from_rotvec(turn)
-    heading, pitch, roll = (Rotation.from_euler("ZYX", start.rph[::-1]) * own).as_euler("ZYX")
+    roll, pitch, heading = (Rotation.from_rph(start.rph) * own).as_rph()
     b_a, b_g = (own.inv().apply(bias) for bias in (start.b_a, start.b_g))
     return start._replace(
         rph=(float(roll), float(pitch), float(heading % (2 * np.pi))),
@@ -138,19 +134,15 @@ def _given_wrong(a: Source, of: CalibrationParameter, component: int, error: flo
 
 def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Recording:
     """The recording with samples as an IMU gives them whose axes are off by these errors."""
-    from scipy.spatial.transform import Rotation
-
     imu, reference = recording.imu, recording.reference
     sources = recording.sources
     back = Rotation.from_rotvec(-vectors[MOUNTING.name]) if MOUNTING.name in vectors else None
     rates, forces = imu.dtheta, imu.dv
     if back is not None:
-        rates, forces = back.apply(rates.copy()), back.apply(forces.copy())
+        rates, forces = back.apply(rates), back.apply(forces)
         if "b_a" in recording.meta:
             b_a, b_g = recording.meta["b_a"], recording.meta["b_g"]
-            recording = recording.with_meta(
-                b_a=back.apply(np.array(b_a)), b_g=back.apply(np.array(b_g))
-            )
+            recording = recording.with_meta(b_a=back.apply(b_a), b_g=back.apply(b_g))
         reference = _rotate_reference(reference, back.inv())
         sources = tuple(with_the_imu(a, back) for a in sources)
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
@@ -165,12 +157,10 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
 
 def _rotate_reference(reference: Trajectory | None, turn: Rotation) -> Trajectory | None:
     """The reference with the attitude of axes from which `turn` leads to its own."""
-    from scipy.spatial.transform import Rotation
-
     if reference is None or reference.q_nb is None:
         return reference
-    own = Rotation.from_quat(reference.q_nb[:, [1, 2, 3, 0]]) * turn
-    return replace(reference, q_nb=own.as_quat()[:, [3, 0, 1, 2]])
+    own = Rotation.from_wxyz(reference.q_nb) * turn
+    return replace(reference, q_nb=own.as_wxyz())
 
 
 def _triad(

@@ -160,11 +160,12 @@ class ColumnNames(NamedTuple):
 
     def numbers(self, name: str | int) -> Array:
         """The column as floats, NaN where it is no number."""
+        cells = self.table.content[name]
+        if isinstance(cells, np.ndarray):
+            return cells.astype(float)
         import pandas as pd
 
-        return pd.to_numeric(self.table.frame[name], errors="coerce").to_numpy(
-            float, na_value=np.nan
-        )
+        return pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
 
     def unit(self, name: str, units: Iterable[str]) -> str | None:
         """The unit that the end of a column's name spells, or the line of units, or None."""

@@ -51,7 +51,7 @@ def _is_piece(section: Section) -> bool:
 def _of_table(table: FileTable, name: str | None) -> Log:
     """The Log of one table; `name` is what its sections name it by, where the file has several."""
     columns = ColumnNames.of(table)
-    if all(isinstance(name, int) for name in table.frame.columns):
+    if all(isinstance(name, int) for name in table.names):
         return _without_header(table)
     label = f"table {name}" if name else "table"
     facts = [f"{label}: {len(table.lines)} rows, columns {', '.join(columns.names)}", *table.notes]
@@ -86,7 +86,7 @@ def _of_table(table: FileTable, name: str | None) -> Log:
             f"recording.toml what they are, or rename them, as gyro_x, acc_x, lat, lon, height"
         )
     if fixes.made:
-        table = table._replace(content=table.frame.assign(**fixes.made))
+        table = table.with_columns(fixes.made)
     facts += [*more, *fixes.facts, *of_field, *of_attitude]
     used = [
         *column_names([each.keys for each in sections]),
@@ -103,7 +103,7 @@ MAX_NAMES = 40
 
 def _not_taken(columns: ColumnNames, label: str) -> tuple[str, ...]:
     """A line on the columns that nothing is made of, but for empty ones."""
-    names = [name for name in columns.names if columns.table.frame[name].notna().any()]
+    names = [name for name in columns.names if columns.table.cells_filled(name).any()]
     if not names:
         return ()
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
@@ -148,7 +148,7 @@ MADE = "with degrees"
 
 def _without_header(table: FileTable) -> Log:
     columns = ColumnNames.of(table)
-    values = [(name, columns.numbers(name)) for name in table.frame.columns]
+    values = [(name, columns.numbers(name)) for name in table.names]
     facts = [f"table: {len(table.lines)} rows without a header line"] + [
         f"column {name}: {np.nanmin(each):.6g} to {np.nanmax(each):.6g}, median "
         f"{np.nanmedian(each):.6g}"
@@ -157,7 +157,11 @@ def _without_header(table: FileTable) -> Log:
     ]
     asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
     for name, each in values:
-        texts: list[str] = list(table.frame[name].dropna().unique()) if np.isnan(each).all() else []
+        texts: list[str] = (
+            list(dict.fromkeys(table.cells(name)[table.cells_filled(name)]))
+            if np.isnan(each).all()
+            else []
+        )
         if 1 < len(texts) <= MAX_KINDS:
             asked = (
                 f"column {name} holds {', '.join(map(repr, texts))}: each row is of another kind; "

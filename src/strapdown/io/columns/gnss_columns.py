@@ -314,9 +314,9 @@ def _where(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
     name = columns.find(FIX)
     if name is None:
         return None, ""
-    cells = columns.table.frame[name].dropna()
-    if cells.dtype.kind in "iuf":
-        values = np.unique(cells.to_numpy(float))
+    cells = columns.table.cells(name)[columns.table.cells_filled(name)]
+    if columns.table.content[name].dtype.kind in "iuf":
+        values = np.unique(cells.astype(float))
         if (
             not len(values)
             or np.any(values != np.round(values))
@@ -334,7 +334,7 @@ def _where(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
     good = [text for text in texts if not NO_FIX.fullmatch(text.strip())]
     if not good or len(texts) > 12:
         return None, ""
-    unused = int((~cells.astype(str).isin(good)).sum())
+    unused = sum(str(cell) not in good for cell in cells)
     return {"column": name, "equals": good}, f"{unused} rows of {len(cells)} are no fix"
 
 

@@ -65,7 +65,7 @@ def find_clock(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
     name = columns.find(TIME)
     if name is None and (name := columns.find(OF_WEEK)) is None:
         return _by_content(columns, is_imu)
-    if columns.table.frame[name].dtype.kind not in "iuf":
+    if columns.table.content[name].dtype.kind not in "iuf":
         form = _format(columns, name)
         if form is None:
             raise DataError(_of_no_form(columns, name))
@@ -82,7 +82,7 @@ def find_clock(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
 def _by_content(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
     """The ColumnClock of the first column that reads as POSIX time or dates, whatever its name."""
     for name in columns.names:
-        if columns.table.frame[name].dtype.kind not in "iuf":
+        if columns.table.content[name].dtype.kind not in "iuf":
             form = _format(columns, name)
             if form:
                 keys = {"column": name, "format": form}
@@ -196,7 +196,7 @@ def _of_no_form(columns: ColumnNames, name: str) -> str:
     """Return the message on a text column that holds no times: the cell that is no number, where
     most are numbers."""
     table = columns.table
-    numbers, known = columns.numbers(name), table.frame[name].notna().to_numpy()
+    numbers, known = columns.numbers(name), table.cells_filled(name)
     odd = np.flatnonzero(known & ~np.isfinite(numbers))
     if 0 < len(odd) < np.isfinite(numbers).sum():
         return (

@@ -174,10 +174,9 @@ def _hemisphere(columns: ColumnNames, beside: str, letters: str) -> str | None:
     at = columns.names.index(beside)
     near = sorted(range(len(columns.names)), key=lambda i: (abs(i - at), i < at))
     for name in (columns.names[i] for i in near):
-        cells = columns.table.frame[name]
-        if cells.dtype.kind in "iuf":
+        if columns.table.content[name].dtype.kind in "iuf":
             continue
-        cells = cells.dropna().astype(str).str.strip().str.upper()
+        cells = columns.table.frame[name].dropna().astype(str).str.strip().str.upper()
         if len(cells) and cells.isin(words).all():
             return str(name)
     return None

@@ -261,10 +261,10 @@ def holds(table: FileTable, condition: KeyCondition) -> Mask:
         numbers = table.numbers(condition.column)
         found &= np.isfinite(numbers) & (numbers != condition.unequal)
     if condition.changes:  # the first row tells something too
-        table.cells(condition.column)  # is there
-        known = table.frame[condition.column].dropna()
-        changed = (known != known.shift()).reindex(table.frame.index, fill_value=False)
-        found &= changed.to_numpy(bool)
+        cells = table.cells(condition.column)
+        known = np.flatnonzero(cells == cells)  # NaN is not itself
+        changed = cells[known][1:] != cells[known][:-1]
+        found &= np.isin(np.arange(len(cells)), known[np.r_[True, changed][: len(known)]])
     return found
 
 

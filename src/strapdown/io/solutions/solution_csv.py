@@ -18,6 +18,7 @@ from ...data.solution import NAV_COLUMNS, UNITS, Innovations, Solution, Solution
 from ...data.verdict import NOT_JUDGED
 from ...fileio.checksum import DAMAGED
 from ...fileio.spreadsheet import as_written, inert
+from ...geometry.rotations import Rotation
 from ...typing import Array
 from ...units.time_scales import gps_of, iso, iso_text
 from ..own.array_rules import broken_rules
@@ -78,7 +79,7 @@ def read_csv(path: Path) -> Solution:
     table = read_table(path)
     _check_rows(table, 3 if said else 2, said.pop("rows", None))
     columns = {}
-    for column in map(str, table.frame.columns):
+    for column in map(str, table.names):
         name, unit = column.removesuffix("]").split(" [", 1) if " [" in column else (column, None)
         if name in UNITS and unit not in (None, UNITS[name]):
             raise DataError(
@@ -127,9 +128,9 @@ def _check_rows(table: FileTable, first: int, rows: int | None) -> None:
         raise DataError(
             f"{table.name}, line {line}: is no row of a solution; {DAMAGED}, or take out the line"
         )
-    if rows is not None and rows != len(table.frame):
+    if rows is not None and rows != len(table.lines):
         raise DataError(
-            f"{table.name}: has {len(table.frame)} rows and its first line says {rows}; {DAMAGED}, "
+            f"{table.name}: has {len(table.lines)} rows and its first line says {rows}; {DAMAGED}, "
             f"or take out its first line if you took out rows"
         )
 
@@ -165,9 +166,9 @@ def _meta(path: Path, table: FileTable, verdict: dict[str, Any]) -> SolutionMeta
 
 def _epoch_of(table: FileTable) -> str | None:
     """UTC of t = 0 where the table has a column of UTC."""
-    if UTC not in table.frame.columns:
+    if UTC not in table.names:
         return None
-    known = np.flatnonzero(table.frame[UTC].notna())
+    known = np.flatnonzero(table.cells_filled(UTC))
     if not len(known):
         return None
     first = int(known[0])
@@ -190,8 +191,6 @@ def _read_comment(path: Path) -> dict[str, Any]:
 
 def _quaternion(rph: Array) -> Array | None:
     """From roll, pitch, heading in degrees; None where none is known."""
-    from scipy.spatial.transform import Rotation
-
     if not np.isfinite(rph).any():
         return None
-    return Rotation.from_euler("ZYX", rph[:, ::-1], degrees=True).as_quat()[:, [3, 0, 1, 2]]
+    return Rotation.from_rph(np.radians(rph)).as_wxyz()

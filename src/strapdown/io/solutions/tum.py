@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from ...checks import DataError, check_array, locate_errors
-from ...data.solution import Solution
+from ...data.solution import Solution, attitude_of
 from ...fileio.file_access import open_file
 from ...geometry.geodesy import ned_axes, to_ecef
+from ...geometry.rotations import Rotation
 from ...typing import Array, ArrayLike, File
 from .track import track_of
 
@@ -37,8 +38,6 @@ def tum(solution: Solution, path: Path, origin: ArrayLike | None = None) -> byte
     """The text of a Solution that is written to `path`, with positions from an origin (latitude and
     longitude, rad, and height, m; None: the first position); rows without position or attitude are
     left out. Raises DataError where there is none of these."""
-    from scipy.spatial.transform import Rotation
-
     track, trajectory = track_of(solution, path), solution.trajectory
     known = trajectory.q_nb is not None and np.isfinite(trajectory.q_nb[track.rows]).all(axis=1)
     rows = track.rows[known]
@@ -51,8 +50,9 @@ def tum(solution: Solution, path: Path, origin: ArrayLike | None = None) -> byte
     axes = ned_axes(part.lla)
     here = TURN @ ned_axes(zero)
     place = (to_ecef(part.lla) - to_ecef(zero)) @ here.T
-    turned = here @ axes.transpose(0, 2, 1) @ (part.rotation.as_matrix() * FLU)
-    quaternion = Rotation.from_matrix(turned).as_quat(canonical=True)
+    turned = here @ axes.transpose(0, 2, 1) @ (attitude_of(part).as_matrix() * FLU)
+    q = Rotation.from_matrix(turned).as_wxyz()
+    quaternion = q[:, [1, 2, 3, 0]] * np.where(q[:, :1] < 0, -1.0, 1.0)
     latitude, longitude = np.degrees(zero[:2])
     head = HEAD.format(
         name=" ".join(track.name.split()),

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO
 import numpy as np
 
 from ...checks import DataError, did_you_mean
+from ...extras import optional_import
 from ...fileio.file_access import Zip, metered_file, open_file
 from ...fileio.limits import Meter, regular
 from ...preprocessing.origin import Origin
@@ -33,9 +34,14 @@ PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
 """Endings of files that `open_text` unpacks."""
 
 
+ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+
+
 def zstd() -> Any:
-    """The module of zstd, which Python has itself from 3.14 on; loaded where it is needed."""
-    return import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+    """The module of zstd, which Python has itself from 3.14 on; loaded where it is needed. Raises
+    DataError where it is missing."""
+    with optional_import():
+        return import_module(ZSTD)
 
 
 OPENERS: dict[str, Any] = {
@@ -54,8 +60,9 @@ def packed_suffixes(*suffixes: str) -> tuple[str, ...]:
 
 def unpacking_errors() -> tuple[type[Exception], ...]:
     """Return the exceptions that unpacking a damaged file raises."""
-    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstd().ZstdError
-    return EOFError, struct.error, *damaged
+    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile
+    of_zstd = (zstd().ZstdError,) if ZSTD in sys.modules else ()  # without it, none was raised
+    return EOFError, struct.error, *damaged, *of_zstd
 
 
 SUFFIXES = packed_suffixes(".csv", ".txt", ".tsv", ".dat")
@@ -114,10 +121,9 @@ class FileTable(NamedTuple):
     ) -> "FileTable":
         """A table of columns (n,) by name; `rows` (n,) are their numbers in the file, counted from
         0 where they are not given."""
-        import pandas as pd
-
-        frame = pd.DataFrame(dict(columns), copy=False)
-        return cls(name, frame, np.arange(len(frame)) if rows is None else rows, word)
+        content = _numbers_or_frame(columns)
+        count = len(content[next(iter(columns))]) if columns else 0
+        return cls(name, content, np.arange(count) if rows is None else rows, word)
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -133,6 +139,13 @@ class FileTable(NamedTuple):
     def titles(self) -> list[str]:
         """Names of the columns as text, their numbers where there is no header."""
         return [str(name) for name in self.names]
+
+    def with_columns(self, added: Mapping[str, Array]) -> "FileTable":
+        """The table with these columns (n,) too, or in place of those of their names."""
+        content = self.content
+        if isinstance(content, NumberColumns):
+            return self._replace(content=NumberColumns([*content.items(), *added.items()]))
+        return self._replace(content=content.assign(**added))
 
     def take(self, rows: Mask) -> "FileTable":
         """These rows of it."""
@@ -153,6 +166,13 @@ class FileTable(NamedTuple):
         cells = self.content[column]
         return cells if isinstance(cells, np.ndarray) else cells.to_numpy()
 
+    def cells_filled(self, column: str | int) -> Mask:
+        """(n,) the rows whose cell of a column is not empty."""
+        cells = self.content[column]
+        if isinstance(cells, np.ndarray):
+            return np.asarray(cells == cells)  # NaN is not itself
+        return cells.notna().to_numpy()
+
     def numbers(self, column: str | int) -> Array:
         """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column
         or a cell that is no number."""
@@ -166,7 +186,7 @@ class FileTable(NamedTuple):
         import pandas as pd
 
         values = pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
-        wrong = np.isnan(values) & cells.notna().to_numpy()
+        wrong = np.isnan(values) & self.cells_filled(column)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(
@@ -187,6 +207,17 @@ class FileTable(NamedTuple):
             return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
         hint = did_you_mean(column, names)
         return f"column {column!r} is missing{hint}; it has {', '.join(names[:20])}"
+
+
+def _numbers_or_frame(columns: Mapping[str, ArrayLike]) -> "pd.DataFrame | NumberColumns":
+    """Columns (n,) by name, without pandas where all are numbers."""
+    arrays = {name: np.asarray(column) for name, column in columns.items()}
+    shapes = {column.shape for column in arrays.values()}
+    if len(shapes) == 1 and all(c.ndim == 1 and c.dtype.kind in "iuf" for c in arrays.values()):
+        return NumberColumns(arrays)
+    import pandas as pd
+
+    return pd.DataFrame(dict(columns), copy=False)
 
 
 def open_bytes(path: Path, lines: bool = False) -> BinaryIO:

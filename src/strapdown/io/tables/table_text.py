@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from ...checks import DataError
-from ...fileio.file_access import CELL, ROW, TEXT, check_lines, open_file
+from ...fileio.file_access import CELL, ROW, TEXT, check_lines
 from ...fileio.limits import Meter, check_count, check_size, regular
 from ...typing import Ints, Mask
 from ...units.wording import count_text
@@ -55,13 +55,13 @@ def read_table(path: Path, header: bool = True) -> FileTable:
     """
     with reading_file(path):
         found = layout(path)
-        if is_plain := path.suffix.lower() not in PACKED:
+        if path.suffix.lower() not in PACKED:
             check_lines(path)
         if not header:
             found = found._replace(names=[], units={})
         elif not found.names:
             found = _first_row_as_names(path, found)
-        if is_plain and (numbers := numbers_of(path, found)):
+        if numbers := numbers_of(path, found):
             lines = 1 + found.skipped + np.arange(len(next(iter(numbers.values()))))
             return FileTable(str(path), numbers, lines, units=found.units)
         return _of_any_cells(path, found)
@@ -287,13 +287,13 @@ WHOLE = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
 
 
 def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
-    """The columns of a plain text each of whose lines has a finite number in every column, as pandas
+    """The columns of a text each of whose lines has a finite number in every column, as pandas
     reads them: a column is whole where each of its numbers is written so. None of any other text.
     Raises OSError, and DataError of a file beyond the limits."""
     if found.decimal != "." or len(found.separator) > 1 or regular(path).stat().st_size > SHORT:
         return None
     try:
-        with io.TextIOWrapper(open_file(path), "utf-8-sig") as file:
+        with io.TextIOWrapper(open_bytes(path, lines=True), "utf-8-sig") as file:
             lines = list(islice(file, LINES + found.skipped + 1))[found.skipped :]
         if len(lines) > LINES:
             return None

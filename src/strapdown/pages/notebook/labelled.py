@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...aiding import find
-from ...checks import DataError, check_choice
+from ...checks import check_choice
 from ...data.recording import Recording
 from ...data.solution import (
     ATTITUDE_COLUMNS,
@@ -22,6 +22,7 @@ from ...data.solution import (
     Trajectory,
 )
 from ...evaluation.metrics import EULER, NED_AXES
+from ...extras import optional_import
 from ...io.solutions.solution_netcdf import (
     CF_UNITS,
     CONVENTIONS,
@@ -198,10 +199,8 @@ def _dataset(
 
 def need_xarray() -> Any:
     """The module xarray. Raises DataError where it is missing."""
-    try:
+    with optional_import("to_xarray"):
         return import_module("xarray")
-    except ImportError:
-        raise DataError("to_xarray needs xarray: pip install 'strapdown[notebook]'") from None
 
 
 def _trajectory(made: Trajectory, time: str) -> Variables:

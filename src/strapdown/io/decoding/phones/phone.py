@@ -109,13 +109,12 @@ def fixes(table: FileTable, names: PhoneFixColumns, android: bool) -> tuple[File
     columns = (north, vertical, speed, course, np.maximum(std, across))
     added = dict(zip(ADDED, columns))
     use = accuracy <= FAR
-    frame = table.frame.assign(**added)[use]
     left = []
     if far := int((accuracy > FAR).sum()):
         left.append(f"{far} fixes whose accuracy is worse than {FAR:g} m")
     if unknown := int(np.isnan(accuracy).sum()):
         left.append(f"{unknown} fixes without an accuracy")
-    return table._replace(content=frame, lines=table.lines[use]), left
+    return table.with_columns(added).take(use), left
 
 
 def location(

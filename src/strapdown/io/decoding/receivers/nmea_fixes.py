@@ -221,7 +221,7 @@ def _with_deviations(
         told = np.isfinite(own) & (own > 0)
         raised = bool((told & (own < least)).any())
         std = np.where(told, np.maximum(own, least), std)
-    frame = table.frame.assign(std_n=std[:, 0], std_e=std[:, 1], std_d=std[:, 2])
+    table = table.with_columns(dict(zip(("std_n", "std_e", "std_d"), std.T)))
     assumptions = []
     if not told.all():
         kinds = np.unique(quality[~told.all(axis=1)]).tolist()
@@ -232,7 +232,7 @@ def _with_deviations(
         assumptions.append(
             f"those of GST raised to at least {MIN_STD_RTK:g} m for quality 4, else {MIN_STD:g} m"
         )
-    return table._replace(content=frame), "; ".join(assumptions)
+    return table, "; ".join(assumptions)
 
 
 def _velocities(found: Sorting) -> list[Section]:

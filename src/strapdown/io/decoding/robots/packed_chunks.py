@@ -5,6 +5,7 @@ import io
 from typing import IO, cast
 
 from ....checks import DataError
+from ....extras import optional_import
 from ....fileio.limits import Meter
 from ...tables.table_file import zstd
 
@@ -16,7 +17,8 @@ def _open_packed(packed: bytes, way: str) -> IO[bytes]:
     if way == "bz2":
         return bz2.open(io.BytesIO(packed))
     if way == "lz4":
-        import lz4.frame
+        with optional_import():
+            import lz4.frame
 
         return cast(IO[bytes], lz4.frame.open(io.BytesIO(packed)))
     return cast(IO[bytes], zstd().open(io.BytesIO(packed)))

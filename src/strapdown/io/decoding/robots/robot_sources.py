@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ....geometry.rotations import Rotation
 from ....typing import Array
 from ...reader import Section
 from .robot_parts import Made, Robot, deviations, median, not_measured, vector
@@ -240,9 +241,8 @@ def _attitude(stream: TopicStream, place: Pose | None) -> Made:
         return [], {}
     q = np.where(there[:, None], q, [0.0, 0.0, 0.0, 1.0])
     if place is not None and place.is_turned:
-        from scipy.spatial.transform import Rotation
-
-        q = (Rotation.from_quat(q) * Rotation.from_matrix(place.C).inv()).as_quat()
+        turned = Rotation.from_wxyz(q[:, [3, 0, 1, 2]]) * Rotation.from_matrix(place.C).inv()
+        q = turned.as_wxyz()[:, [1, 2, 3, 0]]
     q[~there] = np.nan
     std, columns, why = deviations("attitude", covariance[:, [0, 4, 8]], "rad", ATTITUDE_STD)
     keys = {
