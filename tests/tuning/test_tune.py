@@ -202,9 +202,9 @@ def test_intervals_of_lasting_errors_hold_the_truth_at_their_rate():
 
 
 @pytest.mark.deep
-def test_intervals_of_imu_noise_that_hardly_shows_are_too_narrow():
-    """Of 12 drives and 4 numbers 36 of 48 hold the truth, where 95 % should: docs/how-to/tune.md says so.
-    Fewer than 34 would be worse than that."""
+def test_intervals_of_imu_noise_that_hardly_shows_hold_the_truth():
+    """Of 12 drives and 4 numbers 45 of 48 do, as docs/how-to/tune.md says. Where 95 % do, fewer than 42
+    come about in one of 100 such tests."""
     truth, inside = sd.imu("consumer").noise(), []
     fields = ("gyro", "accel", "gyro_bias", "accel_bias")
     names = ("gyro noise", "accel noise", "gyro bias walk", "accel bias walk")
@@ -213,4 +213,4 @@ def test_intervals_of_imu_noise_that_hardly_shows_are_too_narrow():
         for field, name in zip(fields, names):
             each = found(tuning, name, "imu")
             inside.append(each.low <= getattr(truth, field) <= each.high)
-    assert sum(inside) >= 34
+    assert sum(inside) >= 42
