@@ -30,7 +30,7 @@ CAUSES = {
     "mounting": "mounting of the IMU",
     "odometer scale": "scale of the odometer",
     "fix noise": "standard deviations",
-    "lasting errors": "lasting errors",
+    "lasting errors": "time-correlated errors",
     "repeated": "repeated or held values",
     "calibration": "calibration",
     "imu noise": "description of the IMU",
@@ -83,7 +83,7 @@ class Untested(NamedTuple):
     def line(self) -> str:
         """All of it, with what rests on it."""
         many = len(self.rests) > 1 or TILT in self.rests
-        rest = f" ({', '.join(self.rests)} rest{'' if many else 's'} on it)"
+        rest = f" ({', '.join(self.rests)} depend{'' if many else 's'} on it)"
         return str(self) + (rest if self.rests else "")
 
     def __str__(self) -> str:

@@ -117,7 +117,7 @@ class _Runs:
         self.kinds = [a.kind for a in recording.sources if len(a.t)]
         if "position" not in self.kinds:
             raise DataError(
-                "nothing of the installation shows without a source of position: add one"
+                "the installation cannot be diagnosed without a source of position: add one"
             )
         self.constants = constants(recording.sources)
         self.progress = progress
@@ -146,7 +146,7 @@ class _Runs:
         last = self.roughly(first)
         if last.made.cursor.state[0].fault:
             raise DataError(
-                f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
+                f"{self.filter.name} stops before the end of the recording: run `fuse` to see why"
             )
         of_clocks = [c.of is CLOCK for c in self.constants]
         split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
@@ -262,7 +262,10 @@ class _Runs:
         motion = of.motions[axis]
         if "velocity" not in self.kinds and status == CONSISTENT:
             status = NOT_OBSERVABLE
-            motion = f"add a source of velocity: positions show no less than {MIN_CLOCK_ALONE:g} s"
+            motion = (
+                f"add a source of velocity: positions alone show only {MIN_CLOCK_ALONE:g} s and "
+                "more"
+            )
         antennas = sum(each.of is LEVER_ARM for each in self.constants) // 3
         return Diagnosed(
             of,
