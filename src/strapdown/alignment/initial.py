@@ -636,7 +636,7 @@ def _level_from_rest(
         roll,
         pitch,
         np.hypot(LEVEL_STD_REST, b_a_std / GRAVITY_EQUATOR) + np.radians(0.05) * age,
-        f"level from the rest {age:.0f} s before",
+        f"level from the standstill {age:.0f} s before",
     )
 
 

@@ -575,7 +575,7 @@ class Solution(Value, TakenByTime):
         if "verdict" in self.meta:
             return Verdict.from_dict(self.meta["verdict"])
         if self.recording is None:
-            none = Untested("anything", "its file has no verdict, fuse the recording again")
+            none = Untested("anything", "its file has no verdict; fuse the recording again")
             return Verdict(NOT_JUDGED, untested=(none,))
         return self._judged
 

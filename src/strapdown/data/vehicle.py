@@ -88,9 +88,9 @@ def find(vehicle: GivenVehicle | None) -> Vehicle:
         return vehicle
     if isinstance(vehicle, Mapping):
         if not vehicle:
-            raise DataError(f"vehicle: it has no bound; give some of {', '.join(BOUNDS)}")
+            raise DataError(f"vehicle: it has no limit; give some of {', '.join(BOUNDS)}")
         for bound in vehicle:
-            check_choice(bound, "vehicle: the bound", Vehicle.__dataclass_fields__)
+            check_choice(bound, "vehicle: the limit", Vehicle.__dataclass_fields__)
         return Vehicle(**vehicle)
     name = "any" if vehicle is None else vehicle
     check_choice(name, "vehicle", VEHICLES)

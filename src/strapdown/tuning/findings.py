@@ -70,16 +70,16 @@ class NoiseParameter(Value, NoiseNumber):
         value = f"{self.value_text(self.value)} {self.unit}"
         if self.status == TUNED:
             return f"{value}, 95 % {self.interval}; {self._beside_given()}"
-        used = f"{value} stays as given" if self.stays else f"{value} is used"
+        used = f"{value} kept as given" if self.stays else f"{value} is used"
         if self.status == KEPT:
             return (
-                f"{used}; the likelihood would take a smaller one, but innovations stay correlated, so "
-                f"that it would mean nothing"
+                f"{used}; the data favour a smaller value, but the innovations stay correlated, "
+                "which makes it meaningless"
             )
         if self.status == OPEN:
-            return f"the data do not decide it, any value fits; {used}"
+            return f"the data do not determine it, any value fits; {used}"
         given = "" if self.stays else f"; {self._beside_given()}"
-        return f"the data say {self.interval} {self.unit} (95 %), not how much; {used}{given}"
+        return f"the data give only {self.interval} {self.unit} (95 %); {used}{given}"
 
     def _beside_given(self) -> str:
         """Return the comparison of the given value with the estimate, in words."""
@@ -186,7 +186,7 @@ class Tuning(Value):
         ]
         more = ", ".join(f"{n} {'is' if n == 1 else 'are'} {text}" for n, text in counts if n)
         tuned = sum(each.status == TUNED for each in self.parameters)
-        told = f"{tuned} of {len(self.parameters)} numbers are told by the data"
+        told = f"{tuned} of {len(self.parameters)} numbers are determined by the data"
         return f"{told}; {more}" if more else told
 
     @property
@@ -203,9 +203,9 @@ class Tuning(Value):
         own = (p for p in self.parameters if p.source == fit.source and p.what is WHITE)
         smaller = any(p.value < p.given and not p.stays for p in own)
         return (
-            f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix apart) for "
-            f"reasons that the model lacks: noise factors mean nothing there"
-            f"{'' if smaller else ', and none was made smaller'}"
+            f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix "
+            "apart) for reasons outside the model: noise factors mean nothing "
+            f"there{'' if smaller else ', and none was made smaller'}"
         )
 
     @property

@@ -95,8 +95,8 @@ def tune(
     tell(0.95)
     if all(status in (OPEN, AT_MIN) for status in judged.status):
         raise DataError(
-            "the likelihood has no maximum: no noise of these sources shows in this motion; give a "
-            "longer recording, or one with more motion"
+            "the likelihood has no maximum: this motion does not show the noise of these sources; "
+            "give a longer recording, or one with more motion"
         )
     given = np.array([each.given or each.least for each in search.unknowns])
     before = search.likelihood.at(np.log(given)).log_likelihood
@@ -124,8 +124,8 @@ def _check_sources(recording: Recording) -> None:
     if not any(a.kind in MOVES and len(a.t) for a in recorded):
         has = ", ".join(a.name or a.kind for a in recording.sources) or "no source"
         raise DataError(
-            f"the recording has {has}; the noise shows against measured positions or velocities: add "
-            f"a source of one of {', '.join(MOVES)}"
+            f"the recording has {has}; tuning compares the noise with measured positions or "
+            f"velocities: add a source of one of {', '.join(MOVES)}"
         )
 
 
@@ -133,5 +133,5 @@ def _notes(search: Search) -> list[str]:
     notes = []
     if out := search.left_out():
         many = sum(len(search.likelihood.kept[s]) for s in search.counted)
-        notes.append(f"{out} of {many} fixes are outliers and do not count")
+        notes.append(f"{out} of {many} fixes are outliers and are ignored")
     return notes
