@@ -293,7 +293,7 @@ def test_a_disturbed_field_shows_in_the_deviation():
     [
         ((0.0, 0.0, 50e-6), "dip"),
         ((0.0, 0.0, 0.0), "the magnetic field is 0"),
-        ((0.2e-6, 0.0, 50e-6), "leaves it open"),
+        ((0.2e-6, 0.0, 50e-6), "does not show it"),
     ],
 )
 def test_a_field_that_tells_no_heading(field, words):

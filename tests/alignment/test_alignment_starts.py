@@ -75,7 +75,7 @@ def test_at_rest(seed):
     z, error = scores(recording, start)
     assert np.abs(z).max() < 3.5 and np.abs(error[6:8]).max() < 0.5
     assert (
-        "level from the rest 0 s before" in start.note
+        "level from the standstill 0 s before" in start.note
         and "gyro bias from" in start.note
         and "heading given" in start.note
     )

@@ -48,7 +48,7 @@ def test_files_are_written_and_serve(plain, command, asked, tmp_path):
         "tune", "drive.nc", "--to", "60", "--no-correlated", "--imu", "consumer"
     )
     folder = f"{plain}-tune"
-    assert (code, err) == (0, []) and "3 of 7 numbers are told by the data" in out
+    assert (code, err) == (0, []) and "3 of 7 numbers are determined by the data" in out
     assert (
         asked["correlated"] is False and asked["span"][1] <= 60 and asked["filter"] == "closed-loop"
     )

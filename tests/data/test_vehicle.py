@@ -26,11 +26,11 @@ def test_found_by_name_as_itself_and_from_its_fields():
     [
         ("cra", "vehicle is 'cra' .did you mean 'car'.*any, pedestrian, car, ship"),
         (7, "vehicle is 7; it must be one of"),
-        ({"speeed": 3.0}, "vehicle: the bound is 'speeed' .did you mean 'speed'"),
+        ({"speeed": 3.0}, "vehicle: the limit is 'speeed' .did you mean 'speed'"),
         ({"speed": 0.0}, "vehicle speed"),
         ({"lowest": 5.0, "highest": 4.0}, "lowest is 5 m and highest 4 m"),
         ({"acceleration": float("nan")}, "vehicle acceleration"),
-        ({}, "vehicle: it has no bound; give some of speed, acceleration, lowest, highest"),
+        ({}, "vehicle: it has no limit; give some of speed, acceleration, lowest, highest"),
         ({"name": None}, "vehicle name is None; it must be text"),
     ],
 )
@@ -106,7 +106,7 @@ def test_a_description_names_one_or_has_bounds_with_units(tmp_path):
     ("text", "words"),
     [
         ('vehicle = "cra"', "recording.toml: vehicle: vehicle is 'cra' .did you mean 'car'"),
-        ("vehicle = {}", "vehicle: it has no bound; give some of speed"),
+        ("vehicle = {}", "vehicle: it has no limit; give some of speed"),
         ("vehicle = { sped = 3 }", "recording.toml: .vehicle.*unknown key 'sped'"),
         ('vehicle = { speed = 3, speed_unit = "kg" }', "speed: unknown unit 'kg'"),
         ("vehicle = { highest = -20000 }", "lowest is -12000 m and highest -20000 m"),

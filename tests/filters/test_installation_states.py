@@ -19,7 +19,7 @@ from strapdown.engine.options import run_options
 ABLE = [name for name in filters.names() if filters.find(name).installation]
 OWN_GAINS = ["two-stage-ekf", "xkf-two-stage"]
 """Filters whose gains are not those of least variance: what they find is not what the closed loop
-finds. `nlo` is another, but has no use for the constraints here."""
+finds. `nlo` is another, but does not use the constraints here."""
 WRONG = {
     "clock error of GNSS position [s]": 0.08,
     "lever arm forward error of GNSS position [m]": 0.5,
@@ -150,7 +150,7 @@ def test_a_clock_that_runs_away_is_said(tau):
     said = [text for _, text in run.events.all]
     assert any(
         text.startswith("the clock of position is estimated ")
-        and " s off, beyond what can be looked back, until " in text
+        and " s off, more than the filter can look back, until " in text
         and text.endswith("set time.offset")
         for text in said
     ), said

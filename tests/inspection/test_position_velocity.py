@@ -80,7 +80,7 @@ def test_latency_is_measured(lag):
         (lambda v: v * [1.03, 1.03, 1], "unit", "1.03 times the speed"),
         (lambda v: v[:, [1, 0, 2]] * [1, 1, -1], "frame", "ENU read as NED"),
         (lambda v: v * [1, -1, 1], "frame", "east has the wrong sign"),
-        (lambda v: v * [-1, -1, 1], "frame", "it points backwards"),
+        (lambda v: v * [-1, -1, 1], "frame", "the velocity points backwards"),
         (lambda v: v @ bent.turned(4.0).T, "frame", "it is turned by +4.0"),
         (lambda v: v * [1, 1, -1], "frame", "vertical part has the wrong sign"),
         (lambda v: v * [1, 1, 0], "repeated", "vertical part is always 0"),

@@ -118,5 +118,5 @@ def of(wrong, factors):
         tuple(wrong.span),
         sd.fuse(wrong, imu="consumer"),
         sd.fuse(run, imu=imu),
-        ("3 of 800 fixes are outliers and do not count",),
+        ("3 of 800 fixes are outliers and are ignored",),
     )

@@ -87,7 +87,7 @@ class EstimatedParameter(Estimate):
                 f"{self.seen} from the given value; multiply its scale by {self.value:.4f}"
             )
         new = f": {self.value:.3f} {self.unit}" if self.of in (LEVER_ARM, MOUNTING) else ""
-        return f"found{new}, which differs from the given value by {self.seen}"
+        return f"found{new}, {self.seen} from the given value"
 
 
 @dataclass(frozen=True, eq=False)

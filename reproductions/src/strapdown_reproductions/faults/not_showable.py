@@ -35,13 +35,13 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         ("height above the geoid",),
         (NAVIGATION,),
         OF_POSITION,
-        "there is one source of height, and its offset is constant",
+        "only one source measures the height, and its offset is constant",
     ),
     HiddenFault(
         ("second height above the geoid",),
         (HEAVE,),
         (AFLOAT,),
-        "there is one source of height, and its offset is constant",
+        "only one source measures the height, and its offset is constant",
     ),
     HiddenFault(
         ("height is a depth",),
