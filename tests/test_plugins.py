@@ -248,13 +248,13 @@ BAD = {
     "ends the process": ("raise SystemExit(3)", "cannot be imported .SystemExit: 3"),
     "has no kernel": (
         SENSOR.replace("@kernel(OBSERVE)", ""),
-        "MeasurementModel 'vertical-speed': observe is no kernel",
+        "MeasurementModel 'vertical-speed': observe is not a kernel",
     ),
     "has another signature": (
         SENSOR.replace("(OBSERVE)", "(PREDICT)").replace(
             "import OBSERVE", "import OBSERVE, PREDICT"
         ),
-        "MeasurementModel 'vertical-speed': observe is a kernel of another signature",
+        "MeasurementModel 'vertical-speed': observe is a kernel with another signature",
     ),
     "has other arguments": (
         SENSOR.replace("belief, y, parameters", "belief, y"),
@@ -504,7 +504,7 @@ def test_numbers_of_kinds_stay_and_filters_are_found_by_name_or_not_sent(monkeyp
         (dict(units={"mV": 1e-3}), "must begin with the SI unit"),
         (dict(dimension="sped"), "did you mean 'speed'"),
         (dict(units={"V": 1.0}, innovation="lenght"), "did you mean 'length'"),
-        (dict(units=("V", "mV")), "is not sound"),
+        (dict(units=("V", "mV")), "is not valid"),
         (dict(units={"V": 1.0}, most=0.0), "most is 0.0; it must be a number above 0"),
         (dict(name="speed", units={"V": 1.0}), "the library has a Quantity of the name 'speed'"),
     ],

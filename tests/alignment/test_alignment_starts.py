@@ -97,7 +97,7 @@ def test_a_good_gyro_is_not_calibrated_against_the_rotation_of_the_earth():
 def test_noisy_fixes_do_not_hide_rest(velocity_std):
     recording = at_rest(40.0, gnss=Gnss(position_std=(1.5, 1.5, 3.0), velocity_std=velocity_std))
     start = align(recording, MEMS, at=35.0)
-    assert "level from the rest" in start.note and "gyro bias from" in start.note
+    assert "level from the standstill" in start.note and "gyro bias from" in start.note
 
 
 def test_smooth_flight_is_not_taken_for_rest():

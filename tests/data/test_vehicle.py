@@ -60,11 +60,13 @@ def test_a_sample_beyond_it_is_named_with_its_vehicle():
     dv = recording.imu.dv.copy()
     dv[100, 2] += 100.0 * recording.imu.dt[100]
     shaken = replace(recording, imu=recording.imu._replace(dv=dv))
-    assert not said(sd.fuse(shaken, start=start(recording), vehicle="car"), "which cannot be")
+    assert not said(sd.fuse(shaken, start=start(recording), vehicle="car"), "which is out of range")
     calm = Vehicle("glider", acceleration=50.0)
     ((t, text),) = said(sd.fuse(shaken, start=start(recording), vehicle=calm), "accelerometer")
     assert t == recording.imu.t[100] and text.startswith("accelerometer z reads ")
-    assert text.endswith("which cannot be: more than the 50 m/s^2 of vehicle 'glider': bridged")
+    assert text.endswith(
+        "which is out of range: more than the 50 m/s^2 of vehicle 'glider': bridged"
+    )
 
 
 def test_the_recordings_own_is_used_and_given_up_for_another(tmp_path):

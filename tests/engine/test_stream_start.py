@@ -101,7 +101,7 @@ def test_it_starts_when_told_to():
     assert np.array_equal(stream.belief.lla, batch.trajectory.lla[-1])
     with pytest.raises(DataError, match="^the stream has started at 1.000 s; begin a new one"):
         stream.begin()
-    with pytest.raises(DataError, match="^0 IMU samples are no start"):
+    with pytest.raises(DataError, match="^0 IMU samples are too few to find a start"):
         own(recording).align()
 
 

@@ -179,7 +179,7 @@ def test_what_a_grade_states_of_its_axes_are_states():
         )
     ]
     np.testing.assert_allclose(stds, [1e-3, np.degrees(1e-3)], rtol=0.01)
-    assert any("as uncertain as its grade says" in note for note in solution.meta["notes"])
+    assert any("with the std of its grade" in note for note in solution.meta["notes"])
 
 
 @pytest.mark.short
@@ -197,4 +197,4 @@ def test_who_asks_of_the_imu_gets_what_is_asked_and_of_sources_both():
 def test_a_filter_that_leaves_the_axes_out_says_so():
     made, start, _ = flight(2.0, 10.0)
     solution = sd.fuse(made, "pkf", imu=STATED, start=start)
-    assert any("pkf leaves out gyro scale" in note for note in solution.meta["notes"])
+    assert any("pkf does not model gyro scale" in note for note in solution.meta["notes"])

@@ -103,7 +103,7 @@ def of(wrong, factors):
             Direction(
                 {"GNSS position noise horizontal": 0.7, "gyro noise": -0.7},
                 5.0,
-                "GNSS position noise horizontal against gyro noise: the data decide their sum only",
+                "GNSS position noise horizontal against gyro noise: the data determine only their sum",
             ),
         ),
         (

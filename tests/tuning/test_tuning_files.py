@@ -54,7 +54,7 @@ def test_they_serve_recordings_of_other_formats(tmp_path):
 def test_nothing_is_overwritten_and_nothing_written_in_part(tmp_path):
     found = tuning()
     (tmp_path / "drive-sources.toml").write_text("mine")
-    with pytest.raises(sd.DataError, match=r"drive-sources.toml: is there already, and is not"):
+    with pytest.raises(sd.DataError, match=r"drive-sources.toml: exists already and is not"):
         found.write(tmp_path)
     assert [each.name for each in tmp_path.iterdir()] == ["drive-sources.toml"]
     assert (tmp_path / "drive-sources.toml").read_text() == "mine"

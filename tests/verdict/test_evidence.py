@@ -95,7 +95,7 @@ def test_large_innovations_that_last_are_told_from_large_noise():
 
 def test_claims_five_times_too_large_are_doubtful_and_no_more():
     (found,) = evidence.noise(source(made_up(0.04)))
-    assert found.cause == "fix noise" and "5 times better" in found.seen
+    assert found.cause == "fix noise" and "5 times smaller" in found.seen
     assert Verdict.of([found]).word == DOUBTFUL
     assert not list(evidence.noise(source(made_up(0.1))))
 
@@ -156,7 +156,7 @@ def test_fixes_for_which_the_gate_was_lifted_count():
     nis[::20] = 100.0
     lifted = replace(solution, innovations=replace(solution.innovations, nis=nis))
     (found,) = evidence.rejections(source(lifted))
-    assert "5 % of the fixes were used only because" in found.seen
+    assert "5 % of the fixes passed only because" in found.seen
 
 
 def test_a_pause_of_the_fixes_is_no_rejection():
@@ -263,7 +263,7 @@ def test_doubtful_rows_count_by_their_share_with_what_was_said_first(said, cause
     (found,) = evidence.doubts(doubted)
     assert (found.cause, found.source) == (cause, source)
     assert found.seen.startswith(
-        f"{doubted.seconds(CONTRADICTED):.0f} s of the result are doubtful, and 47 % of it after its start"
+        f"{doubted.seconds(CONTRADICTED):.0f} s of the result are doubtful, 47 % of the time after the start"
     )
     assert found.seen.endswith(f"first at 100 s: {said}")
     assert found.weight == pytest.approx(80 / 170 / evidence.DOUBTED, rel=0.01)

@@ -310,7 +310,7 @@ def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]
             if solution.meta["installation"].get("reference"):
                 return (
                     "the reference keeps its time stamps: where it comes from the receiver of "
-                    f"{positions[0]}, they are also wrong by {each.seen}, which makes errors "
+                    f"{positions[0]}, they are also off by {each.seen}, which makes errors "
                     "against it larger"
                 )
     return ""

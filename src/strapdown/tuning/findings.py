@@ -79,7 +79,7 @@ class NoiseParameter(Value, NoiseNumber):
         if self.status == OPEN:
             return f"the data do not determine it, any value fits; {used}"
         given = "" if self.stays else f"; {self._beside_given()}"
-        return f"the data give only {self.interval} {self.unit} (95 %); {used}{given}"
+        return f"the data show only that it is {self.interval} {self.unit} (95 %); {used}{given}"
 
     def _beside_given(self) -> str:
         """Return the comparison of the given value with the estimate, in words."""

@@ -64,7 +64,11 @@ def run(shape, size=(), since=118.0, until=np.inf, source=0, start=120.0, **more
             "single outliers",
             "single outliers, up to 8.25 standard deviations",
         ),
-        (run("start"), "not known", "up to 8.25 standard deviations off, while the filter found"),
+        (
+            run("start"),
+            "not known",
+            "up to 8.25 standard deviations off, while the filter converged",
+        ),
     ],
 )
 def test_a_run_in_words(made, cause, seen):
@@ -92,8 +96,8 @@ def test_a_jump_is_an_event_in_the_verdict_and_on_the_page(tmp_path):
     (found,) = solution.rejected
     assert str(found) == (
         "GNSS position: 5 fixes rejected from 158.0 to 162.0 s: they jumped by 20 m to the "
-        "south-east and stayed; see which is right, they or what was before, and leave the others "
-        "out"
+        "south-east and stayed; check whether the fixes before or after the jump are "
+        "correct, and leave out the others"
     )
     assert found.seen in solution.verdict.line and found.remedy in solution.verdict.line
     assert "<td>jump</td>" in summary.rejection_table({"": solution})
