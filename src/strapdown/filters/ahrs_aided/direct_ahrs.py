@@ -55,8 +55,8 @@ def start(
     correlation: float = 0.0,
     attitude_error: str = "considered",
 ) -> FilterState:
-    """The filter state at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
-    considered or neglected in the velocity."""
+    """The filter state at `start`. correlation: time constant (s) of the errors of the AHRS;
+    attitude_error: considered or neglected in the velocity."""
     return with_angles(
         know(start.belief(allocate(WITH_ANGLES)), correlation, attitude_error), start
     )
