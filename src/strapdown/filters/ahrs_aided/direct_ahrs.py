@@ -167,5 +167,5 @@ DIRECT_AHRS = Filter(
     bias=RANDOM_WALK,
     installation=True,
     good_for="an AHRS in a disturbed field, with any IMU",
-    poor_for="aircraft that circle: it leans with its AHRS",
+    poor_for="circling aircraft: it takes over the tilt error of the AHRS",
 )

@@ -79,5 +79,5 @@ INDIRECT_AHRS_CLOSED = Filter(
     installation=True,
     bias=DECAYING,
     good_for="an AHRS in a disturbed field, with any IMU",
-    poor_for="aircraft that circle: it leans with its AHRS",
+    poor_for="circling aircraft: it takes over the tilt error of the AHRS",
 )

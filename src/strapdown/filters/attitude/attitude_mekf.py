@@ -723,5 +723,5 @@ ATTITUDE_MEKF = Filter(
     smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered_covariance),
     bias=DECAYING,
     good_for="attitude without GNSS, from a 6- or 9-axis IMU",
-    poor_for="aircraft in long turns: it knows no velocity",
+    poor_for="aircraft in long turns: it has no velocity",
 )

@@ -353,5 +353,5 @@ MAHONY = Filter(
     weighs=False,
     bias=DECAYING,
     good_for="attitude at a small cost, on small processors",
-    poor_for="its standard deviations, wide at rest; long turns",
+    poor_for="claimed std, which is too large at rest; long turns",
 )

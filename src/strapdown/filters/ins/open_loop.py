@@ -250,5 +250,5 @@ OPEN_LOOP = Filter(
     lanes=True,
     bias=DECAYING,
     good_for="an INS that must not be corrected, tactical or better",
-    poor_for="consumer IMUs and hours: the INS leaves its linear model",
+    poor_for="consumer IMUs, or hours: the INS leaves its linear model",
 )

@@ -425,6 +425,6 @@ XKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="starts far off, then as good as closed-loop",
-    poor_for="vehicles whose course says little of their heading",
+    good_for="large initial errors, then the accuracy of closed-loop",
+    poor_for="vehicles whose course differs from their heading",
 )

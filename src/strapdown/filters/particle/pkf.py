@@ -345,5 +345,5 @@ PKF = Filter(
     start_kernels=(normal_rows,),
     bias=DECAYING,
     good_for="multimodal problems: unknown heading, beacons",
-    poor_for="daily use: 500 closed loops for the result of one",
+    poor_for="daily use: it costs 500 closed loops for the result of one",
 )

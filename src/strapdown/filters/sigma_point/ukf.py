@@ -58,6 +58,6 @@ UKF = Filter(
     diagnose=repairs,
     installation=True,
     bias=DECAYING,
-    good_for="starts far off; consumer IMUs in the hand",
-    poor_for="daily use: as closed-loop elsewhere, in 10 times its time",
+    good_for="large initial errors; consumer IMUs in the hand",
+    poor_for="daily use: the accuracy of closed-loop in 10 times its time",
 )

@@ -459,6 +459,6 @@ XKF_TWO_STAGE = Filter(
     condition=CONDITION,
     installation=True,
     bias=DECAYING,
-    good_for="starts far off, with the two-stage model",
-    poor_for="straight legs and ships: it is too sure there",
+    good_for="large initial errors, with the two-stage model",
+    poor_for="straight legs and ships: it is overconfident there",
 )
