@@ -220,8 +220,8 @@ def test_without_a_source_of_velocity_that_is_said():
     alone = replace(recording, sources=recording.sources[:1])
     found = estimated_installation(sd.fuse(alone, start=start(recording), estimate=["lever-arm"]))
     assert found.remarks == (
-        "none of the requested parameters of the installation is observable: there is no source of "
-        "velocity; add one",
+        "none of the requested parameters of the installation is observable: the recording has no "
+        "source of velocity; add one",
     )
 
 

@@ -87,7 +87,7 @@ def test_a_recording_toml_is_changed_once(read):
     path, found = read
     found.change(path)
     text = path.read_text()
-    with pytest.raises(sd.DataError, match="recording-imu.toml: is there already"):
+    with pytest.raises(sd.DataError, match="recording-imu.toml: exists already"):
         found.change(path)
     path.with_name("recording-imu.toml").unlink()
     with pytest.raises(
