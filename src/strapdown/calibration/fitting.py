@@ -64,7 +64,7 @@ def calibrate(
     Parameters
     ----------
     recording : Recording
-        In which the sensor is turned to many directions.
+        Recording in which the sensor was turned to many directions.
     sensor : str, optional
         "accelerometer", "magnetometer", or the name of a source of kind magnetic-field; by default the
         magnetometer where there is one.
@@ -80,11 +80,12 @@ def calibrate(
     Raises
     ------
     DataError
-        Where directions are too few (it says which lack), the sensor is constant, or there is none.
+        If directions are missing (the message lists them), the sensor is constant, or the recording
+        has none.
 
     Notes
     -----
-    docs/how-to/calibrate.md says which motions each method needs.
+    docs/how-to/calibrate.md lists the motions that each method needs.
 
     References
     ----------

@@ -11,7 +11,7 @@ from ..units.constants import STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Bounds of a vehicle, generous ones. Raises DataError where they are none.
+    """Generous limits of a vehicle. Raises DataError if they are invalid.
 
     Attributes
     ----------

@@ -63,13 +63,13 @@ def diagnose(
     progress: Progress | bool | None = None,
     **set_up: Unpack[SetUpOptions],
 ) -> Diagnosis:
-    """Find out what of the installation of a recording is wrong: clock offset of the GNSS, lever arm
-    of its antenna, mounting of the IMU, scale of the odometer.
+    """Find errors in the installation of a recording: clock offset of the GNSS, lever arm of its
+    antenna, mounting of the IMU, scale of the odometer.
 
-    Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
-    applied, and the filter is run again until nothing moves: `iteration.MAX_RUNS` runs at most.
-    What the recording names to be estimated as states is not, here. Without a source of velocity no
-    more than a clock offset beyond 0.5 s is reported.
+    Each parameter is estimated from the innovations of the filter (separate bias estimation,
+    Friedland 1969) and applied; then the filter runs again until nothing changes:
+    `iteration.MAX_RUNS` runs at most. The states that the recording asks for are not estimated
+    here. Without a source of velocity only a clock offset beyond 0.5 s is reported.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def diagnose(
     filter : str or Filter
         The closed loop or another filter of the closed-loop family.
     options : dict
-        Options of the filter's own, {name: value}.
+        Options that belong to this filter, {name: value}.
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 

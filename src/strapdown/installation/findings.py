@@ -117,13 +117,13 @@ class Diagnosis(Value):
     runs : int
         How often the filter ran.
     gain : float
-        Sum of min(NIS, 30) of all fixes, as given less as found.
+        Sum of min(NIS, 30) of all fixes, as given minus as found.
     misfit : float
         Mean of min(NIS, 30) as found, over that of a correct set-up: about 1.
     reasons : tuple of Reason
         The weightiest first.
     changes : tuple of str
-        What to write into recording.toml, a line each.
+        Changes to make in recording.toml, a line each.
     """
 
     parameters: tuple[Diagnosed, ...]

@@ -28,7 +28,7 @@ class Followed(Value):
     Attributes
     ----------
     before, after : Solution
-        As given, and with what was found applied; the same where nothing was.
+        Solution as given, and with the findings applied; the same if nothing was applied.
     diagnosis : Diagnosis or None
         None where the recording could not be diagnosed.
     stopped : str
@@ -73,9 +73,9 @@ def follow(
 ) -> Followed:
     """Fuse a recording, apply what `diagnose` finds wrong of its installation, and fuse it again.
 
-    Nothing is applied where the data do not decide: where the fixes still fit badly with it, where the
-    two halves of the recording find different values, or where the verdict is no better with it. Each
-    remedy is thus tried before it is taken.
+    Nothing is applied if the fixes still fit badly with the change, if the two halves of the
+    recording give different values, or if the verdict does not improve. So each remedy is tested
+    before it is applied.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class EstimatedInstallation(Value):
     reasons : tuple of Reason
         Reasons to doubt them; the verdict has them too.
     remarks : tuple of str
-        What cannot be told apart, what no motion shows, what is presumed.
+        Inseparable parameters, parameters that no motion shows, and assumptions.
     of_reference : str
         The remark on the time stamps of the reference, where there is one.
     """

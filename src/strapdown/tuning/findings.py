@@ -130,16 +130,16 @@ class SourceFit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tuning(Value):
-    """The noise that a recording tells.
+    """The noise estimated from a recording.
 
     Attributes
     ----------
     parameters : tuple of NoiseParameter
         Each noise as given and as found.
     directions : tuple of Direction
-        Combinations of them that the data hardly show.
+        Combinations of them that the data hardly determine.
     fits : tuple of SourceFit
-        What each source's innovations come to.
+        Statistics of each source's innovations.
     recording : Recording
         The recording as given.
     tuned : Recording
@@ -157,7 +157,7 @@ class Tuning(Value):
     after : Solution
         Solution as tuned.
     notes : tuple of str
-        What else a user must know, a line each.
+        Further facts for the user, a line each.
     """
 
     parameters: tuple[NoiseParameter, ...]

@@ -46,10 +46,10 @@ def calibrate_installation(
     """Find the installation of a recording: clock offset of each GNSS source, lever arm of its
     antenna, mounting of the IMU, scale of the odometer.
 
-    `diagnose` is run on what it found until that has nothing wrong; the smoother with the same
-    numbers as states, around what was found, is the second estimate. A parameter is found where it
-    is off what was given by `diagnose`'s limits and both agree; its standard deviation is the larger
-    of the two. What the recording asks to be estimated is left out.
+    `diagnose` runs on its own result until it finds nothing wrong. The smoother, with the same
+    parameters as states about that result, gives a second estimate. A parameter counts as found if
+    it differs from the given value by `diagnose`'s limits and both estimates agree; its standard
+    deviation is the larger of the two. States that the recording asks for are left out.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def calibrate_installation(
     filter : str or Filter
         As of `diagnose`.
     options : dict
-        Options of the filter's own, {name: value}.
+        Options that belong to this filter, {name: value}.
     imu_clock : bool
-        Blame the clock of the IMU, where all sources share an offset.
+        If all sources share an offset, correct the clock of the IMU instead.
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 

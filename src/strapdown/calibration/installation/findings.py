@@ -100,8 +100,7 @@ class Installation(Value):
     asking : Asking
         How the filter was run.
     written : dict[Path, Path]
-        {file that has it: copy of the old one}: offsets and factors are on top of what that
-        said.
+        {file that has it: copy of the old one}: offsets and factors are relative to the old file.
     """
 
     parameters: tuple[CalibratedParameter, ...]
