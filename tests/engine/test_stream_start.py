@@ -151,7 +151,7 @@ def test_a_stream_waits_for_what_is_left_open():
         ),
         (
             {"b_a": (0, 0, 9.8)},
-            r"start: b_a is \(0, 0, 9.8\); each .* at most 5 m/s\^2: is gravity",
+            r"start: b_a is \(0, 0, 9.8\); each .* at most 5 m/s\^2: does it include gravity",
         ),
         (
             {"b_g": (5, 0, 0)},

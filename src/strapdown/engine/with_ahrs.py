@@ -246,8 +246,8 @@ def _check(ahrs: Filter, filter: Filter) -> None:
         )
     if filter.uses is not None and "attitude" not in filter.uses:
         raise DataError(
-            f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or "
-            f"choose another filter"
+            f"{filter.name} does not use the attitude of an AHRS: leave out ahrs (--ahrs), or "
+            "choose another filter"
         )
 
 

@@ -425,6 +425,6 @@ XKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="large initial errors, then the accuracy of closed-loop",
+    good_for="large initial errors; then as accurate as closed-loop",
     poor_for="vehicles whose course differs from their heading",
 )
