@@ -59,7 +59,7 @@ def column(heading, name, text, **wanted):
 def silent(text):
     """Runs of the closed loop, in batch, live and smoothed, that are silently wrong."""
     own = (FILTER, f"{FILTER} live", f"{FILTER} smoothed")
-    heading = "What became of the runs whose fault the data can show"
+    heading = "Results of the runs whose fault the data can show"
     return sum(column(heading, "silent", text, runs=own))
 
 

@@ -248,13 +248,13 @@ BAD = {
     "ends the process": ("raise SystemExit(3)", "cannot be imported .SystemExit: 3"),
     "has no kernel": (
         SENSOR.replace("@kernel(OBSERVE)", ""),
-        "MeasurementModel 'vertical-speed': observe is no kernel",
+        "MeasurementModel 'vertical-speed': observe is not a kernel",
     ),
     "has another signature": (
         SENSOR.replace("(OBSERVE)", "(PREDICT)").replace(
             "import OBSERVE", "import OBSERVE, PREDICT"
         ),
-        "MeasurementModel 'vertical-speed': observe is a kernel of another signature",
+        "MeasurementModel 'vertical-speed': observe is a kernel with another signature",
     ),
     "has other arguments": (
         SENSOR.replace("belief, y, parameters", "belief, y"),
@@ -270,7 +270,7 @@ BAD = {
     ),
     "has a name that is taken": (
         SENSOR.replace('"vertical-speed"', '"velocity"'),
-        "the library has a MeasurementModel of the name 'velocity' already; choose another",
+        "the library already has a MeasurementModel of the name 'velocity'; choose another",
     ),
     "has no name": (SENSOR.replace('"vertical-speed"', '""'), "a MeasurementModel has the name ''"),
     "has a name that no label takes": (
@@ -279,7 +279,7 @@ BAD = {
     ),
     "has a filter whose name is taken": (
         FILTER.replace('"careful"', '"mekf"'),
-        "the library has a Filter of the name 'mekf' already",
+        "the library already has a Filter of the name 'mekf'",
     ),
 }
 
@@ -337,7 +337,7 @@ own = len(aiding.own_names())
 assert [aiding.number(n) for n in ("vertical-speed", "vertical-speed-2")] == [own, own + 1]
 assert aiding.REGISTRY.brought_by("vertical-speed").name == "first"
 (third,) = [p for p in plugins() if p.name == "third"]
-assert "plugin first has a MeasurementModel of the name 'vertical-speed'" in third.complaints[0]
+assert "plugin first already has a MeasurementModel of the name 'vertical-speed'" in third.complaints[0]
 """,
     )
     assert run("main.py", PYTHONPATH=path) == (0, "", "")
@@ -504,9 +504,12 @@ def test_numbers_of_kinds_stay_and_filters_are_found_by_name_or_not_sent(monkeyp
         (dict(units={"mV": 1e-3}), "must begin with the SI unit"),
         (dict(dimension="sped"), "did you mean 'speed'"),
         (dict(units={"V": 1.0}, innovation="lenght"), "did you mean 'length'"),
-        (dict(units=("V", "mV")), "is not sound"),
+        (dict(units=("V", "mV")), "is not valid"),
         (dict(units={"V": 1.0}, most=0.0), "most is 0.0; it must be a number above 0"),
-        (dict(name="speed", units={"V": 1.0}), "the library has a Quantity of the name 'speed'"),
+        (
+            dict(name="speed", units={"V": 1.0}),
+            "the library already has a Quantity of the name 'speed'",
+        ),
     ],
 )
 def test_quantities_that_cannot_be(monkeypatch, changes, said):

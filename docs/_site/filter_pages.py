@@ -55,21 +55,22 @@ EXPLAINED = {
 """{filter, else its family: page of docs/ that explains it}."""
 MEANINGS = {
     "error_model": "`corrected`, or [what Hager & Bryne print](../filters.md#options), in whole or in part",
-    "crab": "standard deviation of the angle between course and heading, deg; it widens the claimed "
-    "one of the heading and changes no gain",
-    "kernel": "how wide a component is drawn, as a share of the mixture, above 0 and at most 1; "
+    "crab": "standard deviation of the angle between course and heading, deg; it increases the claimed "
+    "std of the heading and changes no gain",
+    "kernel": "width of a resampled component, as a fraction of the mixture, above 0 and at most 1; "
     "`None`: [by the number of components](../../explanation/particle.md#options)",
 }
 """{option: its meaning on these pages, where a docstring leads to code}."""
 BIAS_MEANING = (
-    "what becomes of an estimated bias between fixes: `decaying`, `held` or `random-walk`; "
-    "[which](../evidence/bias-decay.md)"
+    "model of an estimated bias between fixes: `decaying`, `held` or `random-walk`; "
+    "[how to choose](../evidence/bias-decay.md)"
 )
 VERDICTS = (
-    "*Consistent*: it errs as much as it says; *by chance*: a right filter may come out so too. "
-    "*Too cautious*, *too sure*: its standard deviations are too large, too small. *Diverging*: at "
-    "least 2 of 60 runs went 500 m off, or for more than 10 s far beyond what they claimed. "
-    "*Refused*: do not use it so; what to do instead stands below."
+    "*Consistent*: the errors agree with the claimed standard deviations; *by chance*: a consistent "
+    "filter may also give this result. *Too cautious*, *too sure*: the standard deviations are too "
+    "large, too small. *Diverging*: in at least 2 of 60 runs the error reached 500 m, or far exceeded "
+    "the claimed covariance for more than 10 s. *Refused*: do not use this combination; the "
+    "alternative is given below."
 )
 
 
@@ -105,7 +106,7 @@ def evidence(page: str) -> str:
 def options(name: str, filter: Filter) -> list[str]:
     """Lines of the table of options."""
     if not filter.options:
-        return ["It has none."]
+        return ["This filter has no options."]
     said = meanings(filter.start.__doc__ or "", list(filter.options)) | {BIAS: BIAS_MEANING}
     said |= {option: MEANINGS[option] for option in said if option in MEANINGS}
     lines = ["| option | default | meaning |", "|---|---|---|"]
@@ -116,7 +117,7 @@ def options(name: str, filter: Filter) -> list[str]:
     if not others:
         return lines
     lines = lines if len(lines) > 2 else []
-    return [*lines, "", f"{explanation(name)} tells of {', '.join(others)}."]
+    return [*lines, "", f"{explanation(name)} explains {', '.join(others)}."]
 
 
 def consistency(name: str) -> list[str]:
@@ -124,17 +125,16 @@ def consistency(name: str) -> list[str]:
     _, *found = markdown.rows(markdown.section(evidence("consistency-each"), name)) or [[]]
     if not found:
         return [
-            "The [study of consistency](../evidence/consistency.md) does not run this filter: it is "
-            "about others that estimate a position."
+            "The [study of consistency](../evidence/consistency.md) does not include this filter."
             if 0 in filters.find(name).estimates
-            else "The study of consistency is about filters of position. What the standard "
-            f"deviations of this one are worth: {explanation(name)}."
+            else "The study of consistency covers filters that estimate position. The standard "
+            f"deviations of this filter are discussed in {explanation(name)}."
         ]
     grades = list(dict.fromkeys(row[1] for row in found))
     verdicts = {(row[0], row[1]): row[2] for row in found}
     lines = [
-        "Whether it errs as much as it says, 60 simulated runs a cell "
-        "([how it is measured](../evidence/consistency.md), "
+        "Agreement of the errors with the claimed covariance, 60 simulated runs per cell "
+        "([method](../evidence/consistency.md), "
         "`strapdown reproduce consistency --out DIR`):",
         "",
         "| motion | " + " | ".join(grades) + " |",
@@ -159,10 +159,10 @@ def recorded(name: str) -> list[str]:
     row = next((row for row in found if row[0] == name), None)
     if row is None:
         return [
-            "It does not run in [every filter on every recording](../evidence/every-filter.md)."
+            "[Every filter on every recording](../evidence/every-filter.md) does not include this filter."
         ]
     lines = [
-        "Rms errors: horizontal / vertical position; velocity; roll / pitch / heading, of BROAD "
+        "RMS errors: horizontal / vertical position; velocity; roll / pitch / heading; for BROAD "
         "inclination / heading ([all filters](../evidence/every-filter.md), "
         "`strapdown reproduce recordings --out DIR`):",
         "",
@@ -181,7 +181,7 @@ def recorded(name: str) -> list[str]:
     if row:
         lines += [
             "",
-            "Largest horizontal error of an outage, median: "
+            "Largest horizontal error in an outage, median: "
             f"drive0708, 15 s: {_metres(row[1])}; thor75, 30 s: {_metres(row[5])}.",
         ]
     return lines
@@ -192,7 +192,7 @@ def _metres(cell: str) -> str:
 
 
 def yes(value: Any) -> str:
-    """A word for what a table says of a property."""
+    """The word of a table for a property."""
     return "yes" if value else "no"
 
 
@@ -211,7 +211,7 @@ def page(name: str) -> str:
         ("uses", uses),
     ]
     if set(filter.states) != set(filter.estimates):
-        facts.append(("states no uncertainty of", "some of them; those are NaN"))
+        facts.append(("std", "NaN for some of them"))
     if cost and name != "closed-loop":
         facts.append(
             (
@@ -227,12 +227,12 @@ def page(name: str) -> str:
         ("[eight runs at a time](../../explanation/lanes.md)", yes(filter.lanes)),
     ]
     if filter.columns:
-        facts.append(("columns of its own", ", ".join(f"`{column}`" for column in filter.columns)))
-    facts += [("after", filter.reference), ("explained in", explanation(name))]
+        facts.append(("additional columns", ", ".join(f"`{column}`" for column in filter.columns)))
+    facts += [("reference", filter.reference), ("explained in", explanation(name))]
     parts = [
         f"# {name}",
         f"<!-- written by {COMMAND} -->",
-        f"One of the family *{filters.FAMILIES[filters.family(name)]}*.",
+        f"Family: *{filters.FAMILIES[filters.family(name)]}*.",
         "\n".join(["| | |", "|---|---|", *(f"| {what} | {text} |" for what, text in facts)]),
         f"```text\nstrapdown fuse RECORDING --filter {name}\n```",
         "## Options",

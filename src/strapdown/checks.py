@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 class DataError(ValueError):
-    """Input that cannot be used: one line that names file, row or field, and the remedy. Whatever
-    the input put into it, it is printable and not longer than MAX."""
+    """Unusable input: one line that names file, row or field, and the remedy. The line is always
+    printable and not longer than MAX."""
 
     def __init__(self, text: object = "") -> None:
         text = printable(str(text))

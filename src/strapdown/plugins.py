@@ -117,8 +117,8 @@ def require(needed: Iterable[tuple[str, str]]) -> None:
     for name, where in needed:
         if failed := load(where).failed:
             raise DataError(
-                f"plugin {name} on a worker: {failed}; put {where} there as it is here, or install "
-                f"it as a package"
+                f"plugin {name} on a worker: {failed}; copy {where} to the same place there, or "
+                "install it as a package"
             )
 
 
@@ -231,8 +231,9 @@ class Registry(Generic[Kind]):
         if name not in (others := self.plugin_values()):
             names = [*self.own_names(), *others]
             raise DataError(
-                f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; for "
-                f"one of a plugin name that by --plugin FILE or sd.register (docs/how-to/plugins.md)"
+                f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; "
+                "if a plugin defines it, load that with --plugin FILE or sd.register "
+                "(docs/how-to/plugins.md)"
             )
         return others[name][0]
 
@@ -254,7 +255,7 @@ class Registry(Generic[Kind]):
                     except DataError as error:
                         plugin.complain(str(error))
                     except Exception as error:  # a field is of another type than it should be
-                        plugin.complain(f"a {self.kind.__name__} is not sound ({one_line(error)})")
+                        plugin.complain(f"a {self.kind.__name__} is not valid ({one_line(error)})")
         return found
 
     def add(self, value: Kind, module: str) -> None:
@@ -273,7 +274,7 @@ class Registry(Generic[Kind]):
         except DataError:
             raise
         except Exception as error:
-            raise DataError(f"a {self.kind.__name__} is not sound ({one_line(error)})") from error
+            raise DataError(f"a {self.kind.__name__} is not valid ({one_line(error)})") from error
         with _writing:
             place, plugin = plugin, _plugins.setdefault(plugin.where, plugin)
             plugin.module = place.module  # without a file, another value is another module
@@ -299,7 +300,7 @@ class Registry(Generic[Kind]):
         if own or other:
             owner = "the library" if own else f"plugin {other[1].name}" if other else ""
             raise DataError(
-                f"{owner} has a {kind} of the name {name!r} already; choose another name"
+                f"{owner} already has a {kind} of the name {name!r}; choose another name"
             )
         return False
 
@@ -338,9 +339,9 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
     DataError that begins with `what`."""
     declared = getattr(function, "signature", None)
     if declared is None:
-        raise DataError(f"{what} is no kernel: write @kernel(SIGNATURE) above it")
+        raise DataError(f"{what} is not a kernel: write @kernel(SIGNATURE) above it")
     if declared != signature:
-        raise DataError(f"{what} is a kernel of another signature, see docs/how-to/plugins.md")
+        raise DataError(f"{what} is a kernel with another signature, see docs/how-to/plugins.md")
     names = list(inspect.signature(getattr(function, "py_func", function)).parameters)
     if len(names) != arguments:
         raise DataError(
@@ -350,7 +351,7 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
 
 
 IN_WORDS = {
-    "NRT required": "it allocates memory, for an array or a list; write a loop over numbers",
+    "NRT required": "it allocates memory for an array or a list; write a loop over numbers",
     "No conversion from none": "it returns None; it must return a number",
 }
 """Messages of numba for common mistakes, and what they mean."""

@@ -80,7 +80,7 @@ def test_from_rest_to_the_first_course():
     position, attitude = errors_of(start, recording)
     assert (
         "course" in start.note
-        and "level from the rest" in start.note
+        and "level from the standstill" in start.note
         and "gyro bias from" in start.note
     )
     assert 20 < start.t < 30 and np.abs(position / start.std[:3]).max() < 4

@@ -228,7 +228,7 @@ def test_after_a_rest_the_surer_of_gyros_and_force():
     recording = replace(sd.simulate(still, 14.0, MEMS, 3, 100.0), sources=())
     soon = align(recording, MEMS, at=11.2, position=False)
     assert (
-        "level from the rest" in soon.note
+        "level from the standstill" in soon.note
         and np.abs(attitude_error(soon, recording)[:2] / soon.std[6:8]).max() < 3
     )
     wild = lambda t: 8.0 * np.maximum(0, 1) * (t - 11.0) * ramp(t, 11.0, 0.05)
@@ -293,7 +293,7 @@ def test_a_disturbed_field_shows_in_the_deviation():
     [
         ((0.0, 0.0, 50e-6), "dip"),
         ((0.0, 0.0, 0.0), "the magnetic field is 0"),
-        ((0.2e-6, 0.0, 50e-6), "leaves it open"),
+        ((0.2e-6, 0.0, 50e-6), "does not show it"),
     ],
 )
 def test_a_field_that_tells_no_heading(field, words):

@@ -75,7 +75,7 @@ def test_at_rest(seed):
     z, error = scores(recording, start)
     assert np.abs(z).max() < 3.5 and np.abs(error[6:8]).max() < 0.5
     assert (
-        "level from the rest 0 s before" in start.note
+        "level from the standstill 0 s before" in start.note
         and "gyro bias from" in start.note
         and "heading given" in start.note
     )
@@ -97,7 +97,7 @@ def test_a_good_gyro_is_not_calibrated_against_the_rotation_of_the_earth():
 def test_noisy_fixes_do_not_hide_rest(velocity_std):
     recording = at_rest(40.0, gnss=Gnss(position_std=(1.5, 1.5, 3.0), velocity_std=velocity_std))
     start = align(recording, MEMS, at=35.0)
-    assert "level from the rest" in start.note and "gyro bias from" in start.note
+    assert "level from the standstill" in start.note and "gyro bias from" in start.note
 
 
 def test_smooth_flight_is_not_taken_for_rest():

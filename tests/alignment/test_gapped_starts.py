@@ -73,10 +73,10 @@ def test_an_empty_window_has_no_mean_force():
 def test_the_level_of_a_rest_is_not_carried_across_a_gap():
     """A car that stood until 19 s drives on a slope when samples come back."""
     recording, spec = whole("car", 0, "tactical"), sd.imu("tactical")
-    assert "level from the rest" in sd.align(recording, spec, at=26.0).note
+    assert "level from the standstill" in sd.align(recording, spec, at=26.0).note
     made = without_samples(recording, (19.0, 24.0))
     start = sd.align(made, spec, at=26.0)
-    assert "level from the rest" not in start.note and start.std[6] > np.radians(2.0)
+    assert "level from the standstill" not in start.note and start.std[6] > np.radians(2.0)
     # the rest tells the bias of the gyros all the same
     assert rests(made, 26.0).before
 

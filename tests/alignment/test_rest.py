@@ -55,7 +55,7 @@ def test_the_older_the_rest_the_less_sure():
 def test_a_start_within_a_rest_uses_all_of_it():
     recording = sd.simulate(static(LLA, (0.03, -0.02, 1.0)), 60.0, MEMS, 2, 50.0)
     start = align(recording, MEMS, heading=1.0)
-    assert start.t == 1.0 and "level from the rest 0 s before" in start.note
+    assert start.t == 1.0 and "level from the standstill 0 s before" in start.note
     assert "gyro bias from 60 s of rest" in start.note
     assert rests(recording, 1.0).until(recording.imu, 1.0) == recording.imu.t[-1]
 

@@ -135,7 +135,7 @@ def test_a_smooth_drive_is_no_rest(name, duration):
     """Each second of it alone is as still as a rest is."""
     with pytest.raises(
         DataError,
-        match="^the IMU .* an Allan deviation needs it at rest; choose a stretch with --from and --to",
+        match="^the IMU .* an Allan deviation needs an IMU at rest; choose a stretch with --from and --to",
     ):
         analyse(sd.simulate(name, duration, rate=20.0))
 

@@ -54,7 +54,7 @@ def test_what_turns_with_the_imu_is_told():
     made = sd.calibrate_installation(turned_case(1040, 120.0, 0.05))
     assert [each.name for each in made.found] == ["mounting heading"]
     assert any(
-        note.startswith("mag was taken to be in the case of the IMU and turned with it")
+        note.startswith("mag was assumed to be in the case of the IMU and rotated with it")
         for note in made.notes
     )
 
@@ -91,7 +91,7 @@ def test_the_recording_as_found_is_the_right_one_and_has_nothing_to_change(found
 
 def test_straight_at_one_speed_nothing_shows_and_it_is_said():
     recording = wrong(sd.simulate("straight", 120.0, "tactical", 1071), "lever arm", 1.0, 0)
-    with pytest.raises(DataError, match="nothing of the installation shows in this motion; to sh"):
+    with pytest.raises(DataError, match="this motion shows nothing of the installation; to sh"):
         sd.calibrate_installation(recording)
 
 
@@ -101,7 +101,7 @@ def test_without_motion_or_velocity_it_is_refused():
     with pytest.raises(DataError, match="has no source of velocity, and positions alone do not"):
         sd.calibrate_installation(alone)
     still = sd.simulate("static", 60.0, "tactical", 1072)
-    with pytest.raises(DataError, match="in this motion; to show the clock: acc"):
+    with pytest.raises(DataError, match="nothing of the installation; to show the clock: acc"):
         sd.calibrate_installation(still)
 
 
@@ -126,7 +126,9 @@ def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatc
         for a in right.sources[:2]
     ]
     monkeypatch.setattr(module, "settle", None)
-    with pytest.raises(DataError, match="there are 31 states beside the filter's own.*at most 30"):
+    with pytest.raises(
+        DataError, match="there are 31 states in addition to the filter's own.*at most 30"
+    ):
         sd.calibrate_installation(replace(right, sources=(*right.sources, *others)))
 
 
@@ -172,7 +174,7 @@ def test_nothing_is_written_beside_what_is_not_sure(found, drive):
         assert made.found and not made.edits and not made.changes
         (line,) = [line for line in made.lines if line.startswith("nothing is written: ")]
         assert "lever arm forward and mounting pitch" in line and f"with {clock.name}, and" in line
-        with pytest.raises(DataError, match=f"left as it is; clock of .*: {status}"):
+        with pytest.raises(DataError, match=f"unchanged; clock of .*: {status}"):
             made.write(drive)
     assert drive.read_text() == text
 
@@ -193,10 +195,10 @@ def test_a_clock_by_leap_seconds_is_not_plausible_and_nothing_is_written(tmp_pat
     made = sd.calibrate_installation(wrong(car(1074, 120.0), "clock", 18.0))
     (one,) = made.unsure
     assert one.status == IMPLAUSIBLE and one.change == pytest.approx(18.0, abs=0.05)
-    assert "more than the 2 s that an installation is off, so not written" in str(one)
+    assert "more than the 2 s by which an installation can differ, so not written" in str(one)
     assert not made.changes
     path = described(car(1074, 120.0), tmp_path)
-    with pytest.raises(DataError, match="left as it is; clock of GNSS position and GNSS velocity"):
+    with pytest.raises(DataError, match="unchanged; clock of GNSS position and GNSS velocity"):
         made.write(path)
     assert path.read_text() == TOML
 
@@ -218,7 +220,7 @@ def test_the_clock_of_the_imu_is_the_other_way_round():
     assert source is None and what is CLOCK and value == pytest.approx(-0.2, abs=0.02)
     assert deviation == of(made, "clock").std
     assert made.changes == (f"[imu] time: add {value:+.3f} s to offset",)
-    with pytest.raises(DataError, match="--imu-clock: no offset was estimated of speed"):
+    with pytest.raises(DataError, match="--imu-clock: no offset was estimated for speed"):
         sd.calibrate_installation(wrong(car(1070), "clock", 0.2), imu_clock=True)
 
 
@@ -237,8 +239,8 @@ def test_two_clocks_that_trade_off_are_said():
     nothing = np.zeros(len(constants(recording.sources)))
     settled = Settled((), nothing, nothing, diagnosis, (), 1)
     assert module._notes(settled, recording, clocks, False) == (
-        "clock of a and clock of b trade off: they differ by +0.400 s, but the motion does not show "
-        "either; neither is written",
+        "clock of a and clock of b trade off: they differ by +0.400 s, but the motion shows "
+        "neither; calibrate writes neither",
     )
 
 
@@ -247,7 +249,7 @@ def test_what_does_not_settle_is_not_written(monkeypatch):
     monkeypatch.setattr(iterated, "MAX_TURNS", 1)
     made = sd.calibrate_installation(recording)
     assert of(made, "clock").status == NOT_CONFIRMED and not made.edits
-    assert made.notes[-1].startswith("the estimates do not settle, so none is written")
+    assert made.notes[-1].startswith("the estimates do not converge, so none is written")
 
 
 @pytest.fixture
@@ -269,7 +271,9 @@ def test_what_was_written_is_right_and_settles(drive):
     }
     assert first.write(drive).read_text() == text
     changed = drive.read_text()
-    with pytest.raises(DataError, match="has this already; read it and calibrate anew"):
+    with pytest.raises(
+        DataError, match="already has this change; read the file and calibrate again"
+    ):
         first.write(drive)
     assert drive.read_text() == changed
     lines = drive.read_text().splitlines()

@@ -128,7 +128,7 @@ def test_help_names_every_command(good):
 def test_lists(good):
     out = good("filters")
     assert max(map(len, out.splitlines())) <= 100
-    closed_loop = "closed-loop             the one to begin with"
+    closed_loop = "closed-loop             first choice"
     assert re.search(rf"^Kalman filters of .*\n{closed_loop}", out, re.MULTILINE)
     assert out.index("Attitude without a position\n") < out.index("\nvru ")
     told = good("filters", "periodic-reset")

@@ -55,7 +55,9 @@ def test_a_file_is_shown_what_changes_then_changed_then_left(drive, command):
     code, out, err = command("calibrate", "installation", drive)
     lines = out.splitlines()
     assert (code, err) == (0, []) and drive.read_text() == TOML
-    said = re.match(r"clock of position and velocity: found to be off by (\S+) \+- 0.01", lines[0])
+    said = re.match(
+        r"clock of position and velocity: differs from the given value by (\S+) \+- 0.01", lines[0]
+    )
     assert said and float(said[1]) == pytest.approx(0.3, abs=0.03)  # 3 of its sigmas
     assert lines[-5] == f"to change in {drive} (--write does it):"
     assert lines[-4].startswith("    14 - time = {") and lines[-3].startswith("    14 + time = {")

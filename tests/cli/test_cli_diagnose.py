@@ -18,7 +18,9 @@ def test_what_is_wrong_is_printed_with_what_to_change(late, command):
     code, out, err = command("diagnose", late)
     lines = out.splitlines()
     assert (code, err) == (0, [])
-    assert lines[0].startswith("clock of GNSS position and GNSS velocity: found to be off by -0.3")
+    assert lines[0].startswith(
+        "clock of GNSS position and GNSS velocity: differs from the given value by -0.3"
+    )
     assert lines[-3].startswith("to change in recording.toml (")
     assert lines[-1].startswith("  [[source]] 2 (GNSS velocity) time: add -0.")
 

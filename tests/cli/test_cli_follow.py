@@ -41,7 +41,7 @@ def test_what_is_found_is_applied_and_the_better_solution_written(drives, comman
 
 def test_a_right_set_up_is_left_alone(drives, command, tmp_path):
     _, out, _ = command("fuse", drives / "right.nc", "--follow", "--out", tmp_path / "made")
-    assert "nothing applied: nothing of the installation is found to be wrong" in out
+    assert "nothing applied: the diagnosis found nothing wrong with the installation" in out
 
 
 def test_a_doubted_solution_has_no_protection_levels(drives, command, tmp_path):

@@ -185,7 +185,7 @@ def test_the_shell_is_offered_names(line, offered):
 
 def test_zsh_is_told_what_a_filter_is_good_for():
     (line,) = completed("strapdown filters xkf-t", "zsh")
-    assert '"xkf-two-stage":"starts far off' in line
+    assert '"xkf-two-stage":"large initial errors' in line
 
 
 def test_every_list_of_names_is_one():

@@ -48,7 +48,7 @@ def test_files_are_written_and_serve(plain, command, asked, tmp_path):
         "tune", "drive.nc", "--to", "60", "--no-correlated", "--imu", "consumer"
     )
     folder = f"{plain}-tune"
-    assert (code, err) == (0, []) and "3 of 7 numbers are told by the data" in out
+    assert (code, err) == (0, []) and "3 of 7 numbers are determined by the data" in out
     assert (
         asked["correlated"] is False and asked["span"][1] <= 60 and asked["filter"] == "closed-loop"
     )
@@ -66,7 +66,7 @@ def test_a_file_that_exists_is_refused_before_the_work(plain, command, asked, tm
     code, _, err = command("tune", "drive.nc", "--imu", "consumer", "--out", "out")
     assert code == 2 and asked == {}
     assert err == [
-        f"strapdown: out/{plain}-imu.toml: is there already, and is not overwritten; move it away, or "
+        f"strapdown: out/{plain}-imu.toml: exists already and is not overwritten; move it away, or "
         "choose another folder"
     ]
     assert [each.name for each in (tmp_path / "out").iterdir()] == [f"{plain}-imu.toml"]

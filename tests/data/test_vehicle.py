@@ -26,11 +26,11 @@ def test_found_by_name_as_itself_and_from_its_fields():
     [
         ("cra", "vehicle is 'cra' .did you mean 'car'.*any, pedestrian, car, ship"),
         (7, "vehicle is 7; it must be one of"),
-        ({"speeed": 3.0}, "vehicle: the bound is 'speeed' .did you mean 'speed'"),
+        ({"speeed": 3.0}, "vehicle: the limit is 'speeed' .did you mean 'speed'"),
         ({"speed": 0.0}, "vehicle speed"),
         ({"lowest": 5.0, "highest": 4.0}, "lowest is 5 m and highest 4 m"),
         ({"acceleration": float("nan")}, "vehicle acceleration"),
-        ({}, "vehicle: it has no bound; give some of speed, acceleration, lowest, highest"),
+        ({}, "vehicle: it has no limit; give some of speed, acceleration, lowest, highest"),
         ({"name": None}, "vehicle name is None; it must be text"),
     ],
 )
@@ -60,11 +60,13 @@ def test_a_sample_beyond_it_is_named_with_its_vehicle():
     dv = recording.imu.dv.copy()
     dv[100, 2] += 100.0 * recording.imu.dt[100]
     shaken = replace(recording, imu=recording.imu._replace(dv=dv))
-    assert not said(sd.fuse(shaken, start=start(recording), vehicle="car"), "which cannot be")
+    assert not said(sd.fuse(shaken, start=start(recording), vehicle="car"), "which is out of range")
     calm = Vehicle("glider", acceleration=50.0)
     ((t, text),) = said(sd.fuse(shaken, start=start(recording), vehicle=calm), "accelerometer")
     assert t == recording.imu.t[100] and text.startswith("accelerometer z reads ")
-    assert text.endswith("which cannot be: more than the 50 m/s^2 of vehicle 'glider': bridged")
+    assert text.endswith(
+        "which is out of range: more than the 50 m/s^2 of vehicle 'glider': bridged"
+    )
 
 
 def test_the_recordings_own_is_used_and_given_up_for_another(tmp_path):
@@ -106,7 +108,7 @@ def test_a_description_names_one_or_has_bounds_with_units(tmp_path):
     ("text", "words"),
     [
         ('vehicle = "cra"', "recording.toml: vehicle: vehicle is 'cra' .did you mean 'car'"),
-        ("vehicle = {}", "vehicle: it has no bound; give some of speed"),
+        ("vehicle = {}", "vehicle: it has no limit; give some of speed"),
         ("vehicle = { sped = 3 }", "recording.toml: .vehicle.*unknown key 'sped'"),
         ('vehicle = { speed = 3, speed_unit = "kg" }', "speed: unknown unit 'kg'"),
         ("vehicle = { highest = -20000 }", "lowest is -12000 m and highest -20000 m"),

@@ -55,7 +55,7 @@ def test_what_is_not_vouched_for_is_said_first():
     assert verdict.trusted and verdict.untested == (GEOID, BRIEF)
     assert verdict.vouched == ("horizontal position", "velocity", "roll and pitch", "heading")
     assert verdict.lines[1] == (
-        "  not tested: height above the geoid: one source; record a barometer (height rests on it)"
+        "  not tested: height above the geoid: one source; record a barometer (height depends on it)"
     )
     assert verdict.lines[-1] == "  smaller errors would not show: lever arm of gnss down: 0.51 m"
     assert Verdict.of([LATE], [BRIEF]).vouched == ()

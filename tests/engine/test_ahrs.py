@@ -205,7 +205,7 @@ def test_without_anything_that_measures_the_heading():
     bare = only("position", "velocity")
     with pytest.raises(
         DataError,
-        match="^fed needs attitude aiding, and there is none: add an attitude record or a magnetometer .* --ahrs attitude-mekf",
+        match="^fed needs attitude aiding, and the recording has none: add an attitude record or a magnetometer .* --ahrs attitude-mekf",
     ):
         sd.fuse(bare, FED)
     drifting = sd.fuse(bare, FED, ahrs="attitude-mekf")
@@ -280,7 +280,7 @@ def test_every_filter_that_needs_attitude_is_fed(command, file, tmp_path, name):
         "fuse", tmp_path / "bare.nc", "--filter", name, "--out", tmp_path / "out"
     )
     assert code == 2 and err == [
-        f"strapdown: {name} needs attitude aiding, and there is none: {REMEDY}"
+        f"strapdown: {name} needs attitude aiding, and the recording has none: {REMEDY}"
     ]
 
 
@@ -330,7 +330,7 @@ def test_a_rate_without_an_ahrs_is_refused():
         ),
         ("closed-loop", "attitude-mek", "did you mean 'attitude-mekf'"),
         ("closed-loop", "open-loop", "open-loop is no AHRS, .* attitude-mekf, mahony, vru"),
-        ("mahony", "attitude-mekf", "mahony has no use for the attitude of an AHRS"),
+        ("mahony", "attitude-mekf", "mahony does not use the attitude of an AHRS"),
     ],
 )
 def test_names(filter, ahrs, text):
@@ -364,7 +364,7 @@ def test_other_needs_are_told_by_name():
     needy = CLOSED_LOOP._replace(name="needy", needs=("pressure", "position", "heading"))
     with pytest.raises(
         DataError,
-        match="^needy needs pressure and heading aiding, and there is none: add a source of that kind$",
+        match="^needy needs pressure and heading aiding, and the recording has none: add a source of that kind$",
     ):
         sd.fuse(recording(), needy)
     assert sd.fuse(recording(), CLOSED_LOOP._replace(needs=("position",)), every=100).counts()
@@ -392,7 +392,9 @@ def in_order(sources):
 @pytest.mark.short
 def test_a_stream_is_given_attitude():
     start = sd.align(recording(), sd.imu("tactical"))
-    with pytest.raises(DataError, match="^fed needs attitude aiding, and there is none: add an"):
+    with pytest.raises(
+        DataError, match="^fed needs attitude aiding, and the recording has none: add an"
+    ):
         sd.Stream(FED, start=start, imu="tactical", sources=recording().sources[:2])
     sources = beside(recorded())
     stream, imu = sd.Stream(FED, start=start, imu="tactical", sources=sources.sources), sources.imu
@@ -467,7 +469,7 @@ def test_command(command, file, tmp_path):
         (("--ahrs-rate", "nan"), "ahrs_rate is nan Hz"),
         (("--ahrs", "vru", "--ahrs-rate", "21"), "at most the IMU's 20 Hz"),
         (("--ahrs-rate", "-1"), "-1.0 Hz"),
-        (("--ahrs", "vru", "--filter", "vru"), "vru has no use for the attitude"),
+        (("--ahrs", "vru", "--filter", "vru"), "vru does not use the attitude"),
         (("--ahrs-rate", "x"), "--ahrs-rate"),
     ],
 )

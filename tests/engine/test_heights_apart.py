@@ -117,7 +117,7 @@ def test_a_constant_difference_bounds_the_height():
     position = next(a for a in recording.sources if a.kind == "position")
     off = sd.fuse(wrong(recording, ERRORS["15 m"])).meta["heights_apart"][0]["difference"]
     assert abs(off - 15.0) < 3 * np.median(position.std[:, 2])
-    assert "no data tell which of them is wrong" in reason.seen
+    assert "the data do not show which of them is wrong" in reason.seen
     assert f"the height may be {off:.3g} m off" in reason.seen
 
 

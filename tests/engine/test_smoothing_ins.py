@@ -553,7 +553,7 @@ def test_what_bends_the_rows_before_it_is_said(spoil, reach):
     (first, text), *_ = said(smoothed, APART)
     assert first == doubted[0] and reach < first < 120
     assert (smoothed.status[(smoothed.t >= first) & before] == DOUBTFUL).all()
-    assert text.endswith("what came later contradicts what came before")
+    assert text.endswith("later fixes contradict earlier ones")
     others = [event for event in smoothed.events if APART not in event[1]]
     assert others == list(filtered.events)
 

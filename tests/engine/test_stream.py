@@ -402,7 +402,7 @@ def test_a_measurement_names_its_source_or_says_its_place():
     alike = Stream(
         "closed-loop", start=start(recording), imu="tactical", sources=[recording.sources[0]] * 2
     )
-    with pytest.raises(DataError, match="2 have that name: give its place"):
+    with pytest.raises(DataError, match="2 have that name: give its index"):
         alike.step(Measurement(1.0, names[0], (0.8, 0.2, 300.0), (1.0,) * 3))
 
 

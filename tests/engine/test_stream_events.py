@@ -174,8 +174,8 @@ def test_what_is_dropped_is_counted_by_its_reason_and_said():
     assert stream.dropped == 10 and stream.counts()[0] == (1, 0)
     texts = [text for _, text in stream.events if "gap" not in text]
     assert texts == [
-        "IMU: 1 late sample dropped, up to 1.99 s behind: give a longer lag",
-        "GNSS position: 1 late row dropped, up to 1.1 s behind: give a longer lag",
+        "IMU: 1 late sample dropped, up to 1.99 s behind: set a longer lag",
+        "GNSS position: 1 late row dropped, up to 1.1 s behind: set a longer lag",
         "IMU: 1 repeated time dropped",
         "GNSS position: 2 repeated rows dropped",
         "IMU: 1 sample with NaN or infinite values dropped",
@@ -194,7 +194,7 @@ def test_fixes_of_another_epoch_are_said_at_once_and_counted_at_the_end():
     stream = stream_of(recording, on_event=lambda t, text: told.append((stream.t, text)))
     far_ahead(stream, recording)
     stream.finish()
-    text = "fixes are up to 345600 s ahead of the IMU: check the clock of one of both"
+    text = "fixes are up to 345600 s ahead of the IMU: check both clocks"
     assert [text for _, text in stream.events if "ahead" in text] == [
         f"GNSS position: {text}",
         f"GNSS velocity: {text}",
@@ -208,7 +208,7 @@ def test_no_lag_is_asked_for_where_the_clock_is_wrong():
     recording, stream = flight(), stream_of(flight())
     samples = [e for e in events_of(recording) if type(e) is Sample]
     play(stream, [*samples[:21], samples[21]._replace(t=90.0)])
-    for t, remedy in ((2.0, "check the clock of one of both"), (45.0, "give a longer lag")):
+    for t, remedy in ((2.0, "check both clocks"), (45.0, "set a longer lag")):
         play(stream, [Measurement(t, 0, tuple(recording.sources[0].y[4]), (1.0,) * 3)])
         assert any(text.endswith(f" {90 - t:g} s behind: {remedy}") for _, text in stream.events)
 

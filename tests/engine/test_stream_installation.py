@@ -146,7 +146,7 @@ def test_a_fix_may_come_as_late_as_it_waits():
                     stream.step(fix)
         assert stream.counts()[0][0] == used
         assert [text for _, text in stream.events if "late row dropped" in text] == [
-            "GNSS position: 1 late row dropped, up to 0.35 s behind: give a longer lag"
+            "GNSS position: 1 late row dropped, up to 0.35 s behind: set a longer lag"
         ] * (not used)
 
 

@@ -159,7 +159,7 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
         ({"start": sd.InitialState("20")}, "start: t is '20'; it must be 1 finite number"),
         ({"imu": {}}, "imu is {}; a dict must have the fields of an ImuSpec"),
         ({"imu": None}, "give imu=, one of .*, or a file that describes it$"),
-        ({"vehicle": {}}, "vehicle: it has no bound; give some of speed, acceleration, lowest, hi"),
+        ({"vehicle": {}}, "vehicle: it has no limit; give some of speed, acceleration, lowest, hi"),
         ({"ahrs_rate": 5.0}, "ahrs_rate is 5 Hz, but no AHRS runs"),
         ({"ahrs": "closed-loop"}, "closed-loop is no AHRS"),
         ({"vehicle": "tram"}, "vehicle is 'tram'"),

@@ -61,7 +61,7 @@ def test_where_nothing_tells_the_heading_it_waits_and_says_what_it_does():
     assert begun == [pytest.approx(30.0)]
     ((t, text),) = [event for event in stream.events if "started" in event[1]]
     assert t == pytest.approx(30.0)
-    assert text.startswith("started with what there is: ") and "heading unknown" in text
+    assert text.startswith("started with incomplete data: ") and "heading unknown" in text
 
 
 def test_without_a_fix_it_says_that_it_cannot_start_and_goes_on_gathering():
@@ -101,7 +101,7 @@ def test_it_starts_when_told_to():
     assert np.array_equal(stream.belief.lla, batch.trajectory.lla[-1])
     with pytest.raises(DataError, match="^the stream has started at 1.000 s; begin a new one"):
         stream.begin()
-    with pytest.raises(DataError, match="^0 IMU samples are no start"):
+    with pytest.raises(DataError, match="^0 IMU samples are too few to find a start"):
         own(recording).align()
 
 
@@ -151,7 +151,7 @@ def test_a_stream_waits_for_what_is_left_open():
         ),
         (
             {"b_a": (0, 0, 9.8)},
-            r"start: b_a is \(0, 0, 9.8\); each .* at most 5 m/s\^2: is gravity",
+            r"start: b_a is \(0, 0, 9.8\); each .* at most 5 m/s\^2: does it include gravity",
         ),
         (
             {"b_g": (5, 0, 0)},
@@ -187,7 +187,7 @@ def test_where_the_fixes_have_another_epoch_it_names_the_clock():
         for event in events_of(recording):
             stream.step(event._replace(t=event.t + 3600.0) if type(event) is Measurement else event)
         stream.finish()
-    text = "GNSS position: fixes are up to 3600 s ahead of the IMU: check the clock of one of both"
+    text = "GNSS position: fixes are up to 3600 s ahead of the IMU: check both clocks"
     assert str(error.value) == text
     assert stream.dropped_by["after the last sample"] == 40
 
@@ -212,4 +212,4 @@ def test_before_the_start_no_fix_is_late(lag):
     stream = own(recording, lag=lag)
     play(stream, late(recording))
     assert stream.started and stream.dropped_by["late"] > 0
-    assert stream.events[-1][1].endswith("give a longer lag")
+    assert stream.events[-1][1].endswith("set a longer lag")

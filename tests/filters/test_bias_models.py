@@ -143,5 +143,5 @@ def test_an_unknown_bias_model_is_refused(name):
 
 
 def test_a_noise_holds_no_more_than_all():
-    with pytest.raises(DataError, match="noise: held is 2; it is a share, at most 1"):
+    with pytest.raises(DataError, match="noise: held is 2; it is a fraction, at most 1"):
         sd.fuse(flight(), start=start(flight()), noise=NOISE._replace(held=2.0))

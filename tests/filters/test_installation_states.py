@@ -19,7 +19,7 @@ from strapdown.engine.options import run_options
 ABLE = [name for name in filters.names() if filters.find(name).installation]
 OWN_GAINS = ["two-stage-ekf", "xkf-two-stage"]
 """Filters whose gains are not those of least variance: what they find is not what the closed loop
-finds. `nlo` is another, but has no use for the constraints here."""
+finds. `nlo` is another, but does not use the constraints here."""
 WRONG = {
     "clock error of GNSS position [s]": 0.08,
     "lever arm forward error of GNSS position [m]": 0.5,
@@ -150,7 +150,7 @@ def test_a_clock_that_runs_away_is_said(tau):
     said = [text for _, text in run.events.all]
     assert any(
         text.startswith("the clock of position is estimated ")
-        and " s off, beyond what can be looked back, until " in text
+        and " s off, more than the filter can look back, until " in text
         and text.endswith("set time.offset")
         for text in said
     ), said
@@ -179,7 +179,7 @@ def test_what_a_grade_states_of_its_axes_are_states():
         )
     ]
     np.testing.assert_allclose(stds, [1e-3, np.degrees(1e-3)], rtol=0.01)
-    assert any("as uncertain as its grade says" in note for note in solution.meta["notes"])
+    assert any("with the std of its grade" in note for note in solution.meta["notes"])
 
 
 @pytest.mark.short
@@ -197,4 +197,4 @@ def test_who_asks_of_the_imu_gets_what_is_asked_and_of_sources_both():
 def test_a_filter_that_leaves_the_axes_out_says_so():
     made, start, _ = flight(2.0, 10.0)
     solution = sd.fuse(made, "pkf", imu=STATED, start=start)
-    assert any("pkf leaves out gyro scale" in note for note in solution.meta["notes"])
+    assert any("pkf does not model gyro scale" in note for note in solution.meta["notes"])

@@ -296,7 +296,7 @@ def test_thirty_states_beyond_are_the_most(flight):
     )
     with pytest.raises(
         DataError,
-        match="there are 31 states beside the filter's own, the last is 'baro 30 bias .m.'; at most 30",
+        match="there are 31 states in addition to the filter's own, the last is 'baro 30 bias .m.'; at most 30",
     ) as error:
         several(31)
     assert "\n" not in str(error.value)

@@ -84,7 +84,7 @@ def test_standard_deviations_hold():
 @pytest.mark.parametrize(
     "change, cause, seen",
     [
-        (lambda imu: turned(imu, 6.0), "mounting", "deg off those of magnetometer about z"),
+        (lambda imu: turned(imu, 6.0), "mounting", "deg from those of magnetometer about z"),
         (lambda imu: imu._replace(t=imu.t + 0.1), "clock", "0.10 +- "),
         (lambda imu: imu._replace(t=imu.t - 1.0), "clock", "1.00 +- "),
         (lambda imu: imu._replace(dtheta=1.05 * imu.dtheta), "gyro", "% more than the field"),

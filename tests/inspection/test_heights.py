@@ -32,7 +32,7 @@ def test_a_constant_difference_is_named(drive, off, words):
 @pytest.mark.parametrize("off, scatter, std", [(3.0, 1.0, 2.0), (20.0, 30.0, 2.0), (20.0, 1.0, 10)])
 def test_what_is_small_is_a_fact(drive, off, scatter, std):
     found = check(with_altitude(drive, off, scatter, std))
-    assert found.reasons == [] and "height of GNSS position less" in found.facts[0]
+    assert found.reasons == [] and "height of GNSS position minus" in found.facts[0]
 
 
 def test_a_height_of_the_imu_agrees_with_that_of_an_antenna_on_a_mast(drive):

@@ -30,7 +30,7 @@ def test_right_axes_are_a_fact(request, name):
 def test_right_angles_are_named_and_the_remedy_cures(request, name, degrees):
     wrong = bent.imu(request.getfixturevalue(name), bent.turned(degrees))
     reason = reason_of(wrong)
-    assert reason.cause == "axes" and f"turned by {degrees} deg" in reason.seen
+    assert reason.cause == "axes" and f"rotated by {degrees} deg" in reason.seen
     axes = re.search(r'"(.*)"', reason.remedy)[1]
     cured = bent.imu(wrong, axes_matrix(axes, BODY_AXES))
     assert check(InspectedRecording(cured)).reasons == []
@@ -83,7 +83,7 @@ def test_walking_speed_tells_the_axes(seed, name):
     assert found.reasons == [] and found.facts
     for degrees in (90, 180, 270):
         reason = reason_of(bent.imu(right, bent.turned(degrees)))
-        assert reason.cause == "axes" and f"turned by {degrees} deg" in reason.seen
+        assert reason.cause == "axes" and f"rotated by {degrees} deg" in reason.seen
     assert reason_of(bent.imu(right, np.diag([1, -1, 1]))).cause == "axes"
 
 

@@ -65,7 +65,7 @@ def test_latency_is_measured(lag):
     (reason,) = position_against_velocity(position, velocity).reasons
     assert reason.cause == "clock" and reason.source == "v"
     assert f"{abs(lag):.2f}"[:3] in reason.seen
-    assert ("after" if lag > 0 else "before") in reason.seen
+    assert ("later" if lag > 0 else "earlier") in reason.seen
     assert f"add {-lag:+.1f}"[:-1] in reason.remedy
 
 
@@ -80,8 +80,8 @@ def test_latency_is_measured(lag):
         (lambda v: v * [1.03, 1.03, 1], "unit", "1.03 times the speed"),
         (lambda v: v[:, [1, 0, 2]] * [1, 1, -1], "frame", "ENU read as NED"),
         (lambda v: v * [1, -1, 1], "frame", "east has the wrong sign"),
-        (lambda v: v * [-1, -1, 1], "frame", "it points backwards"),
-        (lambda v: v @ bent.turned(4.0).T, "frame", "it is turned by +4.0"),
+        (lambda v: v * [-1, -1, 1], "frame", "the velocity points backwards"),
+        (lambda v: v @ bent.turned(4.0).T, "frame", "the velocity is rotated by +4.0"),
         (lambda v: v * [1, 1, -1], "frame", "vertical part has the wrong sign"),
         (lambda v: v * [1, 1, 0], "repeated", "vertical part is always 0"),
         (lambda v: v * [1, 1, 3.6], "unit", "vertical part is 3.6"),

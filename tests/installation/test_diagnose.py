@@ -142,7 +142,9 @@ def test_velocities_in_a_wrong_unit_stop_it():
             *recording.sources[2:],
         ),
     )
-    with pytest.raises(DataError, match="GNSS velocity.*cannot be diagnosed$"):
+    with pytest.raises(
+        DataError, match="GNSS velocity.*correct this before you diagnose the installation$"
+    ):
         sd.diagnose(bad)
 
 

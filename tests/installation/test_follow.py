@@ -35,7 +35,7 @@ def test_a_clock_that_is_found_is_applied_and_its_effect_said(drive):
 
 def test_a_right_set_up_is_left_as_it_is(drive):
     found = sd.follow(drive)
-    assert found.stopped == "nothing of the installation is found to be wrong"
+    assert found.stopped == "the diagnosis found nothing wrong with the installation"
     assert found.after is found.before and found.applied == ()
 
 

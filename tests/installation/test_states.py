@@ -94,17 +94,17 @@ def test_what_is_wrong_is_found_in_the_terms_of_the_file(turning, run):
     assert clock.change == solution.columns[column][-1] and clock.prior == 0.1
     assert clock.std == solution.columns[f"std of {column}"][-1]
     assert clock.name == "clock of GNSS position and GNSS velocity" and clock.unit == "s"
-    assert str(clock) == f"{clock.name}: found, off what was given by {clock.seen}"
+    assert str(clock) == f"{clock.name}: found, {clock.seen} from the given value"
     assert str(found["lever-arm", "right"]).startswith(
         f"lever arm right of GNSS position and GNSS velocity: found: "
-        f"{found['lever-arm', 'right'].value:.3f} m, off what was given by -0."
+        f"{found['lever-arm', 'right'].value:.3f} m, -0."
     )
 
 
 def test_what_is_right_is_consistent(turning):
     found = by_name(sd.fuse(turning, start=start(turning), estimate=["clock", "lever-arm"]))
     assert found["clock", ""].status == found["lever-arm", "right"].status == "consistent"
-    assert "consistent with what was given (" in str(found["clock", ""])
+    assert "consistent with the given value (" in str(found["clock", ""])
 
 
 def with_odometer(recording, scale):
@@ -122,9 +122,7 @@ def test_a_scale_is_told_as_what_its_file_must_be_multiplied_by(turning):
     (scale,) = estimated_installation(solution).parameters
     assert scale.status == "found" and scale.change == pytest.approx(0.03, abs=2e-3)
     assert scale.value == pytest.approx(1 / 1.03, abs=2e-3)
-    assert str(scale).startswith(
-        "scale of speed: found: it reads 3.0 % too much, off what was given"
-    )
+    assert str(scale).startswith("scale of speed: found: it reads 3.0 % too much, a difference of")
     assert str(scale).endswith(f"; multiply its scale by {scale.value:.4f}")
     # what is told, done, leaves nothing to find
     right = [replace(a, y=a.y * scale.value) if a.kind == "speed" else a for a in recording.sources]
@@ -157,7 +155,7 @@ def test_the_stamps_of_a_reference_are_doubted_with_those_of_the_receiver(turnin
     assert found.of_reference.startswith(
         "the reference keeps its time stamps: where it comes from "
     )
-    assert f"off by {found.parameters[0].seen} too" in found.of_reference
+    assert f"off by {found.parameters[0].seen}" in found.of_reference
     sd.report(solution, logged.reference).save(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert "The reference may itself be wrong: the reference keeps its time stamps" in page
@@ -170,7 +168,7 @@ def test_the_stamps_of_a_reference_are_doubted_with_those_of_the_receiver(turnin
 def test_the_other_source_of_an_antenna_is_taken_as_right_in_time(turning):
     solution = sd.fuse(turning, start=start(turning), estimate=["position clock"])
     assert estimated_installation(solution).remarks == (
-        "clock of GNSS position: GNSS velocity of the same antenna is taken as right in time; where "
+        "clock of GNSS position: GNSS velocity of the same antenna is assumed to have correct times; where "
         "one receiver stamps both, estimate the clocks of both",
     )
 
@@ -184,13 +182,13 @@ def test_an_attitude_is_of_the_imu_whatever_its_mounting(turning):
     remarks = estimated_installation(
         replace(solution, meta=solution.meta | {"kinds": kinds})
     ).remarks
-    assert "the mounting is estimated, and AHRS taken as of the IMU's own axes" in remarks
+    assert "the mounting is estimated with AHRS assumed to be in the IMU's own axes" in remarks
 
 
 def test_a_tight_prior_is_no_reason_to_go_driving(turning):
     solution = sd.fuse(turning, start=start(turning), estimate={"clock": 1e-4})
     found = estimated_installation(solution)
-    assert str(found.parameters[0]).endswith("); the prior says as much as the data")
+    assert str(found.parameters[0]).endswith("); the prior is as tight as the data")
     assert found.remarks == ()
 
 
@@ -200,8 +198,8 @@ def test_what_no_motion_shows_is_said_with_the_motion_that_would():
     found = by_name(solution)
     assert found["lever-arm", "right"].status == "not observable"
     text = str(found["lever-arm", "right"])
-    assert text.endswith(" of a prior of 0.5 m); to show it, turn, to both sides")
-    assert "(+-0." in text
+    assert text.endswith(", prior 0.5 m); to show it, turn, to both sides")
+    assert "(std 0." in text
 
 
 def test_two_clocks_cannot_be_told_apart_at_one_speed():
@@ -212,7 +210,7 @@ def test_two_clocks_cannot_be_told_apart_at_one_speed():
     solution = sd.fuse(recording, start=start(recording), estimate=["clock"])
     (remark,) = estimated_installation(solution).remarks
     assert remark.startswith(
-        "clock of GNSS position and clock of front cannot be told apart (correlation +0.9"
+        "the data cannot separate clock of GNSS position and clock of front (correlation +0.9"
     )
     assert remark.endswith("): estimate one of them, or accelerate, brake or turn")
 
@@ -222,8 +220,8 @@ def test_without_a_source_of_velocity_that_is_said():
     alone = replace(recording, sources=recording.sources[:1])
     found = estimated_installation(sd.fuse(alone, start=start(recording), estimate=["lever-arm"]))
     assert found.remarks == (
-        "nothing of the installation that was asked for is observable: there is no source of "
-        "velocity, add one",
+        "none of the requested parameters of the installation is observable: the recording has no "
+        "source of velocity; add one",
     )
 
 
@@ -231,7 +229,7 @@ def test_at_rest_nothing_is_observable():
     recording = at_rest()
     solution = sd.fuse(recording, estimate=["clock", "lever-arm"])
     assert estimated_installation(solution).remarks[-1] == (
-        "nothing of the installation that was asked for is observable: it hardly moves, at most "
+        "none of the requested parameters of the installation is observable: the vehicle hardly moves, at most "
         "0.3 m/s"
     )
 
@@ -243,7 +241,7 @@ def test_a_prior_that_contradicts_the_data_is_a_reason_with_both_numbers(turning
     error = by_name(solution)["lever-arm", "forward"]
     assert reason.cause == "lever arm" and reason.weight == pytest.approx(error.change / 0.6)
     assert reason.seen == (
-        f"{error.name} is estimated {error.seen} off what was given, and its prior is 0.2 m: the "
+        f"the estimate of {error.name} differs by {error.seen} from the given value, and its prior is 0.2 m: the "
         "prior contradicts the data"
     )
     assert reason in solution.verdict.reasons and not solution.verdict.trusted

@@ -114,7 +114,7 @@ def test_a_reader_from_outside_is_known_everywhere(log, command):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        ({"name": "psins"}, "the library has a Reader of the name 'psins' already"),
+        ({"name": "psins"}, "the library already has a Reader of the name 'psins'"),
         ({"name": ""}, "a Reader has the name ''; it must be text"),
         ({"name": 3}, "the name 3; it must be text"),
         ({"suffixes": (".mine", ".imu")}, r"end in \.imu are read by 'psins'; give it a sniff"),

@@ -153,7 +153,7 @@ def test_a_source_text_says_units_axes_and_parameters():
     [
         (dict(name="closed-lop"), "did you mean 'closed-loop'"),
         (dict(kinds=["positon"]), "did you mean 'position'"),
-        (dict(kinds=["course", "pressure"], name="attitude-mekf"), "has no use for"),
+        (dict(kinds=["course", "pressure"], name="attitude-mekf"), "does not use"),
         (dict(kinds=["position"], name="fixed-gain"), "needs attitude aiding.*among the sources"),
         (dict(options={"speed": 1}), "has no option 'speed'"),
         (dict(options={"error_model": "x"}), "error_model is 'x'"),

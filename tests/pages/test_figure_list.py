@@ -115,7 +115,7 @@ def test_the_command_line_prints_which_figure_could_not_be_drawn(tmp_path):
 @pytest.mark.parametrize(
     "figure, says",
     [
-        (Figure("track", "Track", drawn), "the library has a Figure of the name 'track' already"),
+        (Figure("track", "Track", drawn), "the library already has a Figure of the name 'track'"),
         (Figure("", "Mine", drawn), "a Figure has the name ''; it must be text"),
         (Figure(3, "Mine", drawn), "a Figure has the name 3; it must be text"),
         (Figure("mine", "", drawn), "figure 'mine': its title must be text"),

@@ -24,13 +24,13 @@ def test_it_says_word_cause_what_was_seen_and_what_to_do():
     shown = text(verdict_block({"a": WRONG}))
     assert shown.startswith("✕ Not to be trusted Something in the set-up is wrong.")
     cause, seen, remedy = map(
-        shown.index, ("Probable cause: axes", "Seen The course", "To do Turn")
+        shown.index, ("Probable cause: axes", "Seen The course", "To do Rotate")
     )
     assert cause < seen < remedy < shown.index("Probable cause: time stamps of gnss velocity")
     assert "a" not in shown.split()[:5] and "Not tested" not in shown  # no name, nothing untested
     trusted = text(verdict_block({"a": TRUSTED}))
     assert trusted.startswith("✓ Trusted") and trusted.endswith(
-        "Not tested: heading: no turns; turn (heading rests on it)."
+        "Not tested: heading: no turns; turn (heading depends on it)."
     )
     assert "class='verdict doubt'" in verdict_block({"a": DOUBTFUL})
 

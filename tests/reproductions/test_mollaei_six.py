@@ -411,7 +411,7 @@ def test_other_sources_are_left_out_and_a_lever_arm_is_refused():
     with_it = fused(
         (replace(recording, sources=(*recording.sources, compass)), start, truth), filters.EKF6
     )
-    assert "six-ekf has no use for heading" in with_it.meta["notes"]
+    assert "six-ekf does not use heading" in with_it.meta["notes"]
     assert np.array_equal(
         with_it.covariance, fused((recording, start, truth), filters.EKF6).covariance
     )

@@ -213,8 +213,8 @@ def test_of_several_runs_the_median_counts_and_a_stop_as_infinite():
     "text, short",
     [
         (
-            "filter 'f': needs attitude aiding, and there is none; give ahrs=",
-            "needs attitude aiding, and there is none",
+            "filter 'f': needs attitude aiding, and the recording has none; give ahrs=",
+            "needs attitude aiding, and the recording has none",
         ),
         ("f stopped at 2.00 s: it diverged", "stopped at 2.00 s"),
         ("x" * 200, "x" * 159 + "…"),

@@ -114,7 +114,7 @@ def test_likelihood_ratios_find_what_weights_hide():
     table = combination.compare_rules(*both).set_index("rule")
     assert table.loc["sum of weights, 1 or more", "trusted and wrong"] == "30 of 30"
     assert table.loc["likelihood ratios, threshold learned", "trusted and wrong"] == "0 of 30"
-    assert table.loc["likelihood ratios, threshold learned", "right set-up doubted"] == "0 of 60"
+    assert table.loc["likelihood ratios, threshold learned", "correct set-up doubted"] == "0 of 60"
 
 
 def test_spoilt_are_wrong_results_that_the_advice_has_made_trusted():

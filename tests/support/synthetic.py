@@ -18,7 +18,7 @@ LATE = Reason(
 TURNED = Reason(
     "axes",
     "the course is 89.7 deg right of the heading at 12 m/s, expected within 3 deg",
-    "turn `axes` of [imu] by 90 deg, then fuse again",
+    "rotate `axes` of [imu] by 90 deg, then fuse again",
     weight=7.0,
 )
 WORSE = Reason(

@@ -103,7 +103,7 @@ def of(wrong, factors):
             Direction(
                 {"GNSS position noise horizontal": 0.7, "gyro noise": -0.7},
                 5.0,
-                "GNSS position noise horizontal against gyro noise: the data decide their sum only",
+                "GNSS position noise horizontal against gyro noise: the data determine only their sum",
             ),
         ),
         (
@@ -118,5 +118,5 @@ def of(wrong, factors):
         tuple(wrong.span),
         sd.fuse(wrong, imu="consumer"),
         sd.fuse(run, imu=imu),
-        ("3 of 800 fixes are outliers and do not count",),
+        ("3 of 800 fixes are outliers and are ignored",),
     )

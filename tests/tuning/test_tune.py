@@ -118,7 +118,7 @@ def test_errors_that_last_are_found_and_white_ones_are_not(right):
     assert tuning.tuned.sources[0].correlated.time == pytest.approx(time.value)
     white = sd.tune(right)
     assert not [p for p in white.parameters if p.name.startswith("correl")]
-    assert any("no correlated errors" in note for note in white.notes)
+    assert any("no time-correlated errors" in note for note in white.notes)
 
 
 def test_fixes_that_were_smoothed_make_no_noise_smaller(right):

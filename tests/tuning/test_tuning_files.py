@@ -54,7 +54,7 @@ def test_they_serve_recordings_of_other_formats(tmp_path):
 def test_nothing_is_overwritten_and_nothing_written_in_part(tmp_path):
     found = tuning()
     (tmp_path / "drive-sources.toml").write_text("mine")
-    with pytest.raises(sd.DataError, match=r"drive-sources.toml: is there already, and is not"):
+    with pytest.raises(sd.DataError, match=r"drive-sources.toml: exists already and is not"):
         found.write(tmp_path)
     assert [each.name for each in tmp_path.iterdir()] == ["drive-sources.toml"]
     assert (tmp_path / "drive-sources.toml").read_text() == "mine"
@@ -87,7 +87,7 @@ def test_a_recording_toml_is_changed_once(read):
     path, found = read
     found.change(path)
     text = path.read_text()
-    with pytest.raises(sd.DataError, match="recording-imu.toml: is there already"):
+    with pytest.raises(sd.DataError, match="recording-imu.toml: exists already"):
         found.change(path)
     path.with_name("recording-imu.toml").unlink()
     with pytest.raises(

@@ -70,7 +70,7 @@ def test_a_guess_that_no_motion_tests_is_doubtful_until_confirmed(tmp_path, dim)
         verdict = sd.fuse(given, imu="consumer").verdict
         assert verdict.word == DOUBTFUL, str(verdict)
         (reason,) = verdict.reasons
-        assert "the position alone is vouched for" in reason.seen
+        assert "only the position can be trusted" in reason.seen
         assert line_of(reason.remedy) == 'axes = "FLU"'
     assert any("is a guess" in line for line in inspect(path).inconclusive)
     stated = sd.fuse(sd.read(written_in(path, line_of(reason.remedy)))).verdict

@@ -65,22 +65,22 @@ def align(
     at: float | None = None,
     position: bool = True,
 ) -> InitialState:
-    """Return where a filter begins on a recording: position, velocity, attitude and their
-    uncertainties.
+    """Return the initial state of a filter on a recording: position, velocity, attitude and their
+    standard deviations.
 
     Parameters
     ----------
     recording : Recording
         Of an IMU and, unless `position` is False, fixes of the position.
     imu : ImuSpec, str, path or dict, optional
-        Errors of its IMU, or the name of its grade, as of `imu`; else those that the recording
+        Errors of its IMU, or the name of its grade, as for `imu`; default: those that the recording
         names.
     heading, heading_std : float
-        rad, clockwise from true north, where you know it; else it is found from the recording.
+        rad, clockwise from true north, if you know it; otherwise it is found from the recording.
     at : float, optional
-        s, another instant than the first that fits; the fixes next to it are used.
+        Time of the start, s; default: the first suitable one. The nearest fixes are used.
     position : bool
-        False for a filter of attitude alone, which starts with the record and needs no fix.
+        False for an attitude filter, which starts with the record and needs no fix.
 
     Returns
     -------
@@ -90,8 +90,8 @@ def align(
     Raises
     ------
     DataError
-        Where there is no position fix to start from or no specific force to level by, and where
-        neither `imu` nor the recording says which IMU it is.
+        If no position fix or no specific force is available for the start, or neither `imu` nor the
+        recording names the IMU.
 
     References
     ----------
@@ -636,7 +636,7 @@ def _level_from_rest(
         roll,
         pitch,
         np.hypot(LEVEL_STD_REST, b_a_std / GRAVITY_EQUATOR) + np.radians(0.05) * age,
-        f"level from the rest {age:.0f} s before",
+        f"level from the standstill {age:.0f} s before",
     )
 
 

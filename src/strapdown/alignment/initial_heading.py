@@ -90,7 +90,7 @@ def magnetic_heading(
     )
     words = f"dip {np.degrees(np.arctan2(seen[2], horizontal)):.0f} deg, {size * 1e6:.3g} uT"
     if std > MAGNETIC_STD_LIMIT:
-        return HeadingFound(0.0, UNKNOWN_STD, f"the magnetic field ({words}) leaves it open")
+        return HeadingFound(0.0, UNKNOWN_STD, f"the magnetic field ({words}) does not show it")
     heading = np.arctan2(-seen[1], seen[0]) + np.arctan2(reference[1], reference[0])
     return HeadingFound(
         float(wrap(heading)), float(std), f"heading from the magnetic field ({words})"

@@ -46,8 +46,8 @@ def static_attitude(
     Returns
     -------
     ndarray, shape (3,) or (n, 3)
-        rad. NaN is what cannot be found: all of it where f is 0 or not finite, the heading without m or
-        where m is vertical, 0 or not finite.
+        rad. Unknown angles are NaN: all of them if f is 0 or not finite; the heading without m or
+        if m is vertical, 0 or not finite.
 
     References
     ----------

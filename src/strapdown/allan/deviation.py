@@ -190,8 +190,8 @@ def allan(imu: Imu, gauss_markov: bool = False) -> Allan:
     n, dt = len(imu.t), float(np.median(imu.dt)) if len(imu.t) else 0.0
     if n < FEWEST:
         raise DataError(
-            f"{n} IMU samples are too few for an Allan deviation; it needs {FEWEST}, and minutes of "
-            f"them to see more than white noise"
+            f"{n} IMU samples are too few for an Allan deviation; it needs {FEWEST}, and some "
+            "minutes to show more than white noise"
         )
     if gap := first_gap(imu):
         raise DataError(

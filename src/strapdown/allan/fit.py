@@ -43,7 +43,7 @@ def _units(gyro: str, accel: str) -> dict[str, str]:
 
 def _without_time(*_: Array | float) -> Array:
     """Stands where a term has a shape only for a given time constant: `markov_shape` makes it."""
-    raise TypeError("a Gauss-Markov bias has no shape without its time constant")
+    raise TypeError("a Gauss-Markov bias needs its time constant")
 
 
 Shapes: TypeAlias = dict[str, Coefficient]

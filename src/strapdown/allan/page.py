@@ -100,7 +100,10 @@ class Analysis(Value):
         name = self.suggestion.grade
         near = f"{name} (its Allan deviations differ by a factor of {self.suggestion.factors[name]:.2g} on average)"
         if self.disturbed:
-            return f"no grade: the record holds more than noise, and the sensor may be better than it looks; taken as it is, the nearest is {near}"
+            return (
+                "no grade: the record contains more than noise, so the sensor may be better than "
+                f"these figures; the nearest to them is {near}"
+            )
         return f"nearest grade: {near}"
 
     def write(self, folder: Path) -> None:
@@ -168,8 +171,8 @@ def _motion(imu: Imu) -> list[str]:
     if still.mean() >= 0.5 and slow >= 0.5:
         raise DataError(
             f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of "
-            f"{_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
-            "an Allan deviation needs it at rest; choose a stretch with --from and --to"
+            f"{_slow_stretch(n) * width * np.median(imu.dt):.0f} s: an Allan deviation needs an "
+            "IMU at rest; choose a stretch with --from and --to"
         )
     if still.mean() >= 0.99:
         return []
@@ -182,7 +185,8 @@ def _motion(imu: Imu) -> list[str]:
     )
     if still.mean() < 0.5:
         raise DataError(
-            f"{moves}: an Allan deviation needs it at rest; choose a stretch with --from and --to"
+            f"{moves}: an Allan deviation needs an IMU at rest; choose a stretch with --from and "
+            "--to"
         )
     return [
         f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and "
@@ -231,10 +235,9 @@ def _misfit(sensor: Sensor) -> list[str]:
     )
     missed = ", ".join(f"{axis} {100 * curve.fit.misfit:.0f} %" for axis, curve in poor)
     return [
-        f"{sensor.name}: the fitted curves miss the estimates ({missed} rms): the record holds more "
-        f"than the terms of the model, such as vibration or "
-        f"rocking, and its coefficients are not those of the sensor. Its white noise is at most "
-        f"{most} {SHEET[si]}"
+        f"{sensor.name}: the fitted curves miss the estimates ({missed} rms): the record contains "
+        "more than the terms of the model, such as vibration or rocking, and the coefficients are "
+        f"not those of the sensor. Its white noise is at most {most} {SHEET[si]}"
     ]
 
 
@@ -399,6 +402,7 @@ def _others(analysis: Analysis) -> str:
 def _table(analysis: Analysis) -> str:
     rows = ([*row[:2], row[2].replace("-1", "−1"), *row[3:]] for row in analysis.rows)
     return table(analysis.header, rows) + caption(
-        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “std” its "
-        "standard error. “<” precedes what a coefficient would have to exceed to be told from zero."
+        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “std” "
+        "its standard error. “<” precedes the smallest value that would differ significantly from "
+        "zero."
     )

@@ -64,7 +64,7 @@ def calibrate(
     Parameters
     ----------
     recording : Recording
-        In which the sensor is turned to many directions.
+        Recording in which the sensor was turned to many directions.
     sensor : str, optional
         "accelerometer", "magnetometer", or the name of a source of kind magnetic-field; by default the
         magnetometer where there is one.
@@ -80,11 +80,12 @@ def calibrate(
     Raises
     ------
     DataError
-        Where directions are too few (it says which lack), the sensor is constant, or there is none.
+        If directions are missing (the message lists them), the sensor is constant, or the recording
+        has none.
 
     Notes
     -----
-    docs/how-to/calibrate.md says which motions each method needs.
+    docs/how-to/calibrate.md lists the motions that each method needs.
 
     References
     ----------
@@ -112,8 +113,8 @@ def calibrate(
         raise DataError(f"sensor {chosen!r} is unknown; there is {', '.join(there)}")
     notes = (
         [
-            f"{len(named)} magnetometers: {named[0].name or named[0].kind!r} is calibrated; name "
-            f"another as sensor"
+            f"{len(named)} magnetometers: {named[0].name or named[0].kind!r} is calibrated; "
+            "choose another with sensor"
         ]
         if len(named) > 1
         else []
@@ -203,13 +204,13 @@ def _form_notes(
         angle = np.arccos(np.clip((np.trace(U @ Vt) - 1) / 2, -1, 1))
         if angle > TURNED:
             notes.append(
-                f"the magnetometer is turned by {np.degrees(angle):.0f} deg against the IMU; the "
-                f"matrix turns it back, but check axes"
+                f"the magnetometer is rotated by {np.degrees(angle):.0f} deg from the IMU; the "
+                "matrix corrects this, but check axes"
             )
     else:
         notes = [
-            "form: ellipsoid, strength alone; how the magnetometer is turned against the IMU is not "
-            "part of it"
+            "form: ellipsoid, from the strength alone; it does not contain the rotation between "
+            "magnetometer and IMU"
         ]
     return notes
 
@@ -242,13 +243,13 @@ def _make_calibration(fitted: _Fitted, name: str) -> Calibration:
         notes.append(f"{out} of {len(t)} left out as outliers")
     if fit.held:
         notes.append(
-            f"no excitation: {', '.join(fit.held)} cannot be told from the bias and the others; "
-            f"left at identity"
+            f"no excitation: {', '.join(fit.held)} cannot be separated from the bias and the "
+            "others; left at identity"
         )
     if form == "rests" and len(t) <= 9 - len(fit.held):
         notes.append(
             f"{len(t)} rests for {9 - len(fit.held)} parameters: the misfit is zero by "
-            f"construction; more orientations would tell"
+            "construction; more orientations would test it"
         )
     if after > WRONG_STRENGTH * strength:
         notes.append(

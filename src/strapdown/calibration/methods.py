@@ -99,7 +99,7 @@ def six_positions(found: RestPeriods, gravity: float) -> EllipsoidFit:
     if len(found.t) < 3:
         raise DataError(
             f"accelerometer: {count_text(len(found.t), 'rest')} of "
-            f"{BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
+            f"{BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs at least six, "
             "with each axis once up and once down"
         )
     fit = ellipsoid(found.force, gravity, found.std)
@@ -128,9 +128,8 @@ def hard_and_soft_iron(
     static, turned = ellipsoid(y, size), fit_by_turns(t, y, imu, size, dip)
     if turned is not None and not turned[0].held and np.linalg.det(turned[0].matrix) < 0:
         raise DataError(
-            "magnetometer: its axes are left-handed against those of the gyros: one column has the "
-            "wrong sign; "
-            "put it right in the table, or by scale"
+            "magnetometer: its axes are left-handed against those of the gyros: one column has "
+            "the wrong sign; correct it in the table, or with scale"
         )
     fits = [(static, "ellipsoid", None)] + (
         [(turned[0], "turning", turned[1])] if turned is not None else []
@@ -161,7 +160,7 @@ def _refuse_still(y: Array, strength: float | None) -> None:
     noise would be fitted."""
     if len(y) < 20:
         raise DataError(
-            f"magnetometer: {len(y)} samples; a calibration needs 20 and more, better some thousand"
+            f"magnetometer: {len(y)} samples; a calibration needs at least 20, better some thousand"
         )
     if (np.ptp(y, axis=0) == 0).any():
         axis = "xyz"[int(np.argmin(np.ptp(y, axis=0)))]
@@ -210,5 +209,5 @@ def missing_directions(axes: Sequence[str], words: str) -> str:
     return (
         f"{words} {', '.join(axes)} {within}"
         if axes
-        else "no direction lacks, but some are too alike"
+        else "every direction is covered, but some are too similar"
     )

@@ -149,7 +149,7 @@ class RecordingMeta(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Recording(Value, TakenByTime):
-    """IMU samples, sources of fixes and, where there is one, a reference to score against.
+    """IMU samples, sources of fixes and, optionally, a reference to score against.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Recording(Value, TakenByTime):
     sources : tuple of Source
         Sources of fixes and constraints.
     reference : Trajectory or None
-        The truth, or the best that is known; None: none.
+        The truth, or the best known solution; None without one.
     meta : RecordingMeta
         Facts of the recording.
     """

@@ -97,8 +97,8 @@ def _assume_known(part: Array | None) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(Value, TakenByTime):
-    """Position, velocity and attitude over time: truth, reference and solution alike. What is
-    not known is None or NaN.
+    """Position, velocity and attitude over time: a truth, a reference or a solution. Unknown
+    quantities are None or NaN.
 
     Attributes
     ----------
@@ -248,11 +248,11 @@ class Source(Value):
         Of a constraint across the wheels: side slip, rad per m/s^2 of lateral acceleration;
         adds to std.
     correlated : Correlated or None
-        Errors that last; None: none.
+        Time-correlated errors; None without any.
     robust : bool
-        True: a heavy-tailed likelihood in place of the gate.
+        True: a heavy-tailed likelihood instead of the gate.
     adaptive : float
-        Memory in s with which the noise is followed; 0: it is as given.
+        Memory in s of the adaptive noise; 0: the noise stays as given.
     """
 
     kind: str
@@ -496,7 +496,7 @@ class Solution(Value, TakenByTime):
     innovations : Innovations
         Innovations and the use of each measurement.
     events : tuple[tuple[float, str], ...]
-        (t in s, text): gaps, re-acquisitions, what else the user must know.
+        (t in s, text): gaps, re-acquisitions and further facts for the user.
     columns : dict[str, Array]
         The filter's extra output columns (n,) by name, which says the unit.
     covariance : (n, k, k) array or None
@@ -583,7 +583,7 @@ class Solution(Value, TakenByTime):
         if "verdict" in self.meta:
             return Verdict.from_dict(self.meta["verdict"])
         if self.recording is None:
-            none = Untested("anything", "its file has no verdict, fuse the recording again")
+            none = Untested("anything", "its file has no verdict; fuse the recording again")
             return Verdict(NOT_JUDGED, untested=(none,))
         return self._judged
 

@@ -53,8 +53,8 @@ class TakenByTime:
         def __getitem__(self, part: object) -> NoReturn:
             name = type(self).__name__
             raise TypeError(
-                f"a {name} has no index; take a part by time with .between(10.0, 20.0), "
-                f"in s or dates"
+                f"a {name} has no index; select a part by time with .between(10.0, 20.0), in s or "
+                "dates"
             )
 
 

@@ -11,7 +11,7 @@ from ..units.constants import STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Bounds of a vehicle, generous ones. Raises DataError where they are none.
+    """Generous limits of a vehicle. Raises DataError if they are invalid.
 
     Attributes
     ----------
@@ -88,9 +88,9 @@ def find(vehicle: GivenVehicle | None) -> Vehicle:
         return vehicle
     if isinstance(vehicle, Mapping):
         if not vehicle:
-            raise DataError(f"vehicle: it has no bound; give some of {', '.join(BOUNDS)}")
+            raise DataError(f"vehicle: it has no limit; give some of {', '.join(BOUNDS)}")
         for bound in vehicle:
-            check_choice(bound, "vehicle: the bound", Vehicle.__dataclass_fields__)
+            check_choice(bound, "vehicle: the limit", Vehicle.__dataclass_fields__)
         return Vehicle(**vehicle)
     name = "any" if vehicle is None else vehicle
     check_choice(name, "vehicle", VEHICLES)

@@ -30,7 +30,7 @@ CAUSES = {
     "mounting": "mounting of the IMU",
     "odometer scale": "scale of the odometer",
     "fix noise": "standard deviations",
-    "lasting errors": "lasting errors",
+    "lasting errors": "time-correlated errors",
     "repeated": "repeated or held values",
     "calibration": "calibration",
     "imu noise": "description of the IMU",
@@ -83,7 +83,7 @@ class Untested(NamedTuple):
     def line(self) -> str:
         """All of it, with what rests on it."""
         many = len(self.rests) > 1 or TILT in self.rests
-        rest = f" ({', '.join(self.rests)} rest{'' if many else 's'} on it)"
+        rest = f" ({', '.join(self.rests)} depend{'' if many else 's'} on it)"
         return str(self) + (rest if self.rests else "")
 
     def __str__(self) -> str:
@@ -118,21 +118,20 @@ class SetUpBound(NamedTuple):
 
 
 class Reason(NamedTuple):
-    """Something that should not be so in a right set-up.
+    """An observation that a correct set-up would not show.
 
     Attributes
     ----------
     cause : str
         The probable cause, a key of CAUSES.
     seen : str
-        What was seen, with its number and unit, and what was expected: one clause, no full
-        stop.
+        The observation, with number and unit, and the expected value: one clause, no full stop.
     remedy : str
         What to change or to run next: one clause in the imperative.
     source : str
         Name of the source of fixes concerned; empty: the IMU, or no single one.
     weight : float
-        What was seen over what a right set-up shows at most.
+        The observed value over the largest one of a correct set-up.
     """
 
     cause: str
@@ -176,9 +175,9 @@ class Verdict:
     reasons : tuple of Reason
         The weightiest first.
     untested : tuple of Untested
-        What could not be tested, and why; first what most of the solution rests on.
+        Parts that could not be tested, and why; first those on which most of the solution depends.
     bounds : tuple of SetUpBound
-        How large an error of the set-up may be that this recording would not have shown.
+        Smallest errors of the set-up that this recording would have shown.
     """
 
     word: str

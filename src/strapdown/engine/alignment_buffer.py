@@ -75,8 +75,8 @@ class Gathering:
         than two samples."""
         if len(self.samples) < 2:
             raise DataError(
-                f"{len(self.samples)} IMU samples are no start; give the stream some seconds of "
-                f"samples and fixes first"
+                f"{len(self.samples)} IMU samples are too few to find a start; give the stream "
+                "some seconds of samples and fixes first"
             )
         columns = (np.require(column, float, ["C", "W"]) for column in zip(*self.samples))
         fixes = sorted(self.fixes, key=lambda fix: fix.t)
@@ -97,7 +97,8 @@ class Gathering:
         """The InitialState that what was gathered tells. Raises DataError where it tells none."""
         if self._spec is None:
             raise DataError(
-                "to find a start the stream must know its IMU: give imu=, or a whole InitialState"
+                "the stream cannot find a start without its IMU: give imu=, or a complete "
+                "InitialState"
             )
         recording, position = self.recording(), has_position(self._filter)
         if self._given is not None:

@@ -91,7 +91,7 @@ def refuse_sample(sample: Sample) -> NoReturn:
     if dt <= 0 or dt > MAX_INTERVAL:
         raise DataError(
             f"{where}: dt is {dt:g} s; it must be above 0 and at most {MAX_INTERVAL:g}: the "
-            f"seconds over which the sample was summed up{'; is it in ms?' if dt > 0 else ''}"
+            f"seconds over which the sample was integrated{'; is it in ms?' if dt > 0 else ''}"
         )
     wrong = ("dv", dv, "m/s") if _is_vector(dtheta) else ("dtheta", dtheta, "rad")
     raise DataError(
@@ -170,7 +170,7 @@ class Sources:
             if source in self._places:
                 return self._places[source]
             many = self._names.count(source)
-            remedy = f"{many} have that name: give its place" if many else self._names_text()
+            remedy = f"{many} have that name: give its index" if many else self._names_text()
         elif isinstance(source, int | np.integer) and 0 <= source < len(self._names):
             return int(source)
         else:

@@ -51,7 +51,7 @@ class Said(IntEnum):
 LONG_LAG = 60.0
 """s: fixes further behind or ahead than that have another clock."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
-CLOCKS = "check the clock of one of both"
+CLOCKS = "check both clocks"
 NED = ("north", "east", "down")
 
 
@@ -261,24 +261,24 @@ def _out_of_range(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
     most = events.vehicle.acceleration
     bound = "" if which < 3 else f": more than the {most:.4g} m/s^2 of {events.vehicle}"
-    return f"{axis} reads {shown}, which cannot be{bound}: bridged{_times(row)}"
+    return f"{axis} reads {shown}, which is out of range{bound}: bridged{_times(row)}"
 
 
 def _full_scale(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
-    return f"{axis} is at full scale, {shown}: what it measured was larger{_times(row)}"
+    return f"{axis} is at full scale, {shown}: the true value was larger{_times(row)}"
 
 
 def _stuck_text(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
-    return f"{axis} is stuck at {shown}{_till(row)}: check the sensor and its record"
+    return f"{axis} is stuck at {shown}{_till(row)}: check the sensor and its log"
 
 
 def _coarse(events: Events, row: LogRow, which: int, value: float) -> str:
     return (
         f"specific force changes by {value:.3g} m/s^2 from sample to sample, until "
-        f"{row.until:.0f} s: vibration, or samples too far apart for the motion; velocities are "
-        f"less certain than they say"
+        f"{row.until:.0f} s: vibration, or a sample rate too low for the motion; velocity errors "
+        "exceed the claimed std"
     )
 
 
@@ -289,9 +289,9 @@ def _at_least(value: float, most: float) -> str:
 
 def _mean_off(events: Events, row: LogRow, which: int, value: float) -> str:
     return (
-        f"{events.component(which)}: fixes are {_at_least(abs(value), MAX_WHITENED)} standard deviations off the "
-        f"prediction on average, until {row.until:.0f} s: they drift or jump, or contradict "
-        f"another source"
+        f"{events.component(which)}: fixes are on average {_at_least(abs(value), MAX_WHITENED)} "
+        f"standard deviations off the prediction, until {row.until:.0f} s: they drift or jump, or "
+        "contradict another source"
     )
 
 
@@ -300,7 +300,7 @@ def _height_apart(events: Events, row: LogRow, which: int, value: float) -> str:
     why = (
         "vertical velocity or a third source contradicts it"
         if told
-        else f"no data tell which is wrong, so the height may be {abs(value):.3g} m off"
+        else f"the data do not show which is wrong, so the height may be {abs(value):.3g} m off"
     )
     return (
         f"{events.name(wrong)}: its height is left out from here{_till(row)}, up to {value:+.3g} m off "
@@ -317,12 +317,12 @@ WORDS: dict[int, Words] = {
         f"{LIFT_AFTER:g} s"
     ),
     Code.LEFT_OUT: lambda e, row, s, value: (
-        f"{e.name(s)}: left out from here until one of its fixes passes the gate: lifting it "
+        f"{e.name(s)}: left out from here until one of its fixes passes the gate: opening it "
         f"{LIFTS} times did not help"
     ),
     Code.TOO_FAR: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, further than {e.vehicle} can have "
-        f"gone at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
+        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, farther than {e.vehicle} can go "
+        f"at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
     ),
     Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (
@@ -333,8 +333,8 @@ WORDS: dict[int, Words] = {
     Code.STUCK: _stuck_text,
     Code.COARSE: _coarse,
     Code.JITTERED: lambda e, row, s, value: (
-        f"time stamps of the IMU jitter by {value:.0%} of their interval, until "
-        f"{row.until:.0f} s: take the counter of the sensor, or even them out"
+        f"time stamps of the IMU jitter by {value:.0%} of their interval, until {row.until:.0f} "
+        "s: use the counter of the sensor, or smooth the time stamps"
     ),
     Code.FLOORED: lambda e, row, s, value: (
         f"{e.name(s)}: standard deviations are smaller than any receiver's, {e.size(s, value)}: "
@@ -351,8 +351,8 @@ WORDS: dict[int, Words] = {
     ),
     Code.MEAN_OFF: _mean_off,
     Code.NIS_OFF: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes scatter {_at_least(np.sqrt(value), np.sqrt(MAX_NIS))} times as much as their standard deviations "
-        f"say, until {row.until:.0f} s"
+        f"{e.name(s)}: fixes scatter {_at_least(np.sqrt(value), np.sqrt(MAX_NIS))} times as much "
+        f"as their standard deviations predict, until {row.until:.0f} s"
     ),
     Code.BELIEF_TOO_FAST: lambda e, row, s, value: (
         f"the filter's speed of {value:.4g} m/s is more than {e.speed}, until {row.until:.0f} s"
@@ -363,11 +363,11 @@ WORDS: dict[int, Words] = {
     Code.IN_CONDITION: lambda e, row, s, value: e.condition(s),
     Code.APART: lambda e, row, s, value: (
         f"filter and smoother are up to {value:.2g} standard deviations apart, until "
-        f"{row.until:.0f} s: what came later contradicts what came before"
+        f"{row.until:.0f} s: later fixes contradict earlier ones"
     ),
     Code.CLOCK_OFF: lambda e, row, s, value: (
-        f"the clock of {e.name(s)} is estimated {value:.2g} s off, beyond what can be looked back, "
-        f"until {row.until:.0f} s: set time.offset"
+        f"the clock of {e.name(s)} is estimated {value:.2g} s off, more than the filter can look "
+        f"back, until {row.until:.0f} s: set time.offset"
     ),
     Said.SAMPLES_NOT_FINITE: lambda e, row, s, value: (
         f"IMU: {_event_count(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
@@ -376,8 +376,8 @@ WORDS: dict[int, Words] = {
         f"IMU: {_event_count(row, 'repeated time')} dropped{_till(row)}"
     ),
     Said.SAMPLES_LATE: lambda e, row, s, value: (
-        f"IMU: {_event_count(row, 'late sample')} dropped, up to {value:.3g} s behind{_till(row)}: give "
-        f"a longer lag"
+        f"IMU: {_event_count(row, 'late sample')} dropped, up to {value:.3g} s "
+        f"behind{_till(row)}: set a longer lag"
     ),
     Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'row')} without time or value dropped{_till(row)}"
@@ -386,8 +386,8 @@ WORDS: dict[int, Words] = {
         f"{e.name(s)}: {_event_count(row, 'repeated row')} dropped{_till(row)}"
     ),
     Said.FIXES_LATE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_event_count(row, 'late row')} dropped, up to {_seconds(value)} s behind{_till(row)}: "
-        f"{'give a longer lag' if value < LONG_LAG else CLOCKS}"
+        f"{e.name(s)}: {_event_count(row, 'late row')} dropped, up to {_seconds(value)} s "
+        f"behind{_till(row)}: {'set a longer lag' if value < LONG_LAG else CLOCKS}"
     ),
     Said.FIXES_AHEAD: lambda e, row, s, value: (
         f"{e.name(s)}: fixes are up to {_seconds(value)} s ahead of the IMU: "
@@ -395,7 +395,7 @@ WORDS: dict[int, Words] = {
     ),
     Said.NO_START: lambda e, row, s, value: f"no start yet: {e.because[Said.NO_START]}",
     Said.POOR_START: lambda e, row, s, value: (
-        f"started with what there is: {e.because[Said.POOR_START]}"
+        f"started with incomplete data: {e.because[Said.POOR_START]}"
     ),
     Said.CALLBACK: lambda e, row, s, value: (
         f"on_event raised {e.because[Said.CALLBACK]}; the callback is not called again{_missed_text(row)}"
@@ -403,8 +403,8 @@ WORDS: dict[int, Words] = {
     Said.AHRS_STOPPED: lambda e, row, s, value: e.because[Said.AHRS_STOPPED],
     Said.AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],
     Said.AHRS_SILENT: lambda e, row, s, value: (
-        f"{e.because[Said.AHRS_SILENT]} gave no attitude for {value:.0f} s, until {row.until:.0f} s: "
-        f"its samples are missing or cannot be believed"
+        f"{e.because[Said.AHRS_SILENT]} gave no attitude for {value:.0f} s, until {row.until:.0f} "
+        "s: its samples are missing or implausible"
     ),
     Said.STOPPED: lambda e, row, s, value: e.because[Said.STOPPED].removeprefix("stream "),
 }

@@ -129,8 +129,8 @@ def _columns(run: Run, nav: Array) -> dict[str, Array]:
 def stop_message(t: float) -> str:
     """Return the message of a filter that stopped at the sample of `t` s."""
     return (
-        f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter "
-        f"diverged"
+        f"stopped at {t:.2f} s: the latitude left +-89 deg, within which results hold, or the "
+        "filter diverged"
     )
 
 

@@ -149,7 +149,9 @@ def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
             break
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
-        return HeadingFound(0.0, UNKNOWN_STD, f"heading unknown, {tried} none could be followed")
+        return HeadingFound(
+            0.0, UNKNOWN_STD, f"heading unknown, {tried} the filter could follow none"
+        )
     from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.std[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
     std = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_STD)
@@ -157,9 +159,9 @@ def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
         f"heading {_degrees(mean)} deg is the likeliest"
         if std < LIKELIEST
         else (
-            f"heading {_degrees(mean)} deg is a guess, none stands out"
+            f"heading {_degrees(mean)} deg is a guess, none is clearly the likeliest"
             if std < UNKNOWN_STD
-            else "heading unknown, none stands out"
+            else "heading unknown, none is clearly the likeliest"
         )
     )
     return HeadingFound(mean, std, f"{words} {tried}")

@@ -89,10 +89,11 @@ def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
     stated = ", ".join(name.replace("-", " ") for name in axes)
     if not filter.installation:
         return {}, [
-            f"{filter.name} leaves out {stated} of the IMU: biases and attitude err by more than it says"
+            f"{filter.name} does not model {stated} of the IMU: biases and attitude err by more "
+            "than their claimed std"
         ]
     return axes, [
-        f"{stated} of the IMU are states, as uncertain as its grade says; estimate=[] leaves them out"
+        f"{stated} of the IMU are states, with the std of its grade; estimate=[] leaves them out"
     ]
 
 
@@ -112,7 +113,7 @@ def asked_of(sources: Iterable[Source], estimate: Estimate) -> tuple[tuple[Sourc
         whose = " ".join(owner)
         of_it = whose.lower() == IMU
         if name not in calibration_parameters.OF_SOURCE and whose and not of_it:
-            raise DataError(f"estimate: {name} is of the IMU, not of {whose!r}")
+            raise DataError(f"estimate: {name} belongs to the IMU, not to {whose!r}")
         if name not in calibration_parameters.OF_SOURCE or (
             of_it and name in calibration_parameters.ASKED_OF_IMU
         ):
@@ -267,7 +268,7 @@ def check_estimates(filter: Filter, found: Sequence[StateParameter]) -> None:
         able = [name for name in filters.names() if filters.find(name).installation]
         raise DataError(
             f"{filter.name} cannot estimate {found[0].of.name}; these can: {', '.join(able)}; "
-            f"estimate=[] (--estimate none) asks for nothing"
+            "estimate=[] (--estimate none) estimates nothing"
         )
 
 

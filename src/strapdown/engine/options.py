@@ -75,18 +75,20 @@ OPTIONS: Final[dict[str, Option]] = {
     "start": Option(
         None,
         "InitialState",
-        "Position, velocity, attitude and biases to begin with, with their standard "
-        "deviations; default: by alignment. Parts left open are found as `align` finds them. "
-        "Fixes at its time belong to it and are not used again.",
+        "Initial position, velocity, attitude and biases, with their standard deviations; "
+        "default: by alignment. `align` finds the parts that you leave out. Fixes at its time "
+        "belong to it and are not used again.",
     ),
     "vehicle": Option(
         None,
         "str or Vehicle",
-        "Beyond what this vehicle can do nothing is believed; default: what "
-        "the recording names, else any.",
+        "Vehicle whose limits the filter applies: it rejects fixes and samples beyond them; "
+        "default: that of the recording, else any.",
     ),
-    "notify": Option(None, "callable", "Called with a line of text where something takes seconds."),
-    "noise": Option(None, "Noise", "Noise densities in place of those of the IMU."),
+    "notify": Option(
+        None, "callable", "Function called with a line of text during steps that take seconds."
+    ),
+    "noise": Option(None, "Noise", "Noise densities that replace those of the IMU."),
     "estimate": Option(
         None,
         "str, list or dict",
@@ -97,26 +99,26 @@ OPTIONS: Final[dict[str, Option]] = {
     "robust": Option(
         None,
         "bool, str or list",
-        "Sources whose fixes have a heavy-tailed likelihood in place of "
-        "the gate: True for all, or names or kinds; default: what the sources say.",
+        "Sources whose fixes have a heavy-tailed likelihood instead of a gate: True for all, or "
+        "names or kinds; default: as the sources state.",
     ),
     "adaptive": Option(
         None,
         "float or dict",
-        "Memory in s with which the noise of sources is followed: of all, or "
-        "{name or kind: s}; default: what the sources say.",
+        "Memory in s of the adaptive noise of sources: one for all, or {name or kind: s}; "
+        "default: as the sources state.",
     ),
     "ahrs": Option(
         None,
         "str or Filter",
-        "Filter of attitude alone that runs first and whose output is the "
-        "`attitude` source; default: attitude-mekf where the filter needs an attitude, the "
-        "recording has none and something in it measures the heading.",
+        "Attitude filter that runs first and provides the `attitude` source; default: "
+        "attitude-mekf if the filter needs an attitude, the recording has none and one of its "
+        "sources measures the heading.",
     ),
-    "options": Option(None, "dict", "Options of the filter's own, {name: value}."),
-    "ahrs_rate": Option(AHRS_RATE, "float", "Hz of the output of the AHRS."),
-    "every": Option(1, "int", "Keep each n-th row of the solution, and the last one always."),
-    "covariance": Option(False, "bool", "Keep the whole covariance of these rows too."),
+    "options": Option(None, "dict", "Options that belong to this filter, {name: value}."),
+    "ahrs_rate": Option(AHRS_RATE, "float", "Output rate of the AHRS in Hz."),
+    "every": Option(1, "int", "Keep every n-th row of the solution, and always the last one."),
+    "covariance": Option(False, "bool", "Also keep the full covariance of these rows."),
 }
 """Defaults and meanings, by name, in the order in which signatures have them."""
 

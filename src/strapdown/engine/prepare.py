@@ -66,7 +66,7 @@ MAX_ANGLES = {"lla": np.array([np.pi / 2, 2 * np.pi]), "rph": np.full(3, MAX_HEA
 """rad: latitude and longitude; roll, pitch and heading."""
 MAX_OF_START = {
     "v_n": (1e4, "m/s: is it in mm/s?"),
-    "b_a": (5.0, "m/s^2: is gravity in it, or is it in mg?"),
+    "b_a": (5.0, "m/s^2: does it include gravity, or is it in mg?"),
     "b_g": (1.0, "rad/s: is it in deg/s or deg/h?"),
 }
 """Generous bounds on the components of a start, and what is probably wrong beyond them."""
@@ -232,9 +232,9 @@ def augmented_states(
     ]
     if len(states) > MAX_STATES - STATES:
         raise DataError(
-            f"there are {len(states)} states beside the filter's own, the last is "
+            f"there are {len(states)} states in addition to the filter's own, the last is "
             f"{states[-1].name!r}; at most {MAX_STATES - STATES} can be estimated: leave sources "
-            f"out, or estimate less"
+            "out, or estimate less"
         )
     return states
 
@@ -244,7 +244,7 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     sources, widened = with_correlated_errors(filter, sources)
     fits = [filter.uses is None or a.kind in filter.uses for a in sources]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(sources, fits) if not fit)
-    notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
+    notes = [f"{filter.name} does not use {', '.join(others)}"] if others else []
     sources, said = weighable(filter, sources)
     notes += widened + said
     return tuple(a for a, fit in zip(sources, fits) if fit), notes + (
@@ -260,7 +260,8 @@ def check_needs(
     kinds = {a.kind for a in sources}
     if missing := [kind for kind in filter.needs if kind not in kinds]:
         raise DataError(
-            f"{filter.name} needs {' and '.join(missing)} aiding, and there is none: {remedy}"
+            f"{filter.name} needs {' and '.join(missing)} aiding, and the recording has none: "
+            f"{remedy}"
         )
 
 
@@ -527,7 +528,7 @@ def check_start(start: InitialState, noise: Noise, missing: Collection[str] = ()
         if not 0 <= value < np.inf:
             raise DataError(f"noise: {name} is {value:g}; it must be a finite number, 0 or more")
     if noise.held > 1:
-        raise DataError(f"noise: held is {noise.held:g}; it is a share, at most 1")
+        raise DataError(f"noise: held is {noise.held:g}; it is a fraction, at most 1")
 
 
 def new_belief(

@@ -67,10 +67,10 @@ def smooth(
 ) -> Solution:
     """Run a filter over a recording, forwards and backwards, and return the smoothed Solution.
 
-    Its standard deviations, and covariances where they are kept, are those given all measurements,
-    before and after. Innovations, status, events and the filter's own columns are the filter's;
-    rows where it and the smoother differ by more than `APART` standard deviations, and `REACH` s
-    before them, are DOUBTFUL beside, with an event.
+    Its standard deviations, and covariances if kept, are those given all measurements, before and
+    after. Innovations, status, events and additional columns are the filter's; rows where it and
+    the smoother differ by more than `APART` standard deviations, and `REACH` s before them, are
+    also DOUBTFUL, with an event.
 
     Parameters
     ----------

@@ -63,8 +63,8 @@ def weighable(filter: Filter, sources: Sequence[Source]) -> tuple[Sequence[Sourc
     if filter.weighs or not names:
         return sources, []
     return [replace(a, robust=False, adaptive=0.0) for a in sources], [
-        f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
-        f"{', '.join(names)} are left out, its gate stays"
+        f"{filter.name} has gains that do not depend on the noise of a fix: it ignores robust and "
+        f"adaptive of {', '.join(names)} and keeps its gate"
     ]
 
 
@@ -80,7 +80,7 @@ def with_correlated_errors(
             changed[a.name or a.kind] = None
             found[k] = replace(a, correlated=a.correlated._replace(states=False))
     return tuple(found), [
-        f"{filter.name} does not estimate the correlated errors of {name}: they add to its standard "
-        f"deviations, and the errors that last are larger than it claims"
+        f"{filter.name} does not estimate the correlated errors of {name}: it adds them to the "
+        "standard deviations, and the time-correlated errors are larger than it claims"
         for name in changed
     ]

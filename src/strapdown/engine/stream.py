@@ -76,21 +76,21 @@ LOOKS = (10.0, 60.0, inf)
 
 @takes(RunOptions)
 class Stream:
-    """A filter live: samples and fixes as they come, and after each of them the filter's state.
+    """A filter run live: it takes samples and fixes as they come, and gives its state after each.
 
-    Samples wait `lag` seconds for late events, then all is used in time order; what comes later
-    still is dropped, counted and said. Before the start nothing is late for a fix. The result is
-    that of `fuse` on the same events, bit for bit. A fix is used with the sample that reaches its
-    time, a moment later where its clock is estimated; a sample with a NaN is dropped. Fixes of
-    sources that the filter cannot use change nothing. Where a filter takes options from the fixes
-    of a recording, such as their interval, it takes them from these sources, or where they hold
-    none from those before the start; `notes` says what it took. All kernels are compiled or loaded
-    when the constructor returns.
+    Samples wait `lag` seconds for late events; then the stream uses all of them in time order. It
+    drops and counts later ones, and reports them as an event. Before the start nothing is late for
+    a fix. The result is that of `fuse` on the same events, bit for bit. A fix is used with the
+    sample that reaches its time, or slightly later if its clock is estimated; a sample with a NaN
+    is dropped. Fixes of sources that the filter cannot use change nothing. If a filter derives
+    options from the fixes of a recording, such as their interval, it uses these sources, or if they
+    hold no fixes, those before the start; `notes` lists the options. All kernels are compiled or
+    loaded when the constructor returns.
 
-    Without a whole start it is found from the first samples and fixes, which are used again from
-    there on. A look is taken every 10 s; a start whose heading is known is taken at once, any other
-    `align_within` s (of samples) after the first sample. Until then the state is NaN, the status
-    INVALID.
+    Without a complete start the stream finds it from the first samples and fixes, and then uses
+    them again from there on. It tries every 10 s. It takes a start with known heading at once, and
+    any other `align_within` s (of samples) after the first sample. Until then the state is NaN, the
+    status INVALID.
 
     Parameters
     ----------

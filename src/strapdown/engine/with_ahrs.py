@@ -37,7 +37,7 @@ inclination and heading error of `mahony` in the five BROAD trials (docs/referen
 rounded up."""
 SILENT = 5.0
 """s without an attitude that are said."""
-UNUSABLE = "its samples are missing or cannot be believed there; run it alone to see its events"
+UNUSABLE = "its samples are missing or implausible there; run it alone to see its events"
 REMEDY = (
     f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose "
     f"heading drifts: --ahrs {AHRS}, "
@@ -88,7 +88,9 @@ def choose_ahrs(
                 )
             return None
         if not measured.intersection(HEADING_KINDS):
-            raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
+            raise DataError(
+                f"{filter.name} needs attitude aiding, and the recording has none: {REMEDY}"
+            )
         ahrs = AHRS
     first = _find_ahrs(ahrs)
     _check(first, filter)
@@ -244,8 +246,8 @@ def _check(ahrs: Filter, filter: Filter) -> None:
         )
     if filter.uses is not None and "attitude" not in filter.uses:
         raise DataError(
-            f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or "
-            f"choose another filter"
+            f"{filter.name} does not use the attitude of an AHRS: leave out ahrs (--ahrs), or "
+            "choose another filter"
         )
 
 

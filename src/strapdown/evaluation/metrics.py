@@ -104,8 +104,8 @@ class Rms(Value):
 
 
 def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
-    """Return true less estimated position, velocity and attitude, at the times of the estimate inside
-    the span of the reference.
+    """Return true minus estimated position, velocity and attitude, at the times of the estimate
+    inside the span of the reference.
 
     The reference is interpolated: position by a cubic through its positions and velocities (linear
     without velocities), velocity linearly, attitude along the shortest rotation. Its gaps (intervals

@@ -83,7 +83,7 @@ class _Copies:
 
 @contextmanager
 def reading_limits(**changes: float | bool) -> Iterator[ReadingLimits]:
-    """Read files by other limits within a `with` block.
+    """Read files with other limits within a `with` block.
 
     A pipe that the block reads is copied once, to a temporary file that goes when the block ends.
 

@@ -28,7 +28,7 @@ FAMILIES = {
     "ins": "Kalman filters of the strapdown equations",
     "sigma_point": "Sigma-point Kalman filters",
     "particle": "Mixtures of Kalman filters",
-    "observer": "The nonlinear observer, and the exogenous Kalman filter about it",
+    "observer": "Nonlinear observer and exogenous Kalman filter",
     "two_stage": "Two stages: attitude first, then the motion",
     "ahrs_aided": "Filters fed by an AHRS, or with Euler angles",
     "attitude": "Attitude without a position",

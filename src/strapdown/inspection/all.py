@@ -48,7 +48,7 @@ def check(recording: Recording) -> Checked:
     apart = any(reason.cause == "clock" for reason in found.reasons)
     subject = InspectedRecording(replace(recording, sources=left), apart)
     for name in sorted(useless):
-        found.inconclusive.append(f"{name} against the IMU: correct it first")
+        found.inconclusive.append(f"{name} against the IMU: correct {name} first")
     for each in CHECKS:
         found.add(each(subject))
     return replace(found, reasons=rank_reasons(found.reasons))

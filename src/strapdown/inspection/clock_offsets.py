@@ -94,13 +94,13 @@ def check(subject: InspectedRecording) -> Checked:
     for source in sources:
         lag = coarse_lag(subject, source)
         if lag is None or not lag.believed:
-            why = "too few fixes with the IMU" if lag is None else _unclear(lag)
+            why = "too few fixes within the IMU record" if lag is None else _unclear(lag)
             found.add(Checked.with_unknown(f"clock of {label(source)} against the IMU", why))
         else:
             lags.append(lag)
             found.facts.append(
-                f"clock of {lag.source} against the IMU: {lag.seconds:+.2f} +- {lag.std:.2f} s to "
-                f"add, by its {lag.by} (correlation {lag.correlation:.2f})"
+                f"clock of {lag.source} against the IMU: add {lag.seconds:+.2f} +- {lag.std:.2f} "
+                f"s, from its {lag.by} (correlation {lag.correlation:.2f})"
             )
     found.reasons.extend(_reasons(lags, len(sources), subject.apart))
     return found
@@ -281,9 +281,9 @@ def _top(lags: Array, r: Array) -> float:
 def _unclear(lag: Lag) -> str:
     """Why a Lag is not believed."""
     if lag.evidence <= EVIDENCE:
-        return "the motion is too even to tell one time from another"
+        return "the motion changes too little to show a delay"
     if not np.isfinite(lag.std):
-        return "no lag within a second of the likeliest fits best"
+        return "the correlation has no clear peak within 1 s of the best lag"
     return f"acceleration and turns disagree by {2 * lag.std:.1f} s"
 
 
@@ -299,10 +299,12 @@ def _reasons(lags: list[Lag], sources: int, apart: bool) -> Iterator[Reason]:
         for lag in lags
     )
     if together and sources > 1 and not apart:
-        yield _reason(sure, f"the fixes fit the IMU with {sure.seconds:+.2f}", "")
+        yield _reason(sure, f"the fixes fit the IMU best with {sure.seconds:+.2f}", "")
         return
     for lag in wrong:
-        yield _reason(lag, f"it fits the IMU with {lag.seconds:+.2f}", lag.source, sources == 1)
+        yield _reason(
+            lag, f"the source fits the IMU best with {lag.seconds:+.2f}", lag.source, sources == 1
+        )
 
 
 def _reason(lag: Lag, seen: str, source: str, alone: bool = True) -> Reason:
@@ -313,7 +315,7 @@ def _reason(lag: Lag, seen: str, source: str, alone: bool = True) -> Reason:
     add = np.copysign(near, lag.seconds) if leap else lag.seconds
     return Reason(
         "clock",
-        f"{seen} +- {lag.std:.2f} s added to its time, by {lag.by}"
+        f"{seen} +- {lag.std:.2f} s added to its time, from {lag.by}"
         + (f": {LEAPS[near]}" if leap else ""),
         f"add {add:+.3g} s to `offset` of {whose}"
         + (f", or {-add:+.3g} s to that of the IMU" if alone else ""),

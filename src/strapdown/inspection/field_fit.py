@@ -122,7 +122,7 @@ def reasons_of_fit(fit: FieldFit, source: Source) -> list[Reason]:
             Reason(
                 "clock",
                 f"the IMU turns {abs(lag):.2f} +- {std:.2f} s {late} than the field of {name}",
-                "bring both to one clock: `offset` of either",
+                "set `offset` of one of them, so that both have one clock",
                 name,
                 float(abs(lag) / MIN_LAG),
             )
@@ -134,9 +134,10 @@ def reasons_of_fit(fit: FieldFit, source: Source) -> list[Reason]:
         found.append(
             Reason(
                 "mounting",
-                f"the axes of the IMU are {degrees[0]:+.1f} +- {degrees[1]:.1f} deg off those of {name} "
-                f"about {'xyz'[axis]}",
-                "correct the mounting of either, or ask whether one moved during the recording",
+                f"the axes of the IMU are {degrees[0]:+.1f} +- {degrees[1]:.1f} deg from those of "
+                f"{name} about {'xyz'[axis]}",
+                "correct the mounting of one of them, or check whether one moved during the "
+                "recording",
                 name,
                 float(abs(angle[axis]) / MIN_ANGLE),
             )
@@ -149,7 +150,7 @@ def reasons_of_fit(fit: FieldFit, source: Source) -> list[Reason]:
                 "gyro",
                 f"the gyro turns {100 * abs(scale):.2g} +- {100 * std:.2g} % {more} than the field of "
                 f"{name}",
-                "calibrate the scale of the gyro, and iron beside the magnetometer",
+                "calibrate the gyro scale, and the magnetometer for iron beside it",
                 name,
                 float(abs(scale) / MIN_SCALE),
             )

@@ -68,12 +68,12 @@ def _of_field(subject: InspectedRecording, source: Source) -> Checked:
     what = f"turns of the gyro against those of {label(source)}"
     pairs = _choose_pairs(subject, source)
     if len(pairs.begin) < MIN_FIXES:
-        return Checked.with_unknown(what, "it hardly turns")
+        return Checked.with_unknown(what, "the vehicle hardly turns")
     fit = fit_field(pairs, subject.felt)
     found = NOTHING if fit is None else fit.value
     left = _share_left(pairs, predicted_field(pairs, subject.felt, found))
     if left <= FITS:
-        fact = f"{what}: {100 * left:.0f} % of the change of the field is left"
+        fact = f"{what}: the gyro leaves {100 * left:.0f} % of the change of the field unexplained"
         return Checked([fact], [] if fit is None else reasons_of_fit(fit, source), [])
     left, others = _lefts(pairs, subject.felt)
     best = min(others, key=others.__getitem__)
@@ -81,7 +81,7 @@ def _of_field(subject: InspectedRecording, source: Source) -> Checked:
         return Checked([], [_reason(label(source), left, best, others[best])], [])
     if fit is not None and left > UNLIKE:
         return Checked([], [_reason_unlike(source, left)], [])
-    return Checked.with_unknown(what, "no axes explain what the field does")
+    return Checked.with_unknown(what, "no axes of the gyro explain the change of the field")
 
 
 def _of_gravity(subject: InspectedRecording) -> Checked:
@@ -158,10 +158,10 @@ def _share_left(pairs: FieldPairs, expected: Array) -> float:
 def _reason_unlike(source: Source, left: float) -> Reason:
     return Reason(
         "unknown",
-        f"{label(source)} turns otherwise than the gyro says, with any axes ({100 * left:.0f} % of its "
-        f"change is left)",
-        f"compare axes, unit and clock of the gyro and {label(source)}, and ask whether they changed; "
-        "look for iron or magnets that move beside it",
+        f"the turns of {label(source)} contradict the gyro with any axes ({100 * left:.0f} % of "
+        "the change is unexplained)",
+        f"compare axes, unit and clock of the gyro and {label(source)}, and check whether they "
+        "changed; look for iron or magnets that move near it",
         label(source),
         left / UNLIKE,
     )
@@ -170,8 +170,8 @@ def _reason_unlike(source: Source, left: float) -> Reason:
 def _reason(sensor: str, left: float, name: str, other: float) -> Reason:
     return Reason(
         "unit" if name == IN_DEGREES else "axes",
-        f"{sensor} turns as the gyro says {name} ({100 * other:.0f} % of its change is left), and "
-        f"not as it is read ({100 * left:.0f} %)",
+        f"the turns of {sensor} fit the gyro {name} ({100 * other:.0f} % of the change is "
+        f"unexplained), and not as it is read ({100 * left:.0f} %)",
         "check the unit of the gyro"
         if name == IN_DEGREES
         else f"check the axes of the gyro against those of {sensor}: `axes` of [imu]",

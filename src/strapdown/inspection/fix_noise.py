@@ -86,8 +86,8 @@ def _reasons(source: Source, ratio: float | None) -> Iterator[Reason]:
     if ratio is not None and ratio > TOO_LARGE:
         yield Reason(
             "fix noise",
-            f"from fix to fix it scatters {ratio:.2g} times as much as its standard deviation says "
-            f"({TOO_LARGE:g} times at most)",
+            f"from fix to fix the source scatters {ratio:.2g} times as much as its standard "
+            f"deviation ({TOO_LARGE:g} times at most)",
             f"multiply its `std` by about {ratio:.2g}",
             label(source),
             (ratio / TOO_LARGE) ** 2,

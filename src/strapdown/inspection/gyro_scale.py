@@ -40,16 +40,16 @@ def check(subject: InspectedRecording) -> Checked:
     if not _turns(subject):
         return Checked.empty()
     if not sources or not find_vehicle(subject.recording.meta.get("vehicle")).points_ahead:
-        return _untested_scale("no course shows it")
+        return _untested_scale("the recording has no course to compare with")
     fixes = source_velocity(sources[0])
     windows = None if fixes is None else _windows(subject, fixes)
     if windows is None or len(windows.t) < MIN_FIXES:
-        return _untested_scale("the course is known too seldom")
+        return _untested_scale("too few fixes give a course")
     if np.sqrt(np.mean(windows.turned**2)) < TURNS:
         return Checked.empty()
     scale, std = _scale(windows)
     if not std < MAX_SCALE or abs(scale) > max(MAX_SCALE, SURE * std):
-        return _untested_scale("the course is no heading, or hardly turns")
+        return _untested_scale("the course differs from the heading, or hardly turns")
     name = label(sources[0])
     weight = abs(scale) / max(SURE * std, MIN_SCALE)
     if weight >= 1:
@@ -60,7 +60,7 @@ def check(subject: InspectedRecording) -> Checked:
         return Checked([fact], [], [])
     turn = f"{np.degrees(np.pi * std):.1g} deg"
     coarse = _untested_scale(
-        f"the course shows it to +-{share}, which a turn of 180 deg makes {turn}"
+        f"the course shows it only to +-{share}, which is {turn} after a turn of 180 deg"
     )
     return Checked([fact], [], [], coarse.untested)
 
@@ -74,7 +74,7 @@ def _turns(subject: InspectedRecording) -> bool:
 
 def _untested_scale(why: str) -> Checked:
     """Nothing but that the scale is not tested, and why."""
-    remedy = "calibrate it, or drive turns with GNSS velocity, pointing ahead"
+    remedy = "calibrate the gyro, or record turns with GNSS velocity in a vehicle that points ahead"
     return Checked(
         [], [], [], [Untested("scale of the gyros", why, remedy, (TILT, HEADING), "gyro")]
     )

@@ -37,7 +37,7 @@ def check(subject: InspectedRecording) -> Checked:
         found.add(
             Checked.with_unknown(
                 f"zero of the height of {label(sources[0][0])}",
-                "no other source tells whether it is above the ellipsoid or the geoid",
+                "no other source shows whether it is above the ellipsoid or the geoid",
             )
         )
     for (one, t, h, std), (other, t_other, h_other, std_other) in combinations(sources, 2):
@@ -55,10 +55,10 @@ def above_sea_level(name: str, column: str) -> Iterator[Reason]:
     if SEA_LEVEL.search(column):
         yield Reason(
             "height",
-            f"its column {column!r} reads like a height above mean sea level; heights are above the "
-            f"WGS-84 ellipsoid, which is up to 110 m off",
-            'say so with geoid = "EGM96", or with the column of the undulation, geoid = { column, unit }; '
-            "or take the ellipsoidal height",
+            f"its column {column!r} looks like a height above mean sea level; strapdown expects "
+            "heights above the WGS-84 ellipsoid, up to 110 m different",
+            'set geoid = "EGM96", or name the column of the undulation with geoid = { column, '
+            "unit }; or use the ellipsoidal height",
             name,
         )
 
@@ -73,7 +73,7 @@ def _heights(source: Source) -> tuple[Array, Array, Array]:
 
 def _compare_pair(one: str, other: str, off: Array, claimed: float) -> Checked:
     """Return the findings on differences (m,) in m of two heights; `claimed` is their std."""
-    what = f"height of {one} less that of {other}"
+    what = f"height of {one} minus that of {other}"
     middle = float(np.median(off))
     scatter = 1.48 * float(np.median(np.abs(off - middle)))
     fact = f"{what}: median {middle:+.1f} m, scatter {scatter:.1f} m"
@@ -83,13 +83,13 @@ def _compare_pair(one: str, other: str, off: Array, claimed: float) -> Checked:
     likely = (
         "one is above the geoid (mean sea level), the other above the ellipsoid"
         if abs(middle) <= GEOID
-        else "more than the geoid is off the ellipsoid: a wrong unit, scale or zero"
+        else "more than geoid and ellipsoid can differ: a wrong unit, scale or zero"
     )
     reason = Reason(
         "height",
         f"{what} is {middle:+.1f} m (scatter {scatter:.1f} m, claimed {claimed:.1f}): {likely}",
-        'give both above the WGS-84 ellipsoid: say of heights above mean sea level geoid = "EGM96" in '
-        "recording.toml, or name the column of the undulation",
+        "give both above the WGS-84 ellipsoid: for heights above mean sea level set geoid = "
+        '"EGM96" in recording.toml, or name the column of the undulation',
         other if "height" not in one else one,
         abs(middle) / least,
     )

@@ -72,7 +72,8 @@ def check(subject: InspectedRecording) -> Checked:
         unclear.inconclusive.extend(found.inconclusive)
     if axes := meta.get("guessed_axes"):
         unclear.inconclusive.append(
-            f'axes of the IMU: "{axes}" is a guess that the motion does not test; {confirm(axes)}'
+            f'axes of the IMU: "{axes}" is a guess that the motion does not confirm; '
+            f"{confirm(axes)}"
         )
     return unclear
 
@@ -80,8 +81,8 @@ def check(subject: InspectedRecording) -> Checked:
 def confirm(axes: str) -> str:
     """Return the instruction to confirm guessed axes."""
     return (
-        f"look up in the data sheet of the IMU where x, y and z point, then confirm the axes by this "
-        f'line in [imu] of recording.toml: axes = "{axes}"'
+        "look up in the data sheet of the IMU where x, y and z point, then confirm the axes with "
+        f'this line in [imu] of recording.toml: axes = "{axes}"'
     )
 
 
@@ -98,12 +99,15 @@ def _by_source(subject: InspectedRecording, source: Source) -> Checked:
     if mirrored and mirrored.correlation > CLEAR and mirrored.likelier(fit) > EVIDENCE:
         return Checked([], [_left_handed(mirrored, fit, source)], [])
     if fit.agreement < CLEAR or not SURE * fit.std < np.radians(45):
-        why = f"forces and accelerations of {label(source)} hardly agree ({fit.correlation:.2f})"
+        why = (
+            f"specific force and the accelerations of {label(source)} hardly agree (correlation "
+            f"{fit.correlation:.2f})"
+        )
         return Checked.with_unknown(MOUNTING, why)
     degrees, std = np.degrees(fit.angle), np.degrees(fit.std)
     fact = (
-        f"{MOUNTING}: forces point {degrees:+.0f} +- {std:.0f} deg off the accelerations of "
-        f"{label(source)} (correlation {fit.correlation:.2f})"
+        f"{MOUNTING}: the specific force points {degrees:+.0f} +- {std:.0f} deg from the "
+        f"accelerations of {label(source)} (correlation {fit.correlation:.2f})"
     )
     weight = abs(fit.angle) / max(SURE * fit.std, MIN_TURN)
     if weight <= 1:
@@ -196,11 +200,11 @@ def _reason(fit: PlaneFit, source: str, weight: float, meta: Mapping[str, Any]) 
     right = bool(near) and abs(turn - near) < RIGHT_ANGLE
     degrees = float(np.degrees(near if right else turn))
     seen = (
-        f"forces point {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.std):.0f} deg off the "
-        f"accelerations of {source} (correlation {fit.correlation:.2f})"
+        f"the specific force points {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.std):.0f} deg "
+        f"from the accelerations of {source} (correlation {fit.correlation:.2f})"
     )
     if right:
-        seen += f": the IMU is turned by {-degrees % 360:.0f} deg about the vertical"
+        seen += f": the IMU is rotated by {-degrees % 360:.0f} deg about the vertical"
     remedy = f"add {degrees:+.0f} deg to `heading` of `mounting` of [imu]"
     if right and "imu_mounting" not in meta:
         remedy = _turned_axes(round(degrees), meta.get("guessed_axes"))
@@ -211,11 +215,11 @@ def _turned_axes(degrees: int, guess: str | None) -> str:
     """Return the instruction to rotate the axes by `degrees` about down: the whole line where they
     were a guess, since axes that a user stated are not known here."""
     if guess is None:
-        return f'turn `axes` of [imu] by {degrees:+d} deg (of FRD that is "{TURNS[degrees]}")'
+        return f'rotate `axes` of [imu] by {degrees:+d} deg (FRD becomes "{TURNS[degrees]}")'
     C = axes_matrix(TURNS[degrees], BODY_AXES) @ axes_matrix(guess, BODY_AXES)
     axes = named_permutation(C)
     name = next((name for name, signed in BODY_AXES.items() if signed == axes), axes)
-    return f'replace the guess "{guess}" by this line in [imu] of recording.toml: axes = "{name}"'
+    return f'replace the guess "{guess}" with this line in [imu] of recording.toml: axes = "{name}"'
 
 
 def _left_handed(mirrored: PlaneFit, fit: PlaneFit, source: Source) -> Reason:
@@ -229,9 +233,10 @@ def _left_handed(mirrored: PlaneFit, fit: PlaneFit, source: Source) -> Reason:
     )[quarter]
     return Reason(
         "axes",
-        f"only a left-handed set of axes explains the accelerations of {label(source)} (correlation "
-        f"{mirrored.correlation:.2f}, as they are {fit.correlation:.2f}): {what}",
-        "correct `axes` or the columns of [imu], of gyro and accel alike"
+        f"only a left-handed set of axes explains the accelerations of {label(source)} "
+        f"(correlation {mirrored.correlation:.2f}, with the axes as given {fit.correlation:.2f}): "
+        f"{what}",
+        "correct `axes` or the columns of [imu], for both gyro and accel"
         + ", or exchange latitude and longitude" * (source.kind == "position"),
         weight=10.0,
     )

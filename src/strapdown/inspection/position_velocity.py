@@ -85,8 +85,10 @@ AXES = (
     Axes(
         "unit",
         _course_in_degrees,
-        "the speed is that of the positions, the course is near north: a course in rad read as deg",
-        "turn the column of the course from rad to deg before north and east are made of it",
+        "the speed agrees with the positions, but the course stays near north: a course in rad "
+        "read as deg",
+        "convert the column of the course from rad to deg before you compute north and east from "
+        "it",
     ),
     Axes(
         "frame",
@@ -109,19 +111,19 @@ AXES = (
     Axes(
         "frame",
         _with_signs(0, 1, -1, -1),
-        "it points backwards",
+        "the velocity points backwards",
         "change the signs of north and east in its `axes`",
     ),
     Axes(
         "frame",
         _with_signs(1, 0, 1, -1),
-        "it is turned by 90 deg: east, then -north",
+        "the velocity is rotated by 90 deg: east, then -north",
         "correct its `axes`",
     ),
     Axes(
         "frame",
         _with_signs(1, 0, -1, 1),
-        "it is turned by 90 deg: -east, then north",
+        "the velocity is rotated by 90 deg: -east, then north",
         "correct its `axes`",
     ),
     Axes(
@@ -213,7 +215,10 @@ def _check_exchanged(position: Source, velocity: Source, wrong: list[Reason]) ->
     pair = _pair(replace(position, y=y), velocity)
     if pair is None or _gross(pair) != [] or _fine(pair, "").reasons:
         return []
-    seen = f"latitude and longitude are exchanged: only so it agrees with {pair.velocity}"
+    seen = (
+        "latitude and longitude are exchanged: only then do the positions agree with "
+        f"{pair.velocity}"
+    )
     return [Reason("frame", seen, "exchange the columns", pair.position, wrong[0].weight)]
 
 
@@ -288,18 +293,20 @@ def _gross(pair: Pair) -> list[Reason] | None:
 def _late(pair: Pair, lag: float, off: float, as_read: float, weight: float) -> Reason:
     """The velocity fits with another clock."""
     seen = (
-        f"it fits {pair.position} with {-lag:+.1f} s added to its time "
-        f"({100 * off:.0f} % off instead of {100 * as_read:.0f} %)"
+        f"the velocity fits {pair.position} with {-lag:+.1f} s added to its time ({100 * off:.0f} "
+        f"% different instead of {100 * as_read:.0f} %)"
     )
-    remedy = f"add {-lag:+.1f} s to `offset` of its `time`, or find which of the two clocks is off"
+    remedy = (
+        f"add {-lag:+.1f} s to `offset` of its `time`, or find which of the two clocks is wrong"
+    )
     return Reason("clock", seen, remedy, pair.velocity, weight)
 
 
 def _report_unknown(pair: Pair, as_read: float, weight: float) -> Reason:
     """The velocity fits in no way."""
     seen = (
-        f"displacements of {pair.position} are {100 * as_read:.0f} % off its integral over "
-        f"{WINDOW:g} s, and no other unit, axes or clock explain it"
+        f"over {WINDOW:g} s its integral differs by {100 * as_read:.0f} % from the displacements "
+        f"of {pair.position}, and no other unit, axes or clock explain it"
     )
     remedy = "check columns, unit, scale, axes and time of both"
     return Reason("unknown", seen, remedy, pair.velocity, weight)
@@ -318,7 +325,10 @@ def _misread(
     pair: Pair, axes: Axes, factor: float, off: float, as_read: float, weight: float
 ) -> list[Reason]:
     """The Reasons of wrong axes and a wrong factor."""
-    better = f"(it is {100 * as_read:.0f} % off the displacements of {pair.position}, read so {100 * off:.0f} %)"
+    better = (
+        f"(it differs by {100 * as_read:.0f} % from the displacements of {pair.position}; read "
+        f"this way, by {100 * off:.0f} %)"
+    )
     reasons = []
     if axes is not AXES[0]:
         reasons.append(
@@ -335,8 +345,8 @@ def _unit_reason(pair: Pair, factor: float, better: str, weight: float) -> Reaso
     likely = FACTORS[near] if abs(np.log(factor / near)) < 0.05 else "a wrong unit or scale"
     return Reason(
         "unit",
-        f"it is {factor:.4g} times the speed of {pair.position}: {likely} {better}",
-        f"correct its `unit`, or set `scale` to {1 / factor:.4g} times what it is",
+        f"the velocity is {factor:.4g} times the speed of {pair.position}: {likely} {better}",
+        f"correct its `unit`, or set `scale` to {1 / factor:.4g} times its present value",
         pair.velocity,
         weight,
     )
@@ -352,8 +362,8 @@ def _still(pair: Pair, d: Array, noise: Array, W: Array) -> list[Reason] | None:
     return [
         Reason(
             "unit",
-            f"it claims {np.median(claimed):.3g} m in {WINDOW:g} s, and {pair.position} moves by "
-            f"{np.median(np.linalg.norm(d[known], axis=1)):.2g} m",
+            f"its integral over {WINDOW:g} s is {np.median(claimed):.3g} m, while {pair.position} "
+            f"moves by {np.median(np.linalg.norm(d[known], axis=1)):.2g} m",
             "check unit and scale of both",
             pair.velocity,
             2 * SURE,
@@ -387,11 +397,11 @@ def _fine(pair: Pair, what: str) -> Checked:
         if abs(x[2]) < SETTLED or abs(lag) > FARTHEST:
             break
     if abs(x[2]) >= SETTLED:
-        return Checked.with_unknown(what, "no latency between the two fits them")
+        return Checked.with_unknown(what, "no latency makes the two agree")
     found.facts.append(
         f"{what}: the velocity is {1 / (1 + x[0]):.4f} +- {std[0]:.4f} of the change of position, "
-        f"turned by {np.degrees(-x[1]):+.2f} +- {np.degrees(std[1]):.2f} deg, later by {lag:+.3f} +- "
-        f"{std[2]:.3f} s"
+        f"rotated by {np.degrees(-x[1]):+.2f} +- {np.degrees(std[1]):.2f} deg, later by "
+        f"{lag:+.3f} +- {std[2]:.3f} s"
     )
     found.reasons.extend(_departures(pair, np.r_[x[:2], lag], std))
     found.add(_vertical(pair, block, lag, what))
@@ -399,7 +409,7 @@ def _fine(pair: Pair, what: str) -> Checked:
     for name, value, least in (("scale", std[0], SCALE), ("latency", std[2], LAG)):
         if not value * SURE < 3 * least:
             found.inconclusive.append(
-                f"{name} of {what}: known to +- {value:.2g} only: too little motion"
+                f"{name} of {what}: known only to +- {value:.2g}: too little motion"
             )
     return found
 
@@ -461,19 +471,19 @@ def _departures(pair: Pair, x: Array, std: Array) -> Iterator[Reason]:
     if angle > 1:
         yield Reason(
             "frame",
-            f"it is turned by {np.degrees(-x[1]):+.1f} +- {np.degrees(std[1]):.1f} deg against the "
-            f"displacements of {pair.position}",
-            "north must be true north: correct for the declination, or for grid north",
+            f"the velocity is rotated by {np.degrees(-x[1]):+.1f} +- {np.degrees(std[1]):.1f} deg "
+            f"from the displacements of {pair.position}",
+            "refer north to true north: correct for the declination, or for grid north",
             pair.velocity,
             angle,
         )
     if lag > 1:
         yield Reason(
             "clock",
-            f"it comes {abs(x[2]):.2f} +- {std[2]:.2f} s {'after' if x[2] > 0 else 'before'} the "
-            f"change of {pair.position}",
+            f"the velocity is {abs(x[2]):.2f} +- {std[2]:.2f} s "
+            f"{'later' if x[2] > 0 else 'earlier'} than the change of {pair.position}",
             f"add {-x[2]:+.2f} s to `offset` of its `time`, or {x[2]:+.2f} s to that of "
-            f"{pair.position}: the IMU decides which",
+            f"{pair.position}; the IMU shows which",
             pair.velocity,
             lag,
         )
@@ -556,7 +566,7 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
             yield Reason(
                 "lasting errors",
                 f"its mean {name} rate differs by {rate:+.3f} +- {scatter:.3f} m/s from {pair.velocity}",
-                "find which of the two drifts, and state a larger `std` for it",
+                "find which of the two drifts, and give it a larger `std`",
                 pair.position,
                 weight,
             )

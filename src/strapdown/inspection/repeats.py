@@ -73,9 +73,10 @@ def _check_source_repeats(source: Source) -> Iterator[Reason]:
     if share > most:
         yield Reason(
             "repeated",
-            f"{100 * share:.0f} % of the fixes repeat the one before while it moves: held values counted as "
-            f"new ones make a filter too sure",
-            "keep only the rows where a fix arrived, as with `where = { column = ..., changes = true }`",
+            f"{100 * share:.0f} % of the fixes repeat the one before while the vehicle moves: a "
+            "filter that counts held values as new ones becomes overconfident",
+            "keep only the rows where a fix arrived, for example with `where = { column = ..., "
+            "changes = true }`",
             label(source),
             share / most,
         )
@@ -108,8 +109,8 @@ def _check_stuck(source: Source) -> Iterator[Reason]:
     k = int(np.argmax(np.where(stuck, seconds, 0)))
     yield Reason(
         "repeated",
-        f"one value from {source.t[new[k]]:.1f} to {source.t[last[k]]:.1f} s, then a jump: stuck "
-        f"(times: {int(stuck.sum())})",
+        f"the source is stuck at one value from {source.t[new[k]]:.1f} to {source.t[last[k]]:.1f} "
+        f"s and then jumps (in all {int(stuck.sum())} times)",
         "leave those rows out",
         label(source),
         float(min(seconds[k] / STUCK_TIME, 10.0)),
@@ -125,8 +126,8 @@ def _imu(imu: Imu) -> Iterator[Reason]:
     if moving.sum() > MIN_FIXES and share > IMU_SHARE:
         yield Reason(
             "repeated",
-            f"{100 * share:.0f} % of the IMU samples in motion read the same as the one before: written "
-            f"more often than measured",
+            f"{100 * share:.0f} % of the IMU samples in motion equal the one before: the log has "
+            "more rows than the IMU measured",
             "keep only the rows where the IMU measured",
             weight=float(share / IMU_SHARE),
         )

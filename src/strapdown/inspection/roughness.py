@@ -51,7 +51,8 @@ def _too_rough(rough: Array) -> Iterator[Reason]:
             "accelerometer",
             f"accelerometer {'xyz'[axis]} changes by {rough[axis]:.0f} m/s^2 (rms) from sample to "
             "sample: vibration, or spikes",
-            "mount the IMU on dampers, log it at its full rate, and check it for faults of transmission",
+            "mount the IMU on dampers, log it at its full rate, and check the log for "
+            "transmission errors",
             weight=float(rough[axis] / MAX_ROUGHNESS),
         )
 
@@ -66,8 +67,8 @@ def _rougher(sensor: str, rough: Array) -> Iterator[Reason]:
     if times[axis] > ALONE * others:
         yield Reason(
             sensor,
-            f"{sensor} {'xyz'[axis]} is {times[axis]:.2g} times as noisy in a part of the recording as in "
-            f"another, its other axes {others:.2g} times",
+            f"{sensor} {'xyz'[axis]} is {times[axis]:.2g} times as noisy in one part of the "
+            f"recording as in another; the other axes differ by {others:.2g} times",
             f"leave that part out, or describe an IMU with that noise; check {sensor} "
             f"{'xyz'[axis]} for a fault",
             weight=float(times[axis] / (ALONE * others)),

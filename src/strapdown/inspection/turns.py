@@ -60,11 +60,11 @@ def _by_course(subject: InspectedRecording) -> Checked:
     theirs = course_rate(fixes, half, fixes.fast)
     use = np.isfinite(theirs)
     if use.sum() < MIN_FIXES or not theirs[use].std() > MIN_TURN:
-        return Checked.with_unknown(what, "the course is known too seldom, or hardly turns")
+        return Checked.with_unknown(what, "too few fixes give a course, or the course hardly turns")
     ours = _gyro_turns(subject, fixes.t[use], half)
     r = correlations(theirs[use], ours)
     if not np.isfinite(r).any() or np.nanmax(np.abs(r)) < SURE:
-        return Checked.with_unknown(what, "they hardly agree at any lag up to 3 s")
+        return Checked.with_unknown(what, "the two hardly agree at any lag up to 3 s")
     top = int(np.nanargmax(np.abs(r)))
     known = np.isfinite(ours[top])
     ratio = float(ours[top][known].std() / theirs[use][known].std())
@@ -74,7 +74,7 @@ def _by_course(subject: InspectedRecording) -> Checked:
         as_course /= ratio
     if reasons and likelier(subject, as_course) < -EVIDENCE:
         return Checked.with_unknown(
-            what, "they differ, and the accelerations of the fixes fit the gyro"
+            what, "the two differ, but the accelerations of the fixes fit the gyro"
         )
     fact = f"{what}: correlation {r[top]:.3f}, gyro / course {ratio:.3g}"
     return Checked([fact], reasons, [])
@@ -125,8 +125,8 @@ def _by_accelerations(subject: InspectedRecording, found: Checked) -> Checked:
         evidence = likelier(subject, 1 / factor)
         if evidence > EVIDENCE:
             seen = (
-                f"the accelerations of the fixes fit rates {1 / factor:.3g} times those of the gyro: "
-                f"{FACTORS[factor]}"
+                f"the accelerations of the fixes fit {1 / factor:.3g} times the rates of the "
+                f"gyro: {FACTORS[factor]}"
             )
             return Checked(found.facts, [Reason("unit", seen, REMEDY, weight=10.0)], [])
     return found

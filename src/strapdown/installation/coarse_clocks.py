@@ -24,7 +24,7 @@ def check_axes(subject: InspectedRecording) -> None:
     Raises DataError."""
     for reason in (*position_velocity.check(subject).reasons, *plane.check(subject).reasons):
         if reason.cause in ("unit", "frame", "axes"):
-            raise DataError(f"{reason}; until then the installation cannot be diagnosed")
+            raise DataError(f"{reason}; correct this before you diagnose the installation")
 
 
 def coarse_clocks(subject: InspectedRecording, constants: Sequence[Constant]) -> list[Array]:

@@ -63,13 +63,13 @@ def diagnose(
     progress: Progress | bool | None = None,
     **set_up: Unpack[SetUpOptions],
 ) -> Diagnosis:
-    """Find out what of the installation of a recording is wrong: clock offset of the GNSS, lever arm
-    of its antenna, mounting of the IMU, scale of the odometer.
+    """Find errors in the installation of a recording: clock offset of the GNSS, lever arm of its
+    antenna, mounting of the IMU, scale of the odometer.
 
-    Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
-    applied, and the filter is run again until nothing moves: `iteration.MAX_RUNS` runs at most.
-    What the recording names to be estimated as states is not, here. Without a source of velocity no
-    more than a clock offset beyond 0.5 s is reported.
+    Each parameter is estimated from the innovations of the filter (separate bias estimation,
+    Friedland 1969) and applied; then the filter runs again until nothing changes:
+    `iteration.MAX_RUNS` runs at most. The states that the recording asks for are not estimated
+    here. Without a source of velocity only a clock offset beyond 0.5 s is reported.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def diagnose(
     filter : str or Filter
         The closed loop or another filter of the closed-loop family.
     options : dict
-        Options of the filter's own, {name: value}.
+        Options that belong to this filter, {name: value}.
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
@@ -117,7 +117,7 @@ class _Runs:
         self.kinds = [a.kind for a in recording.sources if len(a.t)]
         if "position" not in self.kinds:
             raise DataError(
-                "nothing of the installation shows without a source of position: add one"
+                "the installation cannot be diagnosed without a source of position: add one"
             )
         self.constants = constants(recording.sources)
         self.progress = progress
@@ -146,7 +146,7 @@ class _Runs:
         last = self.roughly(first)
         if last.made.cursor.state[0].fault:
             raise DataError(
-                f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
+                f"{self.filter.name} stops before the end of the recording: run `fuse` to see why"
             )
         of_clocks = [c.of is CLOCK for c in self.constants]
         split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
@@ -259,7 +259,10 @@ class _Runs:
         motion = of.motions[axis]
         if "velocity" not in self.kinds and status == CONSISTENT:
             status = NOT_OBSERVABLE
-            motion = f"add a source of velocity: positions show no less than {MIN_CLOCK_ALONE:g} s"
+            motion = (
+                f"add a source of velocity: positions alone show only {MIN_CLOCK_ALONE:g} s and "
+                "more"
+            )
         antennas = sum(each.of is LEVER_ARM for each in self.constants) // 3
         return Diagnosed(
             of,

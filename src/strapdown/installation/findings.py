@@ -72,9 +72,9 @@ class Estimate:
         if self.status == NOT_OBSERVABLE:
             return f"not observable; to show it, {self.motion}"
         if self.status == FOUND:
-            return f"found to be off by {self.seen}"
+            return f"differs from the given value by {self.seen}"
         if abs(self.change) < NOTABLE * self.std:
-            return f"consistent with what was given ({self.seen})"
+            return f"consistent with the given value ({self.seen})"
         return f"no significant difference from the given value ({self.seen})"
 
     def __str__(self) -> str:
@@ -117,13 +117,13 @@ class Diagnosis(Value):
     runs : int
         How often the filter ran.
     gain : float
-        Sum of min(NIS, 30) of all fixes, as given less as found.
+        Sum of min(NIS, 30) of all fixes, as given minus as found.
     misfit : float
         Mean of min(NIS, 30) as found, over that of a correct set-up: about 1.
     reasons : tuple of Reason
         The weightiest first.
     changes : tuple of str
-        What to write into recording.toml, a line each.
+        Changes to make in recording.toml, a line each.
     """
 
     parameters: tuple[Diagnosed, ...]
@@ -146,8 +146,8 @@ class Diagnosis(Value):
         lines = [str(each) for each in self.parameters]
         if self.misfit > MISFIT:
             lines.append(
-                f"the fixes still fit badly: their NIS is {self.misfit:.1f} times what is expected, "
-                f"so something else is wrong, and what stands above may be too"
+                f"the NIS of the fixes is still {self.misfit:.1f} times its expectation, so "
+                "something else is wrong and may have changed the values above"
             )
         if not self.found:
             return [*lines, f"nothing to change in recording.toml ({run_count_text(self.runs)})"]
@@ -232,7 +232,7 @@ def reasons(estimates: Sequence[Diagnosed], lines: dict[str, list[str]]) -> tupl
         made.append(
             Reason(
                 cause,
-                f"{seen}; the sum of min(NIS, 30) falls by {gain:.0f} with it",
+                f"{seen}; this change lowers the sum of min(NIS, 30) by {gain:.0f}",
                 "; ".join(remedy),
                 own[0].sources[0] if alone else "",
                 max(1.0, min(z / MIN_Z, float(np.sqrt(gain / MIN_GAIN)))),

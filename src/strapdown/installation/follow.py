@@ -28,7 +28,7 @@ class Followed(Value):
     Attributes
     ----------
     before, after : Solution
-        As given, and with what was found applied; the same where nothing was.
+        Solution as given, and with the findings applied; the same if nothing was applied.
     diagnosis : Diagnosis or None
         None where the recording could not be diagnosed.
     stopped : str
@@ -73,9 +73,9 @@ def follow(
 ) -> Followed:
     """Fuse a recording, apply what `diagnose` finds wrong of its installation, and fuse it again.
 
-    Nothing is applied where the data do not decide: where the fixes still fit badly with it, where the
-    two halves of the recording find different values, or where the verdict is no better with it. Each
-    remedy is thus tried before it is taken.
+    Nothing is applied if the fixes still fit badly with the change, if the two halves of the
+    recording give different values, or if the verdict does not improve. So each remedy is tested
+    before it is applied.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def follow_with(
     run: RunOptions = {**asked, "start": None} if turned else asked
     after = make(found.recording, run)
     if not _is_better(after.verdict, before.verdict):
-        why = f"with {'; '.join(found.changes)} the verdict is no better ({after.verdict.line})"
+        why = f"the verdict is no better with {'; '.join(found.changes)} ({after.verdict.line})"
         return Followed(before, before, found, why)
     return Followed(before, after, found)
 
@@ -131,19 +131,19 @@ def follow_with(
 def _reason_against(found: Diagnosis) -> str:
     """Why the data do not decide what to apply; empty where they do."""
     if not found.found:
-        return "nothing of the installation is found to be wrong"
+        return "the diagnosis found nothing wrong with the installation"
     if found.misfit > MISFIT:
         return (
-            f"the fixes still fit badly with {'; '.join(found.changes)}: their NIS is "
-            f"{found.misfit:.1f} times what is expected"
+            f"the NIS of the fixes is still {found.misfit:.1f} times its expectation with "
+            f"{'; '.join(found.changes)}"
         )
     for each in found.found:
         (first, std), (second, other) = each.halves
         apart = abs(first - second)
         if np.isfinite(apart) and apart > NOTABLE * np.hypot(std, other):
             return (
-                f"the halves of the recording disagree on {each.name}: {first:+.3g} and {second:+.3g} "
-                f"{each.unit}".rstrip()
+                f"the two halves of the recording disagree on {each.name}: {first:+.3g} and "
+                f"{second:+.3g} {each.unit}".rstrip()
             )
     return ""
 

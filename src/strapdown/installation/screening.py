@@ -243,7 +243,7 @@ def _note_unknown(solution: Solution, suspect: Suspect) -> Iterator[Untested]:
     rests = dict.fromkeys(quantity for axis in axes for quantity in _quantities_of(of, axis))
     yield Untested(
         ", ".join(named),
-        f"known to +-{of.size(suspect.std[worse].max())} only",
+        f"known only to +-{of.size(suspect.std[worse].max())}",
         f"to show it, {' and '.join(shows)}",
         tuple(rests),
         of.cause,
@@ -315,17 +315,17 @@ def _reason(solution: Solution, suspect: Suspect) -> Reason:
         if z > MIN_Z
     )
     what = {
-        CLOCK: f"the innovations ask for {values} on the time stamps",
-        LEVER_ARM: f"the innovations ask for an antenna that is moved by {values}",
-        MOUNTING: f"the constraints ask for an IMU turned by {values}",
+        CLOCK: f"the innovations fit better with {values} added to the time stamps",
+        LEVER_ARM: f"the innovations fit better with the antenna moved by {values}",
+        MOUNTING: f"the constraints fit better with the IMU rotated by {values}",
         SCALE: f"the speeds are too large by a factor of {1 + suspect.value[0]:.3f}",
     }[of]
     times = harm(solution, suspect)
     return Reason(
         of.cause,
-        f"{what}, {suspect.z.max():.0f} standard deviations ({MIN_Z:.0f} at most); errors of about "
-        f"{times:.0f} claimed standard deviations",
-        "run `strapdown diagnose` for the value and what it changes",
+        f"{what}, {suspect.z.max():.0f} standard deviations ({MIN_Z:.0f} at most); it causes "
+        f"errors of about {times:.0f} claimed standard deviations",
+        "run `strapdown diagnose` for the value and its effect",
         sources,
         max(1.0, times / HARMFUL),
     )

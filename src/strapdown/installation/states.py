@@ -70,24 +70,24 @@ class EstimatedParameter(Estimate):
         """The remedy where it is not observable; no motion helps where the prior is tight."""
         if self.motion:
             return f"to show it, {self.motion}"
-        return "the prior says as much as the data"
+        return "the prior is as tight as the data"
 
     @property
     def told(self) -> str:
         """Its status, with the numbers that belong to it."""
         if self.status == NOT_OBSERVABLE:
-            known = f"+-{_size(self.std, self.unit)} of a prior of {_size(self.prior, self.unit)}"
+            known = f"std {_size(self.std, self.unit)}, prior {_size(self.prior, self.unit)}"
             return f"not observable ({known}); {self.advice}"
         if self.status == CONSISTENT:
             return super().told
         if self.of is SCALE:
             many = "much" if self.change > 0 else "little"
             return (
-                f"found: it reads {100 * abs(self.change):.1f} % too {many}, off what was given by "
-                f"{self.seen}; multiply its scale by {self.value:.4f}"
+                f"found: it reads {100 * abs(self.change):.1f} % too {many}, a difference of "
+                f"{self.seen} from the given value; multiply its scale by {self.value:.4f}"
             )
         new = f": {self.value:.3f} {self.unit}" if self.of in (LEVER_ARM, MOUNTING) else ""
-        return f"found{new}, off what was given by {self.seen}"
+        return f"found{new}, {self.seen} from the given value"
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class EstimatedInstallation(Value):
     reasons : tuple of Reason
         Reasons to doubt them; the verdict has them too.
     remarks : tuple of str
-        What cannot be told apart, what no motion shows, what is presumed.
+        Inseparable parameters, parameters that no motion shows, and assumptions.
     of_reference : str
         The remark on the time stamps of the reference, where there is one.
     """
@@ -133,8 +133,8 @@ def estimated_installation(solution: Solution) -> EstimatedInstallation:
     `fuse`, `smooth` or a Stream; empty where none was. Raises DataError."""
     if not isinstance(solution, Solution):
         raise DataError(
-            f"solution is {brief(solution)}; it must be a Solution, as fuse, smooth and read_solution "
-            f"give one"
+            f"solution is {brief(solution)}; it must be a Solution, as fuse, smooth and "
+            "read_solution return it"
         )
     known: dict[str, Any] = solution.meta.get("installation", {"parameters": [], "correlation": []})
     values = _values(solution, known["parameters"])
@@ -222,18 +222,19 @@ def _doubts(each: EstimatedParameter) -> Iterator[Reason]:
     if size > most:
         yield Reason(
             each.cause,
-            f"{each.name} is estimated {each.seen} off what was given, at most "
-            f"{_size(most, each.unit)} is plausible",
-            "look for its cause, such as a wrong unit, and give it before it is estimated",
+            f"the estimate of {each.name} differs by {each.seen} from the given value, and at "
+            f"most {_size(most, each.unit)} is plausible",
+            "find the cause, such as a wrong unit, and correct the given value before you "
+            "estimate it",
             source,
             3.0 * size / most,
         )
     elif each.status != NOT_OBSERVABLE and size > PLAUSIBLE * each.prior:
         yield Reason(
             each.cause,
-            f"{each.name} is estimated {each.seen} off what was given, and its prior is "
-            f"{_size(each.prior, each.unit)}: the prior contradicts the data",
-            f"correct what is given, or give a prior of {_size(size, each.unit)} or more",
+            f"the estimate of {each.name} differs by {each.seen} from the given value, and its "
+            f"prior is {_size(each.prior, each.unit)}: the prior contradicts the data",
+            f"correct the given value, or set a prior of {_size(size, each.unit)} or more",
             source,
             size / each.prior / PLAUSIBLE,
         )
@@ -250,7 +251,7 @@ def _correlated_pairs(
                 unseen = [each for each in (a, b) if each.status == NOT_OBSERVABLE] or (a, b)
                 shows = [each.motion for each in unseen if each.motion]
                 yield (
-                    f"{a.name} and {b.name} cannot be told apart (correlation {r:+.3f}): "
+                    f"the data cannot separate {a.name} and {b.name} (correlation {r:+.3f}): "
                     + ", or ".join(
                         ["estimate one of them", " and ".join(dict.fromkeys(shows))][
                             : 1 + bool(shows)
@@ -268,12 +269,12 @@ def _why_nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...])
     kinds = set(solution.meta["kinds"].values())
     why = "the motion does not show them"
     if not kinds & {*GNSS, *CONSTRAINED}:
-        why = "there is no source of position or velocity"
+        why = "the recording has no source of position or velocity"
     elif not in_motion(solution):
-        why = f"it hardly moves, at most {REST_SPEED:g} m/s"
+        why = f"the vehicle hardly moves, at most {REST_SPEED:g} m/s"
     elif not kinds & {"velocity", "speed"}:
-        why = "there is no source of velocity, add one"
-    yield f"nothing of the installation that was asked for is observable: {why}"
+        why = "the recording has no source of velocity; add one"
+    yield f"none of the requested parameters of the installation is observable: {why}"
 
 
 def _trusted_facts(
@@ -286,13 +287,17 @@ def _trusted_facts(
         if beside := facts.get("beside"):
             them = " and ".join(beside)
             yield (
-                f"{each.name}: {them} of the same antenna {'are' if len(beside) > 1 else 'is'} taken as "
-                f"right in time; where one receiver stamps both, estimate the clocks of both"
+                f"{each.name}: {them} of the same antenna {'are' if len(beside) > 1 else 'is'} "
+                "assumed to have correct times; where one receiver stamps both, estimate the "
+                "clocks of both"
             )
     kinds = solution.meta["kinds"].items()
     own = [name for name, kind in kinds if kind in OF_BODY]
     if own and any(each.of is MOUNTING for each in parameters):
-        yield f"the mounting is estimated, and {' and '.join(own)} taken as of the IMU's own axes"
+        yield (
+            f"the mounting is estimated with {' and '.join(own)} assumed to be in the IMU's own "
+            "axes"
+        )
 
 
 def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> str:
@@ -304,9 +309,9 @@ def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]
         if each.of is CLOCK and off and positions:
             if solution.meta["installation"].get("reference"):
                 return (
-                    f"the reference keeps its time stamps: where it comes from the receiver of "
-                    f"{positions[0]}, they are off by {each.seen} too, and errors against it are "
-                    f"larger for that"
+                    "the reference keeps its time stamps: where it comes from the receiver of "
+                    f"{positions[0]}, they are also off by {each.seen}, which makes errors "
+                    "against it larger"
                 )
     return ""
 

@@ -15,16 +15,17 @@ def read(path: File, /, *more: File, **instances: int | None) -> Recording:
     Parameters
     ----------
     path, *more : str or path
-        A recording.toml, a table, or the log of a device; several where an IMU and a receiver, say,
-        wrote one each. docs/reference/recording-format.md and docs/how-to/logs.md list the formats.
+        A recording.toml, a table, or the log of a device; several if, for example, IMU and receiver
+        wrote one file each. docs/reference/recording-format.md and docs/how-to/logs.md list the
+        formats.
     **instances : int or None
-        Which of several sensors alike is taken from the logs of devices, `imu=1`; None for none of
-        them, `magnetometer=None`.
+        Which of several equal sensors to take from the logs of devices, `imu=1`; None for none,
+        `magnetometer=None`.
 
     Returns
     -------
     Recording
-        In SI; what was handled while reading stands in `recording.meta["notes"]`.
+        In SI; `recording.meta["notes"]` lists the repairs made while reading.
 
     Raises
     ------

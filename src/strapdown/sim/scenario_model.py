@@ -73,8 +73,8 @@ class Scenario:
         Standard deviations of a start's errors, 15 in the order of the error states, SI;
         None: a bias as the IMU's own.
     accel_offset : tuple of float
-        Accelerometer offset on top of the IMU's errors, m/s^2, body; the filter is not
-        told.
+        Accelerometer offset in addition to the IMU's errors, m/s^2, body; the filter does not know
+        it.
     offset_decays : bool
         True: the offset is an initial value of the IMU's Gauss-Markov bias; else it is
         constant.

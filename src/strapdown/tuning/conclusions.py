@@ -119,10 +119,10 @@ def _text(chosen: Sequence[NoiseUnknown], same: bool, spread: float) -> str:
     what, how = ("ratio", "with") if same else ("sum", "against")
     size = "any factor" if spread > 1e3 else f"a factor of {spread:.2g}"
     return (
-        f"{first} {how} {' and '.join(others)}: the data decide their {what} only; {first} can change "
-        f"by {size} if the other follows"
+        f"{first} {how} {' and '.join(others)}: the data determine only their {what}; {first} can "
+        f"change by {size} if the other follows"
         if len(others) == 1
-        else f"{first} {how} {' and '.join(others)}: the data decide what they do together only; "
+        else f"{first} {how} {' and '.join(others)}: the data determine only their combination; "
         f"{first} can change by {size} if the others follow"
     )
 

@@ -70,16 +70,16 @@ class NoiseParameter(Value, NoiseNumber):
         value = f"{self.value_text(self.value)} {self.unit}"
         if self.status == TUNED:
             return f"{value}, 95 % {self.interval}; {self._beside_given()}"
-        used = f"{value} stays as given" if self.stays else f"{value} is used"
+        used = f"{value} kept as given" if self.stays else f"{value} is used"
         if self.status == KEPT:
             return (
-                f"{used}; the likelihood would take a smaller one, but innovations stay correlated, so "
-                f"that it would mean nothing"
+                f"{used}; the data favour a smaller value, but the innovations stay correlated, "
+                "which makes it meaningless"
             )
         if self.status == OPEN:
-            return f"the data do not decide it, any value fits; {used}"
+            return f"the data do not determine it, any value fits; {used}"
         given = "" if self.stays else f"; {self._beside_given()}"
-        return f"the data say {self.interval} {self.unit} (95 %), not how much; {used}{given}"
+        return f"the data show only that it is {self.interval} {self.unit} (95 %); {used}{given}"
 
     def _beside_given(self) -> str:
         """Return the comparison of the given value with the estimate, in words."""
@@ -130,16 +130,16 @@ class SourceFit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tuning(Value):
-    """The noise that a recording tells.
+    """The noise estimated from a recording.
 
     Attributes
     ----------
     parameters : tuple of NoiseParameter
         Each noise as given and as found.
     directions : tuple of Direction
-        Combinations of them that the data hardly show.
+        Combinations of them that the data hardly determine.
     fits : tuple of SourceFit
-        What each source's innovations come to.
+        Statistics of each source's innovations.
     recording : Recording
         The recording as given.
     tuned : Recording
@@ -157,7 +157,7 @@ class Tuning(Value):
     after : Solution
         Solution as tuned.
     notes : tuple of str
-        What else a user must know, a line each.
+        Further facts for the user, a line each.
     """
 
     parameters: tuple[NoiseParameter, ...]
@@ -186,7 +186,7 @@ class Tuning(Value):
         ]
         more = ", ".join(f"{n} {'is' if n == 1 else 'are'} {text}" for n, text in counts if n)
         tuned = sum(each.status == TUNED for each in self.parameters)
-        told = f"{tuned} of {len(self.parameters)} numbers are told by the data"
+        told = f"{tuned} of {len(self.parameters)} numbers are determined by the data"
         return f"{told}; {more}" if more else told
 
     @property
@@ -203,9 +203,9 @@ class Tuning(Value):
         own = (p for p in self.parameters if p.source == fit.source and p.what is WHITE)
         smaller = any(p.value < p.given and not p.stays for p in own)
         return (
-            f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix apart) for "
-            f"reasons that the model lacks: noise factors mean nothing there"
-            f"{'' if smaller else ', and none was made smaller'}"
+            f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix "
+            "apart) for reasons outside the model: noise factors mean nothing "
+            f"there{'' if smaller else ', and none was made smaller'}"
         )
 
     @property

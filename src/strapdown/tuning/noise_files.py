@@ -53,7 +53,8 @@ def check_absent(*paths: Path) -> None:
     for path in paths:
         if os.path.lexists(path):
             raise DataError(
-                f"{path}: is there already, and is not overwritten; move it away, or choose another folder"
+                f"{path}: exists already and is not overwritten; move it away, or choose another "
+                "folder"
             )
 
 
@@ -103,8 +104,8 @@ def _noises(found: "Tuning") -> dict[str, SourceNoise]:
         name = old.name or old.kind
         if name in noises:
             raise DataError(
-                f"two sources are called {name}; give them names of their own, so that a file can "
-                f"say which is meant"
+                f"two sources are called {name}; give them different names, so that the file "
+                "identifies each"
             )
         factors = _factors(found, number)
         one = factors[:1] if len(set(factors)) == 1 else factors

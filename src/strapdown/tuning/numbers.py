@@ -26,9 +26,9 @@ OF_IMU = (
         "m/s^2/sqrt(s)",
     ),
 )
-WHITE = NoiseKind("noise", "std of errors that are new with each fix")
-LASTING = NoiseKind("correlated error", "std of errors that last over many fixes")
-TIME = NoiseKind("correlation time", "how long those errors last")
+WHITE = NoiseKind("noise", "std of errors that are independent from fix to fix")
+LASTING = NoiseKind("correlated error", "std of time-correlated errors")
+TIME = NoiseKind("correlation time", "correlation time of those errors")
 
 
 @dataclass(frozen=True)

@@ -70,11 +70,11 @@ def check_length(recording: Recording, start: InitialState, fixes: int) -> None:
     seconds = recording.span[1] - start.t
     if seconds < MIN_SECONDS:
         raise DataError(
-            f"{seconds:.0f} s are left after the start at {start.t:.1f} s; the noise needs "
+            f"{seconds:.0f} s remain after the start at {start.t:.1f} s; tuning needs "
             f"{MIN_SECONDS:.0f} s or more: give a longer recording"
         )
     if fixes < MIN_FIXES:
         raise DataError(
-            f"there are {fixes} fixes in {seconds:.0f} s; the noise needs {MIN_FIXES} or more: "
-            f"give a longer recording"
+            f"the recording has {fixes} fixes in {seconds:.0f} s; tuning needs {MIN_FIXES} or "
+            "more: give a longer recording"
         )

@@ -87,8 +87,8 @@ class Search:
         root = self.before.innovations.root
         if root is None or not np.isfinite(root).any():
             raise DataError(
-                f"{self.filter.name} does not say the covariance of its innovations, so there is no "
-                f"likelihood; take closed-loop"
+                f"{self.filter.name} gives no covariance of its innovations, and so no "
+                "likelihood; use closed-loop"
             )
 
     @property
@@ -187,7 +187,10 @@ class Search:
         """Give sources correlated errors where the likelihood pays for them. Returns notes."""
         notes, tried = [], []
         if not self.filter.installation:
-            return [f"{self.filter.name} has no states of correlated errors: none were sought"]
+            return [
+                f"{self.filter.name} has no states of time-correlated errors: tuning did not look "
+                "for any"
+            ]
         for s in self.counted:
             a = self.likelihood.sources[s]
             known = any(each.place == s for each in self.unknowns)
@@ -202,7 +205,7 @@ class Search:
             else:
                 self._runs += found.likelihood.runs
                 a = self.likelihood.sources[s]
-                notes.append(f"{a.name or a.kind}: no correlated errors are seen")
+                notes.append(f"{a.name or a.kind}: the data show no time-correlated errors")
         kept = self._used_masks()
         changed = sum(int((k != b).sum()) for k, b in zip(kept, self.likelihood.kept))
         if changed > AGAIN * sum(len(k) for k in kept):

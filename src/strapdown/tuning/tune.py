@@ -37,24 +37,25 @@ def tune(
     """Find the noise of the IMU and of each source of a recording, by maximum likelihood of the
     innovations of a filter (Mehra 1970; Gupta and Mehra 1974), with 95 % profile intervals.
 
-    Sought are white noise and bias walk of gyros and accelerometers; of each recorded source the
-    standard deviation, of positions and velocities horizontally and vertically apart, keeping the
-    shape of what it states; and, with `correlated`, size and time of errors that last, where the
-    likelihood pays for them. Scale, misalignment and turn-on bias of the IMU, and the standard
-    deviations of constraints, stay. Fixes that are outliers do not count.
+    The estimate has white noise and bias walk of gyros and accelerometers, and a factor for the
+    standard deviations of each recorded source, for positions and velocities horizontally and
+    vertically. With `correlated` it also has size and time of time-correlated errors, if the
+    likelihood supports them. Scale, misalignment and turn-on bias of the IMU, and the standard
+    deviations of constraints, stay. Outliers are ignored.
 
     Parameters
     ----------
     recording : Recording
         With a source of position, velocity or speed.
     filter : str or Filter
-        One that says the covariance of its innovations.
+        A filter that gives the covariance of its innovations.
     options : dict
-        Options of the filter's own, {name: value}.
+        Options that belong to this filter, {name: value}.
     start_s, stop_s : float
-        Part of the recording to use, s; default: all, of a long one the 1000 s with the most motion.
+        Part of the recording to use, s; default: all of it, or the 1000 s with the most motion of a
+        long one.
     correlated : bool
-        Seek errors that last, too.
+        Also estimate time-correlated errors.
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
@@ -95,8 +96,8 @@ def tune(
     tell(0.95)
     if all(status in (OPEN, AT_MIN) for status in judged.status):
         raise DataError(
-            "the likelihood has no maximum: no noise of these sources shows in this motion; give a "
-            "longer recording, or one with more motion"
+            "the likelihood has no maximum: this motion does not show the noise of these sources; "
+            "give a longer recording, or one with more motion"
         )
     given = np.array([each.given or each.least for each in search.unknowns])
     before = search.likelihood.at(np.log(given)).log_likelihood
@@ -124,8 +125,8 @@ def _check_sources(recording: Recording) -> None:
     if not any(a.kind in MOVES and len(a.t) for a in recorded):
         has = ", ".join(a.name or a.kind for a in recording.sources) or "no source"
         raise DataError(
-            f"the recording has {has}; the noise shows against measured positions or velocities: add "
-            f"a source of one of {', '.join(MOVES)}"
+            f"the recording has {has}; tuning compares the noise with measured positions or "
+            f"velocities: add a source of one of {', '.join(MOVES)}"
         )
 
 
@@ -133,5 +134,5 @@ def _notes(search: Search) -> list[str]:
     notes = []
     if out := search.left_out():
         many = sum(len(search.likelihood.kept[s]) for s in search.counted)
-        notes.append(f"{out} of {many} fixes are outliers and do not count")
+        notes.append(f"{out} of {many} fixes are outliers and are ignored")
     return notes

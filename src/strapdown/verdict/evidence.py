@@ -51,7 +51,7 @@ DOUBTED = 0.2  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
 
-DIAGNOSE = "run `strapdown inspect` and `strapdown diagnose`; if they name nothing,"
+DIAGNOSE = "run `strapdown inspect` and `strapdown diagnose`; if neither finds a cause,"
 """First remedy where a source does not fit."""
 
 
@@ -119,7 +119,7 @@ def check_divergence(solution: Solution) -> Iterator[Reason]:
         yield Reason(
             "unknown",
             f"the filter {solution.meta['stopped']}",
-            "run `strapdown inspect` on the recording and mend what it names",
+            "run `strapdown inspect` on the recording and correct what it finds",
             weight=10 * GRAVE,
         )
 
@@ -146,9 +146,10 @@ def gaps(solution: Solution) -> Iterator[Reason]:
     if longest:
         yield Reason(
             "samples",
-            f"up to {longest:.3g} s of samples are missing, first at {when:.0f} s ({BRIDGE:g} s are "
-            f"bridged); what came after rests on the fixes alone, its heading above all",
-            "use the parts before and after on their own (`--from`, `--to`)",
+            f"up to {longest:.3g} s of samples are missing, first at {when:.0f} s (at most "
+            f"{BRIDGE:g} s is bridged); after the gap the result, above all its heading, depends "
+            "on the fixes alone",
+            "fuse the parts before and after the gap separately (`--from`, `--to`)",
             weight=min(longest / LONG_GAP, GRAVE),
         )
 
@@ -158,19 +159,20 @@ def heights(solution: Solution) -> Iterator[Reason]:
     for each in solution.meta.get("heights_apart", ()):
         off = each["difference"]
         seen = (
-            f"from {each['start']:.0f} to {each['stop']:.0f} s its height is up to {off:+.3g} m off "
-            f"that of {each['other']}, and is left out"
+            f"from {each['start']:.0f} to {each['stop']:.0f} s its height differs by up to "
+            f"{off:+.3g} m from that of {each['other']}, and the filter leaves it out"
         )
         if not each["decided"]:
             seen += (
-                f"; no data tell which of them is wrong, so the height may be {abs(off):.3g} m off; "
-                f"horizontal position, velocity and attitude do not depend on it"
+                "; the data do not show which of them is wrong, so the height may be "
+                f"{abs(off):.3g} m off; horizontal position, velocity and attitude do not depend "
+                "on it"
             )
         yield Reason(
             "height",
             seen,
-            'say of heights above mean sea level geoid = "EGM96" in recording.toml, or leave out the '
-            "source that is wrong",
+            'if its heights are above mean sea level, set geoid = "EGM96" in recording.toml; '
+            "otherwise leave out the source that is wrong",
             each["source"],
         )
 
@@ -191,16 +193,17 @@ def biases(solution: Solution) -> Iterator[Reason]:
         axis = int(np.argmax(times))
         if times[axis] > BIAS:
             seen = (
-                f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.3g} {unit}, "
-                f"{times[axis]:.3g} times the {allowed * scale:.2g} {unit} of its description"
+                f"the estimated bias of {sensor} {'xyz'[axis]} is {bias[axis] * scale:.3g} "
+                f"{unit}, {times[axis]:.3g} times the std of {allowed * scale:.2g} {unit} in the "
+                "IMU description"
             )
             found.append((sensor, seen, float(times[axis] / BIAS)))
     if found:
         yield Reason(
             found[0][0] if len(found) == 1 else "imu noise",
             f"{' and '.join(seen for _, seen, _ in found)} ({BIAS:.0f} times at most)",
-            "check unit, axes and time of the IMU; if they are right, describe a coarser IMU than "
-            + (solution.meta.get("imu") or "this"),
+            "check unit, axes and time of the IMU; if they are correct, describe a less accurate "
+            "IMU than " + (solution.meta.get("imu") or "this"),
             weight=max(weight for *_, weight in found),
         )
 
@@ -215,8 +218,8 @@ def noise(source: JudgedFixes) -> Iterator[Reason]:
     if ratio > NIS_HIGH:
         yield Reason(
             "lasting errors" if lasts(source.correlation) else "fix noise",
-            f"the fixes differ from the prediction {times:.2g} times as much as the standard "
-            f"deviations say ({np.sqrt(NIS_HIGH):.2g} times at most)",
+            f"the innovations are {times:.2g} times as large as the standard deviations predict "
+            f"({np.sqrt(NIS_HIGH):.2g} times at most)",
             DIAGNOSE + " give it a larger std",
             source.name,
             ratio / NIS_HIGH,
@@ -225,10 +228,10 @@ def noise(source: JudgedFixes) -> Iterator[Reason]:
         start, stop, worst = bad
         yield Reason(
             "outliers",
-            f"between {start:.0f} and {stop:.0f} s the fixes differ from the prediction up to "
-            f"{np.sqrt(worst):.2g} times as much as the standard deviations say "
-            f"({np.sqrt(NIS_PART):.2g} times at most)",
-            DIAGNOSE + " give it a larger std, or leave the fixes out there",
+            f"between {start:.0f} and {stop:.0f} s the innovations are up to {np.sqrt(worst):.2g} "
+            f"times as large as the standard deviations predict ({np.sqrt(NIS_PART):.2g} times at "
+            "most)",
+            DIAGNOSE + " give it a larger std, or leave out the fixes of that time",
             source.name,
             worst / NIS_PART,
         )
@@ -240,23 +243,21 @@ def noise(source: JudgedFixes) -> Iterator[Reason]:
 
 def _too_small(source: JudgedFixes, times: float) -> Reason:
     """The Reason of innovations that are `times` as large as their standard deviations say."""
-    seen = (
-        f"the fixes agree with the prediction {1 / times:.0f} times better than the standard "
-        f"deviations say"
-    )
+    seen = f"the innovations are {1 / times:.0f} times smaller than the standard deviations predict"
     if lasts(source.correlation):
         return Reason(
             "lasting errors",
-            f"{seen}, and their differences from it last ({source.correlation:.2f} correlated from fix "
-            f"to fix): the receiver smooths its fixes, or their errors last",
-            "keep its std, a smaller one would claim what these fixes cannot; describe the errors that "
-            "last with `correlated`",
+            f"{seen}, and correlated in time ({source.correlation:.2f} from fix to fix): the "
+            "receiver smooths its fixes, or their errors are time-correlated",
+            "keep its std, because a smaller one would make the filter overconfident; describe "
+            "the time-correlated errors with `correlated`",
             source.name,
         )
     return Reason(
         "fix noise",
         seen,
-        f"divide its std by about {1 / times:.0f}; the result claims too little, and could be better",
+        f"divide its std by about {1 / times:.0f}; with the present std the filter gives these "
+        "fixes too little weight",
         source.name,
     )
 
@@ -278,11 +279,12 @@ def _check_correlation(source: JudgedFixes, ratio: float) -> Iterator[Reason]:
     if excess > most:
         yield Reason(
             "lasting errors",
-            f"its differences from the prediction last ({lasting:.2f} correlated from fix to "
-            f"fix) and are {np.sqrt(excess):.2g} times what the filter claims of its prediction "
-            f"({np.sqrt(most):.2g} times at most): it takes errors that last for noise",
-            "give it the std of whole errors, as its receiver states it, or describe those that last "
-            "with `correlated`",
+            f"its innovations are correlated in time ({lasting:.2f} from fix to fix), and this "
+            f"part is {np.sqrt(excess):.2g} times the std that the filter claims for its "
+            f"prediction ({np.sqrt(most):.2g} times at most): the filter treats time-correlated "
+            "errors as white noise",
+            "set its std to that of the whole error, as the receiver states it, or describe the "
+            "time-correlated errors with `correlated`",
             source.name,
             excess / most,
         )
@@ -324,7 +326,7 @@ def rejections(source: JudgedFixes) -> Iterator[Reason]:
             "outliers",
             f"{100 * share:.0f} % of the fixes were rejected (0.1 % expected, {100 * REJECTED:.0f} "
             f"% at most)",
-            DIAGNOSE + " give it a larger std, or leave out what is wrong",
+            DIAGNOSE + " give it a larger std, or leave out the wrong fixes",
             source.name,
             share / REJECTED,
         )
@@ -333,9 +335,9 @@ def rejections(source: JudgedFixes) -> Iterator[Reason]:
     if lifted > LIFTED:
         yield Reason(
             "outliers",
-            f"{100 * lifted:.0f} % of the fixes were used only because so many before them had been "
-            f"rejected ({100 * LIFTED:.0f} % at most)",
-            DIAGNOSE + " give it a larger std, or leave out what is wrong",
+            f"{100 * lifted:.0f} % of the fixes passed only because the filter opened its gate "
+            f"after many rejections ({100 * LIFTED:.0f} % at most)",
+            DIAGNOSE + " give it a larger std, or leave out the wrong fixes",
             source.name,
             lifted / LIFTED,
         )
@@ -346,9 +348,9 @@ def rejections(source: JudgedFixes) -> Iterator[Reason]:
     if seconds > UNBELIEVED and inside.sum() >= 5:
         yield Reason(
             "outliers",
-            f"none of the {inside.sum()} fixes from {times[longest]:.0f} s on was accepted for "
+            f"from {times[longest]:.0f} s on the filter rejected all {inside.sum()} fixes for "
             f"{seconds:.0f} s ({UNBELIEVED:.0f} s at most)",
-            DIAGNOSE + " look at these times in the page",
+            DIAGNOSE + " look at these times in the report",
             source.name,
             min(seconds / UNBELIEVED, GRAVE),
         )
@@ -366,9 +368,9 @@ def jumps(source: JudgedFixes, gaps: Array) -> Iterator[Reason]:
         unit = "m" if source.kind == "position" else "m/s"
         yield Reason(
             "outliers",
-            f"at {source.t[lifted[0]]:.0f} s its fixes were {size:.3g} {unit} off the prediction for so "
-            f"long that they were followed; what comes after rests on them",
-            DIAGNOSE + " see whether they or what was before is right",
+            f"at {source.t[lifted[0]]:.0f} s its fixes were {size:.3g} {unit} off the prediction "
+            "for so long that the filter followed them; the result after that depends on them",
+            DIAGNOSE + " check whether the fixes before or after that time are correct",
             source.name,
         )
 
@@ -418,10 +420,10 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
     quarter = abs(abs(off) - 90) < 20 or abs(off) > 160
     yield Reason(
         "axes" if quarter else "mounting",
-        f"the course is {abs(off):.0f} deg to the {'right' if off > 0 else 'left'} of the heading "
-        f"while moving, steadily ({OFF_COURSE:.0f} deg at most)",
-        f"turn the axes of the IMU by {-off:+.0f} deg about down (add that to `heading` of [imu] "
-        f"mounting, or change `axes`)",
+        f"while moving, the course is steadily {abs(off):.0f} deg to the "
+        f"{'right' if off > 0 else 'left'} of the heading ({OFF_COURSE:.0f} deg at most)",
+        f"rotate the axes of the IMU by {-off:+.0f} deg about down (add that to `heading` of "
+        "[imu] mounting, or change `axes`)",
         weight=abs(off) / OFF_COURSE,
     )
 
@@ -452,11 +454,12 @@ def near_pole(solution: Solution) -> Iterator[Reason]:
         return
     where = f"latitude {np.degrees(lat):.4g} deg"
     if lat < NEAR_POLE:
-        where = f"a dip of the field of {np.degrees(max(dips)):.3g} deg"
+        where = f"a field dip of {np.degrees(max(dips)):.3g} deg"
     yield Reason(
         "unknown",
-        f"at {where} north turns quickly with the place, and the filter knows no position",
-        "use a filter of position, and record GNSS",
+        f"at {where} the direction of north changes quickly with position, and the filter does "
+        "not estimate position",
+        "use a filter that estimates position, and record GNSS",
     )
 
 
@@ -486,10 +489,10 @@ def doubts(solution: Solution) -> Iterator[Reason]:
     sensors = [sensor for sensor in ("accelerometer", "gyro") if text.startswith(sensor)]
     yield Reason(
         "outliers" if sources else sensors[0] if sensors else "unknown",
-        f"{solution.seconds(DOUBTFUL):.0f} s of the result are doubtful, and "
-        f"{'less than 1' if share < 0.01 else f'{100 * share:.0f}'} % of it after its start "
+        f"{solution.seconds(DOUBTFUL):.0f} s of the result are doubtful, "
+        f"{'less than 1' if share < 0.01 else f'{100 * share:.0f}'} % of the time after the start "
         f"({100 * DOUBTED:.0f} % at most), first at {first:.0f} s: {text}",
-        "mend its cause, or leave out the rows that `status` marks",
+        "remove its cause, or leave out the rows that `status` marks as doubtful",
         max(sources, key=len, default=""),
         min(share / DOUBTED, GRAVE),
     )

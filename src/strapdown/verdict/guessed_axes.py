@@ -17,7 +17,7 @@ def of_guessed_axes(recording: Recording) -> list[Reason]:
         return tested.reasons
     why = "".join(f" ({line.partition(': ')[2]})" for line in tested.inconclusive[:-1][:1])
     seen = (
-        f'"{axes}" is a guess that the motion does not test{why}: roll, pitch and heading may be turned '
-        f"by 90 or 180 deg; the position alone is vouched for"
+        f'"{axes}" is a guess that the motion does not confirm{why}: roll, pitch and heading may '
+        "be off by 90 or 180 deg; only the position can be trusted"
     )
     return [Reason("axes", seen, plane.confirm(axes))]

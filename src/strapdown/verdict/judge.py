@@ -20,7 +20,7 @@ from .observability import MIN_TIME, bounds, untested_claims
 from .second_filter import SECOND, run_second_filter
 
 Found = TypeVar("Found")
-NOTHING_USED = Untested("anything", "no fix was used", rests=QUANTITIES)
+NOTHING_USED = Untested("anything", "the filter used no fix", rests=QUANTITIES)
 
 
 def judge(solution: Solution) -> Verdict:
@@ -38,7 +38,7 @@ def judge(solution: Solution) -> Verdict:
         try:
             return function(*arguments)
         except Exception as error:
-            unknown.append(Untested(what, f"it cannot be looked at here ({one_line(error)})"))
+            unknown.append(Untested(what, f"the check failed ({one_line(error)})"))
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []

@@ -52,8 +52,8 @@ def untested_claims(
 def _of_length(sources: list[JudgedFixes], seconds: float) -> Iterator[Untested]:
     if seconds < MIN_TIME:
         yield Untested(
-            "anything that takes time",
-            f"the run lasts {seconds:.0f} s, of {MIN_TIME:.0f} s needed",
+            "everything that needs a longer run",
+            f"the run lasts {seconds:.0f} s, and {MIN_TIME:.0f} s are needed",
             "record longer",
             QUANTITIES,
         )
@@ -68,32 +68,36 @@ def _of_sources(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Unte
         name = solution.meta.get("filter", "the filter")
         yield Untested(
             "innovations",
-            f"{name} does not weigh its fixes against their standard deviations",
-            "compare it with closed-loop",
+            f"{name} does not compare its innovations with standard deviations",
+            "compare its result with that of closed-loop",
         )
     silent = set(solution.innovations.names) - {source.name for source in sources}
     if silent:
-        yield Untested(", ".join(sorted(silent)), "none of its fixes was used")
+        yield Untested(", ".join(sorted(silent)), "the filter used none of its fixes")
     if solution.meta.get("bias_std") is None:
-        yield Untested("biases", "the IMU is not described", "say `--imu` NAME", cause="imu noise")
+        yield Untested(
+            "biases", "the IMU is not described", "name it with `--imu NAME`", cause="imu noise"
+        )
 
 
 def _of_motion(solution: Solution, kinds: set[str]) -> Iterator[Untested]:
     """Yield what only motion with positions and velocities shows."""
     if not kinds & {"position", "velocity"}:
-        yield Untested("clock and lever arm", "there is no GNSS", "record GNSS", cause="clock")
+        yield Untested(
+            "clock and lever arm", "the recording has no GNSS", "record GNSS", cause="clock"
+        )
     elif not in_motion(solution):
         yield Untested(
             "clock, lever arm and heading",
-            "it hardly moves",
+            "the vehicle hardly moves",
             "drive or fly turns",
             (HEADING,),
             "lever arm",
         )
     elif not {"position", "velocity"} <= kinds:
         yield Untested(
-            "clock below half a second, lever arm and lasting errors of the fixes",
-            "position and velocity are not both measured",
+            "clock offset below 0.5 s, lever arm and time-correlated errors of the fixes",
+            "the recording has only one of position and velocity",
             "record both",
             (POSITION, HEIGHT, VELOCITY),
             "lasting errors",
@@ -101,16 +105,16 @@ def _of_motion(solution: Solution, kinds: set[str]) -> Iterator[Untested]:
     if "position" in kinds and len(kinds & HEIGHTS) < 2:
         yield Untested(
             "height above geoid or ellipsoid",
-            "there is one source of height",
-            "record a barometer or another height too",
+            "only one source measures it",
+            "also record a barometer or another height",
             (HEIGHT,),
             "height",
         )
     if not kinds & set(CONSTRAINED):
         yield Untested(
             "mounting of the IMU",
-            "no constraint or odometer shows it",
-            "name the constraints of the vehicle, or record an odometer",
+            "only a constraint of the vehicle or an odometer shows it",
+            "add the constraints of the vehicle, or record an odometer",
             (TILT, HEADING, *_moved_by_mounting(solution)),
             "mounting",
         )
@@ -150,14 +154,14 @@ def _of_attitude(solution: Solution, kinds: set[str]) -> Iterator[Untested]:
     if moves and heading_never_seen(solution):
         yield Untested(
             "heading",
-            "no turn or acceleration showed it, its error is that of the start",
+            "no turn or acceleration made it observable, so its initial error remains",
             "turn and accelerate",
             (HEADING,),
         )
     elif not moves and (compasses := [COMPASSES[kind] for kind in COMPASSES if kind in kinds]):
         yield Untested(
             "heading",
-            f"it rests on the {' and the '.join(compasses)} alone",
+            f"it depends on the {' and the '.join(compasses)} alone",
             RECORD_VELOCITY,
             (HEADING,),
             "calibration",
@@ -168,7 +172,7 @@ def _of_attitude(solution: Solution, kinds: set[str]) -> Iterator[Untested]:
     if not kinds & {"position", "velocity"}:
         yield Untested(
             "accelerometer biases and accelerations",
-            "without GNSS they count as tilt",
+            "without GNSS the filter cannot separate them from tilt",
             RECORD_VELOCITY,
             (TILT, HEADING),
             "accelerometer",
@@ -176,8 +180,8 @@ def _of_attitude(solution: Solution, kinds: set[str]) -> Iterator[Untested]:
     elif learned and all(_never_seen(solution, BA.start + i, UNSEEN_BIAS) for i in range(2)):
         yield Untested(
             "horizontal accelerometer biases",
-            "no turn told them from tilt, which rests on the description of the IMU",
-            "turn it by 180 deg on level ground, or bank",
+            "no turn separated them from tilt, which therefore depends on the IMU description",
+            "turn the vehicle by 180 deg on level ground, or bank it",
             (TILT,),
             "accelerometer",
         )

@@ -61,7 +61,7 @@ def test_a_sample_that_cannot_be_is_bridged(sensor):
         values[row, 1] = 1e6 * dt
 
     spoilt = fused(with_samples(recording, **{sensor: spoil}))
-    ((t, text),) = said(spoilt, "which cannot be")
+    ((t, text),) = said(spoilt, "which is out of range")
     assert t == recording.imu.t[row] and "y reads " in text and text.endswith("bridged")
     assert spoilt.status[row] == DOUBTFUL and (spoilt.status[:row] == VALID).all()
     # the sample before it stands for it, and its noise is that of a gap
@@ -189,7 +189,7 @@ def test_a_source_that_is_further_off_than_the_vehicle_can_have_gone_is_left_out
 
     far, near = (fused(with_fixes(flight(), jump), vehicle=name) for name in ("car", "any"))
     assert far.counts()["GNSS position"] == (8, 12) and not said(far, "GNSS position: gate opened")
-    ((t, text),) = said(far, "further than vehicle 'car' can have gone at 120 m/s: left out")
+    ((t, text),) = said(far, "farther than vehicle 'car' can go at 120 m/s: left out")
     assert t == pytest.approx(14.0) and "300 km" in text
     assert (far.status[far.t >= t] == DOUBTFUL).all()
     assert np.abs(sd.errors(far, flight().reference).position).max() < 5
@@ -377,7 +377,7 @@ def test_a_million_of_them_are_a_few_rows():
     """Every sample of a broken sensor is beyond its range."""
     recording = with_samples(flight(), gyro=lambda dtheta: dtheta.__setitem__(slice(None), 1e3))
     solution = fused(recording)
-    wild = said(solution, "which cannot be")
+    wild = said(solution, "which is out of range")
     assert len(wild) == 3 and all(f"({len(solution.t)} times until 20.0 s)" in e for _, e in wild)
     # beyond a second of them velocity and attitude are held, as over a gap
     assert np.isin(solution.status, (DOUBTFUL, INVALID)).all()

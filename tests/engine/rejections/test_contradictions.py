@@ -20,7 +20,7 @@ def run(source, shape, number, gain=0.0):
 
 
 def found(*runs):
-    """[(cause, sources that were rejected too)]"""
+    """[(cause, sources that were also rejected)]"""
     return [(each.found.shape, each.others) for each in assign_blame(list(runs))]
 
 
@@ -36,5 +36,5 @@ def test_noise_is_too_small_of_each_source_by_itself():
 def test_noise_that_a_larger_shape_explains_is_none():
     assert found(run(0, causes.NOISE, 40), run(1, causes.OFFSET, 60, 90.0)) == [
         (causes.DISAGREE, (1,)),
-        (causes.OFFSET, (0,)),  # which says of whom fixes were rejected too
+        (causes.OFFSET, (0,)),  # which says of whom fixes were also rejected
     ]

@@ -41,26 +41,34 @@ def run(shape, size=(), since=118.0, until=np.inf, source=0, start=120.0, **more
         (
             run("clock", (-0.23,)),
             "clock",
-            "their errors follow the velocity, as of time stamps about 0.23 s late",
+            "their errors follow the velocity, as with time stamps about 0.23 s late",
         ),
         (
             run("scale", (-0.05,), source=1),
             "other sources disagree",
-            "their errors are -5 % of the speed, fixes of others were not: the sources contradict "
+            "their errors are -5 % of the speed, those of other sources were not: the sources contradict "
             "each other",
         ),
         (
             run(causes.DISAGREE, others=(1,)),
             "other sources disagree",
-            "fixes of speed were rejected too: the sources contradict each other",
+            "fixes of speed were also rejected: the sources contradict each other",
         ),
         (
             run("noise too small"),
             "noise too small",
-            "all of them scatter 3.1 times their standard ",
+            "all of them scatter by 3.1 times their standard ",
         ),
-        (run("single outliers"), "single outliers", "single ones, up to 8.25 standard deviations"),
-        (run("start"), "not known", "up to 8.25 standard deviations off, while the filter found"),
+        (
+            run("single outliers"),
+            "single outliers",
+            "single outliers, up to 8.25 standard deviations",
+        ),
+        (
+            run("start"),
+            "not known",
+            "up to 8.25 standard deviations off, while the filter converged",
+        ),
     ],
 )
 def test_a_run_in_words(made, cause, seen):
@@ -88,8 +96,8 @@ def test_a_jump_is_an_event_in_the_verdict_and_on_the_page(tmp_path):
     (found,) = solution.rejected
     assert str(found) == (
         "GNSS position: 5 fixes rejected from 158.0 to 162.0 s: they jumped by 20 m to the "
-        "south-east and stayed; see which is right, they or what was before, and leave the others "
-        "out"
+        "south-east and stayed; check whether the fixes before or after the jump are "
+        "correct, and leave out the others"
     )
     assert found.seen in solution.verdict.line and found.remedy in solution.verdict.line
     assert "<td>jump</td>" in summary.rejection_table({"": solution})

@@ -512,7 +512,7 @@ def test_what_is_not_known_is_no_number(swell):
 def test_other_sources_are_named_and_left_out(swell):
     solution = sd.fuse(recorded(swell, 1), "vru", every=1000)
     assert any(
-        "vru has no use for magnetometer" in note for note in solution.meta["notes"]
+        "vru does not use magnetometer" in note for note in solution.meta["notes"]
     ) and solution.innovations.names == ("barometer",)
 
 

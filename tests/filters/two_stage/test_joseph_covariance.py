@@ -80,7 +80,7 @@ def error_of(belief, truth):
     ids=["course", "heading"],
 )
 def test_it_is_what_the_kernels_do_to_small_errors(kinds):
-    """P of a start P0 less that of a start without errors is Phi P0 Phi', Phi by runs of which each
+    """P of a start P0 minus that of a start without errors is Phi P0 Phi', Phi by runs of which each
     has one error more, under gains that are the same."""
     for kernel in (EKF.predict, EKF.correct, *(aiding.find(KINDS[k]).observe for k in kinds)):
         compile_kernel(kernel)

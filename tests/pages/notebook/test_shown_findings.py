@@ -42,9 +42,9 @@ def found(drive):
 
 
 SAID = {
-    "diagnosis": ("Diagnosis", "lever arm forward: consistent with what was given ("),
+    "diagnosis": ("Diagnosis", "lever arm forward: consistent with the given value ("),
     "estimated": ("Estimated installation", "clock of GNSS position"),
-    "installation": ("Installation", "lever arm down: consistent with what was given ("),
+    "installation": ("Installation", "lever arm down: consistent with the given value ("),
     "tuning": ("Tuning: ", "white noise of the turn rate"),
     "flight": ("Flight(turning on closed-loop: 10.0 s flown to the end)", "not judged"),
     "allan": ("Allan analysis of 200 s", "white noise"),

@@ -112,7 +112,7 @@ def difference(table: pd.DataFrame, measure: str, first: str, second: str) -> Pa
 def change(
     table: pd.DataFrame, measure: str, first: str, second: str, other_first: str, other_second: str
 ) -> tuple[Ints, Array]:
-    """(block (n,), log ratio of `measure` of the first two filters less that of the other two
+    """(block (n,), log ratio of `measure` of the first two filters minus that of the other two
     (n,)) of the outages that all have."""
     if not {(measure, name) for name in (first, second, other_first, other_second)} <= set(
         table.columns

@@ -17,11 +17,12 @@ CELLS = "cells"
 PICTURE = "consistency.svg"
 INTRODUCTION = (
     "Every cell is a filter in a scenario with a grade of IMU. At each epoch the NEES of the 15 "
-    "states is averaged over all runs, to their end, whatever became of them; a right filter keeps "
+    "states is averaged over all runs, to their end, diverged or not; a consistent filter keeps "
     "that mean inside a chi-square band at 95 of 100 epochs.",
-    "The errors of neighbouring epochs are alike. So `p` has the share of right filters that come to "
-    "no more epochs inside the band, by simulation of a linear twin. A run survives that never is "
-    "500 m off, nor for more than 10 s beyond what 1 in 1 000 000 right filters come to.",
+    "The errors of neighbouring epochs are correlated. So `p` is the fraction of consistent "
+    "filters with no more epochs inside the band, from simulations of a linear twin. A run "
+    "survives if it is never 500 m off, nor for more than 10 s beyond the bound that 1 in 1 000 "
+    "000 consistent filters exceeds.",
 )
 
 
@@ -79,7 +80,7 @@ def each(rows: pd.DataFrame) -> pd.DataFrame:
             "grade": rows["grade"],
             "verdict": rows["verdict"].where(rows["refused"] == "", "refused"),
             "inside, %": [f"{value:.0f}" for value in rows["inside_%"]],
-            "right: median, 1 in 100": [
+            "consistent: median, 1 in 100": [
                 f"{a:.0f}, {b:.0f}"
                 for a, b in zip(rows["right_median_%"], rows["right_1_in_100_%"])
             ],
@@ -107,7 +108,7 @@ def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of those that have rows."""
     rows = found[CELLS]
     of = {
-        "holding": ("In which scenarios each filter may be believed", list_holding(rows)),
+        "holding": ("Scenarios in which each filter is consistent", list_holding(rows)),
         "by-filter": ("Cells of each filter", by_filter(rows)),
         "refused": ("Refused cells", select_refused(rows)),
         "each": ("Every cell", each(rows)),
@@ -151,7 +152,7 @@ def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of two files for docs/, targets and a table per filter in the second, and of the
     picture."""
     rows = found[CELLS]
-    headed = [(f"In which scenarios each filter may be believed. {size(rows)}", list_holding(rows))]
+    headed = [(f"Scenarios in which each filter is consistent. {size(rows)}", list_holding(rows))]
     if len(select_refused(rows)):
         headed.append(("Refused cells:", select_refused(rows)))
     of_filters = [
@@ -167,7 +168,7 @@ def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
 
 
 STUDY = ReproducedStudy(
-    "Consistency: is the error as large as the filter says",
+    "Consistency: do the errors agree with the claimed covariance",
     INTRODUCTION,
     held_against(TARGETS, figures, digits=4),
     tables,

@@ -35,19 +35,19 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         ("height above the geoid",),
         (NAVIGATION,),
         OF_POSITION,
-        "there is one source of height, and its offset is constant",
+        "only one source measures the height, and its offset is constant",
     ),
     HiddenFault(
         ("second height above the geoid",),
         (HEAVE,),
         (AFLOAT,),
-        "there is one source of height, and its offset is constant",
+        "only one source measures the height, and its offset is constant",
     ),
     HiddenFault(
         ("height is a depth",),
         (NAVIGATION,),
         (WALKING, HOVERING),
-        "the height changes by less than its noise, so that its sign does not show",
+        "the height changes by less than its noise, which hides its sign",
     ),
     HiddenFault(
         (
@@ -57,48 +57,50 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         ),
         (NAVIGATION,),
         (HOVERING,),
-        "it stays within a metre, and the noise of a position is as large",
+        "the body stays within a metre, and the noise of a position is as large",
     ),
     HiddenFault(
         ("gyro sign wrong", "gyro z sign wrong", "gyro z sign flips at 90 s"),
         (NAVIGATION,),
         (HOVERING,),
-        "rolls and pitches of the other sign are those of axes turned by 180 deg, of which the heading "
-        "at the start knows nothing, and it yaws by less than accelerations tell of the heading",
+        "roll and pitch with the other sign equal those of axes rotated by 180 deg, which the "
+        "initial heading cannot show, and the body yaws by less than the accuracy of a heading "
+        "from accelerations",
     ),
     HiddenFault(
         ("declination 10 deg off", "AHRS heading 10 deg off"),
         (NAVIGATION,),
         (HOVERING, MOORED),
-        "accelerations tell the heading to some 8 deg, so that it comes from the magnetometer or AHRS",
+        "accelerations give the heading only to some 8 deg, so it comes from the magnetometer or "
+        "AHRS",
     ),
     HiddenFault(
         ("position and velocity drift by 0.1 m/s",),
         (NAVIGATION,),
         OF_POSITION,
-        "position and velocity agree with each other, the IMU feels no constant velocity, and the "
-        "step into it is one standard deviation of the velocity",
+        "position and velocity agree with each other, an IMU cannot measure a constant velocity, "
+        "and its onset is one standard deviation of the velocity",
     ),
     HiddenFault(
         ("mounted 5 deg off in heading",),
         (NAVIGATION,),
         OF_POSITION,
-        "nothing but the IMU knows where the body's axes point: what accelerates tells the heading "
-        "of the IMU, and the angle is within what wind makes of heading and course",
+        "only the IMU shows where the body's axes point: accelerations show the heading of the "
+        "IMU, and the angle is no larger than the effect of wind on heading and course",
         shown_by="attitude",
     ),
     HiddenFault(
         ("mounted 5 deg off in heading", "declination 10 deg off"),
         (ATTITUDE,),
         IN_FLIGHT,
-        "the magnetometer alone tells the heading, and in level flight its error and that of the "
+        "only the magnetometer shows the heading, and in level flight its error and that of the "
         "mounting are one constant",
     ),
     HiddenFault(
         ("declination 10 deg off",),
         (ATTITUDE,),
         ("in a hand",),
-        "where north is comes from the reference field alone",
+        "only the reference field defines north",
     ),
     HiddenFault(
         (
@@ -107,14 +109,14 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         ),
         (ATTITUDE, HEAVE),
         (*IN_FLIGHT, AFLOAT),
-        "without position and velocity a bias of the accelerometer is a tilt of 3 deg, and the body "
-        "does not turn over, which would tell them apart",
+        "without position and velocity a bias of the accelerometer equals a tilt of 3 deg, and "
+        "only a body that turns over would separate them",
     ),
     HiddenFault(
         ("mounted 5 deg off in heading", "box slips by 10 deg in heading at 90 s"),
         (HEAVE,),
         (AFLOAT,),
-        "nothing but the IMU knows where the body's axes point",
+        "only the IMU shows where the body's axes point",
     ),
 )
 """Faults that the data cannot show."""

@@ -16,13 +16,13 @@ from .runs import BATCH, SMOOTHED, STREAM
 CELLS, TRIALS = "cells", "trials"
 """Tables of the StudyTables: rows of cells.py and of jumps.py."""
 INTRODUCTION = (
-    "Each fault is made with the same simulated recordings. A run is wrong where from 60 s on a "
-    "component of position, velocity or attitude is beyond five of its own standard deviations for "
-    "a second in all, or, where the filter states none, beyond twice the largest error of the run "
-    "without a fault. It is silent where that second lies in rows whose status is valid or bridged "
-    "and no event and no note says what the run without the fault does not say.",
-    "A cell shows the worst of the motions and seeds, with the number of runs that came to it. "
-    "Which faults the data cannot show is written down with the reason.",
+    "The study makes each fault in the same simulated recordings. A run is wrong if, from 60 s "
+    "on, the error of a component of position, velocity or attitude exceeds five of its own "
+    "standard deviations for a second in all, or, if the filter claims none, twice the largest "
+    "error of the run without a fault. It is silent if that second lies in rows whose status is "
+    "valid or bridged, and no event or note reports more than in the run without the fault.",
+    "A cell shows the worst result of the motions and seeds, with the number of runs that had it. "
+    "The faults that the data cannot show are listed with the reason.",
 )
 SOON = 30.0
 """s within which a lasting jump must be said."""
@@ -187,8 +187,8 @@ def tables(found: StudyTables) -> Tables:
     rows, trials = found[CELLS], found[TRIALS]
     return {
         "silent": ("Silently wrong, though the data can show it", silences(rows)),
-        "by-filter": ("What became of the runs whose fault the data can show", by_filter(rows)),
-        "by-fault": ("What became of each fault", by_fault(rows)),
+        "by-filter": ("Results of the runs whose fault the data can show", by_filter(rows)),
+        "by-fault": ("Results by fault", by_fault(rows)),
         "jumps": ("Jumps of the position, closed loop", count_jumps(trials)),
         "without-fault": ("Flights without a fault", count_doubted(trials)),
         "matrix": ("Every fault and filter: the worst of all motions and seeds", matrix(rows)),
@@ -221,7 +221,7 @@ def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
 
 
 STUDY = ReproducedStudy(
-    "Sensor faults: whether a filter that is wrong says so",
+    "Sensor faults: does a wrong filter report it",
     INTRODUCTION,
     held_against(TARGETS, figures, digits=4),
     tables,

@@ -176,7 +176,7 @@ def _copy(A: Array, to: Array) -> None:
 
 @helper
 def _turn_angles(belief: FilterState, r: Three, dt: float) -> None:
-    """Angles by the rotation r of the body less that of n, rad, before the velocity moves."""
+    """Angles by the rotation r of the body minus that of n, rad, before the velocity moves."""
     workspace, angles = belief.workspace, belief.workspace[ANGLES]
     R, to = matrix(workspace, KNOWN, 3, 3), matrix(workspace, T, 3, 3)
     sine, cosine, M, N = place(belief.lla[0], belief.lla[2])

@@ -12,9 +12,10 @@ from . import correlated, coverage, misstated, outliers
 CORRELATED, MISSTATED, OUTLIERS, COVERAGE = "correlated", "misstated", "outliers", "coverage"
 """Tables of the StudyTables, each of the rows of its file, and of the page."""
 INTRODUCTION = (
-    "What errors that last, noise that is stated wrongly and gross errors do to a filter, and what "
-    "states, `tune`, robust and adaptive sources make of it. Simulated runs are scored horizontally, "
-    "a row a second from the 60th on, all seeds together; of the recorded ones fixes are hidden.",
+    "Effect of time-correlated errors, wrongly stated noise and gross errors on a filter, and the "
+    "gain from states, `tune`, robust and adaptive sources. Simulated runs are scored "
+    "horizontally, a row a second from the 60th on, all seeds together; in the recorded ones "
+    "fixes are hidden.",
 )
 WITHIN = {1.0: 0.683, 3.0: 0.997}
 """{standard deviations: share of a normal distribution}."""
@@ -36,10 +37,10 @@ TARGETS = {
         "errors correlated over 0, 30, 120 s, tuned: rms error over claimed std, highest", "<=", 1.1
     ),
     "white, tuned": Target(
-        "white errors: rms error with tuned values over that with the right ones", "<=", 1.02
+        "white errors: rms error with tuned values over that with the true ones", "<=", 1.02
     ),
     "misstated rms": Target(
-        "noise stated five times wrong: rms error after tune over that of the right noise, worst",
+        "noise stated five times wrong: rms error after tune over that with the true noise, worst",
         "<=",
         1.1,
     ),
@@ -185,7 +186,7 @@ def _white_tuned(table: pd.DataFrame) -> float:
 def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of what was run."""
     of = {
-        CORRELATED: ("Position errors that last, s of correlation", of_correlated),
+        CORRELATED: ("Time-correlated position errors, by correlation time in s", of_correlated),
         MISSTATED: ("Noise stated five times wrong", of_misstated),
         OUTLIERS: ("A tenth of the fixes off by 20 std, and none", of_outliers),
         COVERAGE: ("Fixes hidden in outages, s", of_coverage),
@@ -198,5 +199,5 @@ def tables(found: StudyTables) -> Tables:
 
 
 STUDY = ReproducedStudy(
-    "Noise, told by the data", INTRODUCTION, held_against(TARGETS, figures), tables
+    "Noise, estimated from the data", INTRODUCTION, held_against(TARGETS, figures), tables
 )

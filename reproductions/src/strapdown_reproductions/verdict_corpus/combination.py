@@ -86,6 +86,6 @@ def _outcome(counted: pd.DataFrame, doubted: Array) -> dict[str, str]:
     of = lambda part, those: f"{int((part & those).sum())} of {int(those.sum())}"
     return {
         "trusted and wrong": of(~doubted, wrong),
-        "right set-up doubted": of(doubted, right & plain),
+        "correct set-up doubted": of(doubted, right & plain),
         "harmless mistake doubted": of(doubted, right & ~plain),
     }

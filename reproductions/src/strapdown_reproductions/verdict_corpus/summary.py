@@ -20,26 +20,27 @@ BETS, ADVICE = "bets", "advice"
 """Tables of the StudyTables: rows of bets.py, and of its advice."""
 MINUTES = 5.0
 INTRODUCTION = (
-    "Each recording is fused as it is, and with every mistake of the wrong set-ups. A result is wrong "
-    "where an error exceeds three claimed standard deviations for more than 5 % of the time: against "
-    "the truth of a simulation or an independent reference, else against the smoother of the right "
-    "set-up, whose standard deviations count too and which does not judge attitude.",
+    "Each recording is fused as it is, and with every mistake of the wrong set-ups. A result is "
+    "wrong if an error exceeds three claimed standard deviations for more than 5 % of the time. "
+    "The reference is the truth of a simulation or an independent one; otherwise it is the "
+    "smoother of the correct set-up, whose standard deviations also count, and attitude is not "
+    "scored.",
     f"Thresholds were chosen on the half called {CHOSEN!r}, and all figures are of the half called "
     f"{COUNTED!r}; no vehicle, motion or recording is in both.",
-    "Said apart: what is wrong is the very thing that the verdict lists as not tested, with what rests "
-    "on it. Intervals are of 95 %, as if results were independent; those of one recording are not.",
+    "Announced: the verdict lists the wrong quantity, or what it depends on, as not tested. "
+    "Intervals are for 95 %, as if results were independent; those of one recording are not.",
 )
 TARGETS = {
     "results": Target("results in the corpus", ">=", 1000.0),
     "wrong": Target(
-        "trusted and wrong, of all that are trusted, said apart excepted", "<=", 1.0, "%"
+        "trusted and wrong, of all that are trusted, without announced ones", "<=", 1.0, "%"
     ),
     "right": Target(
-        "right set-ups with right results: doubted, guessed axes apart", "<=", 3.0, "%"
+        "correct set-ups with correct results: doubted, without guessed axes", "<=", 3.0, "%"
     ),
-    "harmless": Target("all right results, harmless mistakes too: doubted", "<=", 3.0, "%"),
+    "harmless": Target("all correct results, harmless mistakes included: doubted", "<=", 3.0, "%"),
     "named": Target("wrong and doubted: the true cause named first", ">=", 90.0, "%"),
-    "found": Target("wrong results, said apart excepted: doubted", ">=", 98.0, "%"),
+    "found": Target("wrong results, without announced ones: doubted", ">=", 98.0, "%"),
     "misleading": Target(
         "trusted: time in which an error is larger than its protection level", "<=", 100 * RISK, "%"
     ),
@@ -125,7 +126,7 @@ def advice(advised: pd.DataFrame) -> pd.DataFrame:
             "results": len(own),
             "wrong before": int(own["wrong_before"].sum()),
             "applied": int(own["applied"].sum()),
-            "of them right after": int((own["applied"] & ~own["wrong_after"]).sum()),
+            "of them correct after": int((own["applied"] & ~own["wrong_after"]).sum()),
             "trusted and wrong after": len(spoilt(own)),
         },
     )
@@ -139,8 +140,8 @@ def counts(own: pd.DataFrame) -> dict[str, str | int]:
     return {
         "results": len(own),
         "trusted and wrong": share(trusted["vouched_wrong"]),
-        "said apart": int((trusted["wrong"] & trusted["said_apart"]).sum()),
-        "right set-up doubted": share(right["doubted"] & ~right["untested_axes"]),
+        "announced": int((trusted["wrong"] & trusted["said_apart"]).sum()),
+        "correct set-up doubted": share(right["doubted"] & ~right["untested_axes"]),
         "axes untested": int(right["untested_axes"].sum()),
         "harmless mistake doubted": share(harmless["doubted"]),
         "cause named first": share(caught["named"]),
@@ -183,7 +184,7 @@ def tables(found: StudyTables) -> Tables:
         "variant": (f"By what was added ({PLAIN}: nothing)", by("variant")),
         "length": ("By length", by("length")),
         "wrong": ("Trusted and wrong", list_results(trusted_wrong, "which")),
-        "doubted": ("Right set-ups that are doubted", list_results(doubted, "cause")),
+        "doubted": ("Correct set-ups that are doubted", list_results(doubted, "cause")),
         "levels": (f"Protection levels at a risk of {RISK:g}", levels(rows)),
         "followed": ("`strapdown fuse --follow`", advice(found[ADVICE])),
         "rules": (

@@ -52,7 +52,7 @@ NOT_SHOWABLE: tuple[HiddenSetUp, ...] = (
             "swisslog",
             *BROAD,
         ),
-        "there is one source of height alone",
+        "only one source measures the height",
         "height",
     ),
     HiddenSetUp(

@@ -19,15 +19,15 @@ from .not_showable import NOT_SHOWABLE
 CELLS, DIAGNOSES = "cells", "diagnoses"
 """Tables of the StudyTables: rows of cells.py and of diagnosed.py."""
 INTRODUCTION = (
-    "Each mistake is made on each recording. It is harmful where the rms of an error (horizontal "
-    "position, height, velocity, roll and pitch, heading) is at least twice that of the right "
-    "set-up, or where an error exceeds three claimed standard deviations for more than 5 % of the "
-    "time while that of the right set-up does not; without truth, where the solution lies beyond "
-    "three claimed standard deviations of the right set-up from that one for more than 5 % of the "
-    "time. A mistake is found where `inspect` reports a problem or the verdict is anything but "
-    "trusted; it is named where the first reason has the true cause.",
-    "Which mistakes the data of a recording cannot show was written down before the table ran; "
-    "there the verdict must name what was mistaken as not tested.",
+    "The study makes each mistake in each recording. It is harmful if the rms of an error "
+    "(horizontal position, height, velocity, roll and pitch, heading) is at least twice that of "
+    "the correct set-up, or if an error exceeds three claimed standard deviations for more than 5 "
+    "% of the time and does not with the correct set-up. Without truth, it is harmful if the "
+    "solution differs from that of the correct set-up by more than three of its claimed standard "
+    "deviations for more than 5 % of the time. A mistake is found if `inspect` reports a problem "
+    "or the verdict is not `trusted`; it is named if the first reason has the true cause.",
+    "The mistakes that the data of a recording cannot show were written down before the table "
+    "ran; for these the verdict must list the mistaken quantity as not tested.",
 )
 
 
@@ -53,13 +53,11 @@ TARGETS = {
     "untested": Target(
         "harmful mistakes that the data cannot show: named as not tested", ">=", 100.0, "%"
     ),
-    "alarms": Target("simulated right set-ups: called anything but trusted", "<=", 2.0, "%"),
-    "recorded": Target(
-        "recorded right set-ups, thor75 aside: called anything but trusted", "<=", 0.0, "%"
-    ),
+    "alarms": Target("simulated correct set-ups: not trusted", "<=", 2.0, "%"),
+    "recorded": Target("recorded correct set-ups, without thor75: not trusted", "<=", 0.0, "%"),
     "as logged": Target("swisslog as logged: the true cause named first", ">=", 100.0, "%"),
     "cost": Target("the verdict's time over the filter's, median", "<=", 10.0, "%"),
-    "runs": Target("runs of the filter that diagnose takes, the most", "<=", 15.0, "runs"),
+    "runs": Target("runs of the filter that diagnose takes, largest number", "<=", 15.0, "runs"),
 }
 """The targets, by name."""
 
@@ -94,12 +92,12 @@ def tables(found: StudyTables) -> Tables:
             count_harmful(own, "mistake"),
         ),
         "by-recording": ("The same by recording", count_harmful(own, "recording")),
-        "missed": ("Harmful cells that nobody noticed", list_missed(own[~own["found"]])),
+        "missed": ("Harmful cells that were not found", list_missed(own[~own["found"]])),
         "misnamed": (
-            "Found, but another cause stands first",
+            "Found, but another cause is named first",
             list_missed(own[own["found"] & ~own["named"]]),
         ),
-        "alarms": ("Right set-ups that are called anything but trusted", alarms(rows)),
+        "alarms": ("Correct set-ups that are not trusted", alarms(rows)),
         "hidden": (
             "Harmful cells that the data cannot show",
             count_unshown(harmful(rows, showable=False)),
@@ -166,7 +164,7 @@ def not_showable() -> pd.DataFrame:
 
 
 STUDY = ReproducedStudy(
-    "Wrong set-ups: who notices, and what is named",
+    "Wrong set-ups: which are found, and which cause is named",
     INTRODUCTION,
     held_against(TARGETS, figures),
     tables,

@@ -44,9 +44,10 @@ def calibrate_installation(
     """Find the installation of a recording: clock offset of each GNSS source, lever arm of its
     antenna, mounting of the IMU, scale of the odometer.
 
-    `diagnose` is run on what it found until that has nothing wrong; the smoother with the same
-    numbers as states, around what was found, is the second estimate. A parameter is found where it
-    is off what was given by `diagnose`'s limits and both agree; its 95 % interval holds both. What the recording asks to be estimated is left out.
+    `diagnose` runs on its own result until it finds nothing wrong. The smoother, with the same
+    parameters as states about that result, gives a second estimate. A parameter counts as found if
+    it differs from the given value by `diagnose`'s limits and both estimates agree; its 95 % interval
+    holds both. States that the recording asks for are left out.
 
     Parameters
     ----------
@@ -55,9 +56,9 @@ def calibrate_installation(
     filter : str or Filter
         As of `diagnose`.
     options : dict
-        Options of the filter's own, {name: value}.
+        Options that belong to this filter, {name: value}.
     imu_clock : bool
-        Blame the clock of the IMU, where all sources share an offset.
+        If all sources share an offset, correct the clock of the IMU instead.
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
@@ -75,7 +76,7 @@ def calibrate_installation(
     if not any(a.kind == "velocity" and len(a.t) for a in recording.sources):
         raise DataError(
             "the recording has no source of velocity, and positions alone do not show an "
-            "installation; add one (`strapdown diagnose` still looks for clocks beyond 0.5 s)"
+            "installation; add one (`strapdown diagnose` still detects clock offsets above 0.5 s)"
         )
     recording = with_estimates(recording, ())
     check_states(recording)
@@ -94,7 +95,7 @@ def calibrate_installation(
     if all(each.status == NOT_OBSERVABLE for each in parameters):
         motions = dict.fromkeys(f"the {each.cause}: {each.motion}" for each in settled.sought)
         raise DataError(
-            f"nothing of the installation shows in this motion; to show {'; '.join(motions)}"
+            f"this motion shows nothing of the installation; to show {'; '.join(motions)}"
         )
     if imu_clock:
         _check_imu_clock(recording, parameters)
@@ -167,8 +168,8 @@ def _check_imu_clock(recording: Recording, parameters: tuple[CalibratedParameter
     if len(clocks) > 1:
         values = ", ".join(f"{each.name} {each.seen}" for each in clocks)
         raise DataError(
-            f"--imu-clock: the sources do not share one offset ({values}); leave it out, so that "
-            f"each gets its own"
+            f"--imu-clock: the sources do not share one offset ({values}); leave the option out, "
+            "so that each source gets its own offset"
         )
     others = [
         a.name or a.kind
@@ -177,8 +178,9 @@ def _check_imu_clock(recording: Recording, parameters: tuple[CalibratedParameter
     ]
     if clocks[0].status == FOUND and others:
         raise DataError(
-            f"--imu-clock: no offset was estimated of {', '.join(others)}, which would move against "
-            f"the IMU; leave it out, so that only {' and '.join(clocks[0].sources)} are moved"
+            f"--imu-clock: no offset was estimated for {', '.join(others)}, which would shift "
+            "relative to the IMU; leave the option out, so that only "
+            f"{' and '.join(clocks[0].sources)} are moved"
         )
 
 
@@ -205,8 +207,9 @@ def _notes(
     ]
     if any(each.of is MOUNTING and each.status == FOUND for each in parameters):
         notes += [
-            f"{a.name or a.kind} was taken to be in the case of the IMU and turned with it; `mounting` "
-            f"of [imu] turns the IMU alone, so turn this source too, by its `axes` or `calibration`"
+            f"{a.name or a.kind} was assumed to be in the case of the IMU and rotated with it; "
+            "`mounting` of [imu] rotates the IMU alone, so rotate this source too, with its "
+            "`axes` or `calibration`"
             for a in recording.sources
             if find(a.kind).recorded and is_of_the_imu(a)
         ]
@@ -215,17 +218,17 @@ def _notes(
         one, other = unseen[:2]
         notes.append(
             f"{one.name} and {other.name} trade off: they differ by "
-            f"{one.change - other.change:+.3f} s, but the motion does not show either; neither is "
-            f"written"
+            f"{one.change - other.change:+.3f} s, but the motion shows neither; calibrate writes "
+            "neither"
         )
     if not settled.sure:
         notes.append(
-            "the estimates do not settle, so none is written: correct by hand what is far off, such as "
-            "a clock by seconds, and run again"
+            "the estimates do not converge, so none is written: correct large errors by hand, "
+            "such as a clock that is seconds off, and run again"
         )
     if settled.last.misfit > MISFIT:
         notes.append(
-            f"the fixes still fit badly: their NIS is {settled.last.misfit:.1f} times what is expected, so "
-            f"something else is wrong, and what stands above may be too"
+            f"the NIS of the fixes is still {settled.last.misfit:.1f} times its expectation, so "
+            "something else is wrong and may have changed the values above"
         )
     return tuple(notes)

@@ -65,11 +65,11 @@ class CalibratedParameter(Diagnosed):
             most = self.of.most * self.of.factor
             return (
                 f"{self.seen}, more than the {most:.3g} {self.unit}".rstrip()
-                + " that an installation is off, so not written: look for its cause (such as leap "
-                "seconds, or a wrong unit), and change it by hand"
+                + " by which an installation can differ, so not written: find the cause (such "
+                "as leap seconds, or a wrong unit), and change it by hand"
             )
         if self.status == FOUND:
-            return f"found to be off by {self.seen} (as a state: {self.second})"
+            return f"differs from the given value by {self.seen} (as a state: {self.second})"
         return super().told
 
 
@@ -100,8 +100,7 @@ class Installation(Value):
     asking : Asking
         How the filter was run.
     written : dict[Path, Path]
-        {file that has it: copy of the old one}: offsets and factors are on top of what that
-        said.
+        {file that has it: copy of the old one}: offsets and factors are relative to the old file.
     """
 
     parameters: tuple[CalibratedParameter, ...]
@@ -164,14 +163,16 @@ class Installation(Value):
         if unsure and found:
             together = [
                 f"nothing is written: {_join_names(found)} was estimated together with "
-                f"{_join_names(unsure)}, and half a correction may be worse than none"
+                f"{_join_names(unsure)}, and one correction without the other may be worse than "
+                "none"
             ]
         turned = []
         if np.any(self.given.meta.get("imu_mounting", 0.0)) and any(
             each.of is MOUNTING for each in self.edits
         ):
             turned = [
-                "mounting: the change turns what was given, so that all three angles are written anew"
+                "mounting: the change rotates the given mounting, so all three angles are written "
+                "anew"
             ]
         return [*map(str, self.parameters), *together, *turned, *self.notes, self.used]
 
@@ -179,7 +180,7 @@ class Installation(Value):
     def used(self) -> str:
         """The time that was used, for people."""
         first, last = self.given.span
-        short = "; use several minutes, to tell a constant from what varies"
+        short = "; use several minutes, to separate constant from varying parameters"
         return f"used: {first:.1f} to {last:.1f} s, {last - first:.0f} s" + (
             short if last - first < MINUTES else ""
         )
@@ -213,12 +214,14 @@ class Installation(Value):
         where the file is another one or cannot be changed; then nothing is.
         """
         if self.unsure:
-            raise DataError(f"{path}: left as it is; {self.unsure[0]}")
+            raise DataError(f"{path}: unchanged; {self.unsure[0]}")
         if not self.edits:
             return None
         target = Path(path).resolve()
         if target in self.written:
-            raise DataError(f"{path}: has this already; read it and calibrate anew to change it")
+            raise DataError(
+                f"{path}: already has this change; read the file and calibrate again to change it"
+            )
         change = Change(self.given, COMMAND)
         change.check(path)
         kept = change.write(path, self.edits)

@@ -116,9 +116,9 @@ uncertainty alone goes back to that of the process. "random-walk": no time const
 
 
 class InitialState(NamedTuple):
-    """Where a filter begins: state and standard deviations, SI and radians. Print it, or
-    override a part with `_replace`. What is left open, `()`, is found from the recording or from
-    the first samples of a stream.
+    """Initial state of a filter with standard deviations, SI and radians. Print it, or override a
+    part with `_replace`. Parts left empty, `()`, are found from the recording or from the first
+    samples of a stream.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class InitialState(NamedTuple):
     v_n : tuple of float
         Velocity towards north, east and down, m/s.
     rph : tuple of float
-        Roll, pitch, heading, rad; NaN, NaN, heading: that alone is known.
+        Roll, pitch, heading, rad; NaN, NaN, heading if only the heading is known.
     b_a : tuple of float
         Accelerometer bias, m/s^2.
     b_g : tuple of float
@@ -141,8 +141,8 @@ class InitialState(NamedTuple):
         How each part was found.
     motion : tuple of float
         Angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each,
-        NED, SI) of a start whose position and velocity are those of fixes, and so err with
-        their clock and lever arm; () of any other.
+        NED, SI) of a start whose position and velocity come from fixes and so share their clock and
+        lever arm errors; () otherwise.
     """
 
     t: float

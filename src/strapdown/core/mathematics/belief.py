@@ -40,8 +40,7 @@ class FilterState(NamedTuple):
     f : array
         Last bias-free specific force f_ib_b, m/s^2.
     workspace : array
-        What one architecture alone needs: its `slots`, of which the output columns are the
-        first.
+        Data that one architecture alone needs: its `slots`, beginning with the output columns.
     augmented : array
         The augmented states, error states 15.
     """
@@ -76,9 +75,8 @@ class Noise(NamedTuple):
     accel_decay : float
         1/time constant of the accelerometer bias, 1/s.
     held : float
-        Share of these decays that the estimates of the biases take no part in, while P
-        does: 0 where they decay like the biases themselves, 1 where they are held from fix
-        to fix.
+        Share of these decays that P has but the bias estimates do not: 0 if the estimates decay
+        like the biases, 1 if they are held from fix to fix.
     """
 
     gyro: float

@@ -26,12 +26,12 @@ from .contradictions import RejectedRun
 VERTICAL = 0.3  # part of a vector from which its vertical component is said too
 WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 REMEDIES = {
-    JUMP: "see which is right, they or what was before, and leave the others out",
-    DRIFT: "leave them out from there on if another source contradicts them too",
+    JUMP: "check whether the fixes before or after the jump are correct, and leave out the others",
+    DRIFT: "leave them out from there on if another source also contradicts them",
     CLOCK: "run `strapdown diagnose`, which finds its `time.offset`",
     NOISE: "give it a larger std, or run `strapdown tune`",
     DISAGREE: "run `strapdown inspect` and `strapdown diagnose`",
-    OUTLIERS: "nothing to do for a few; of many, ask why the receiver makes them",
+    OUTLIERS: "a few are harmless; if there are many, find out why the receiver makes them",
     UNKNOWN: "look at these times in the report",
 }
 
@@ -48,7 +48,9 @@ def _rejection_text(run: RejectedRun, source: Source, names: Sequence[str]) -> R
     seen = _error_text(run, source)
     if cause == DISAGREE:
         others = ", ".join(names[s] for s in run.others)
-        also = f"fixes of {others} were rejected too" if others else "fixes of others were not"
+        also = (
+            f"fixes of {others} were also rejected" if others else "those of other sources were not"
+        )
         seen = f"{', '.join(filter(None, [seen, also]))}: the sources contradict each other"
     span = run.start, run.stop, run.number, run.of
     return Rejected(names[run.source], *span, cause, seen, REMEDIES[cause])
@@ -65,18 +67,19 @@ def _error_text(run: RejectedRun, source: Source) -> str:
     if found.shape == CLOCK:
         what = "velocity" if source.kind == "position" else "acceleration"
         return (
-            f"their errors follow the {what}, as of time stamps about {abs(size[0]):.2g} s "
+            f"their errors follow the {what}, as with time stamps about {abs(size[0]):.2g} s "
             f"{'late' if size[0] < 0 else 'early'}"
         )
     if found.shape == OFFSET:
-        return f"they are off by {_amount(size, source)} as long as they are there"
+        return f"all of them are off by {_amount(size, source)}"
     if found.shape == SCALE:
         return f"their errors are {100 * size[0]:.2g} % of the speed"
     return {
-        NOISE: f"all of them scatter {found.spread:.2g} times their standard deviations",
-        OUTLIERS: f"single ones, up to {run.largest:.3g} standard deviations off",
-        START: f"up to {run.largest:.3g} standard deviations off, while the filter found its start",
-        UNKNOWN: f"up to {run.largest:.3g} standard deviations off, for no cause that is known",
+        NOISE: f"all of them scatter by {found.spread:.2g} times their standard deviations",
+        OUTLIERS: f"single outliers, up to {run.largest:.3g} standard deviations off",
+        START: f"up to {run.largest:.3g} standard deviations off, while the filter converged after "
+        "its start",
+        UNKNOWN: f"up to {run.largest:.3g} standard deviations off, for an unknown cause",
     }.get(found.shape, "")
 
 

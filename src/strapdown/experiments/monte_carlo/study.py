@@ -81,14 +81,14 @@ class Study:
     chunk_steps : int
         Filter steps in a chunk, about: seconds of work, which is what an interruption loses.
     installation : dict
-        {parameter: standard deviation} from which each run draws what is wrong with it, SI, as
-        `fuse(estimate=)` names them. A filter estimates them where its label says so, as
+        {parameter: standard deviation} from which each run draws its installation errors, SI, named
+        as in `fuse(estimate=)`. A filter estimates them if its label says so, as
         "closed-loop:estimate=clock+lever-arm", with these standard deviations as its priors.
 
     Raises
     ------
     DataError
-        Where anything given is out of range or not known.
+        If an argument is out of range or unknown.
     """
 
     scenarios: tuple[str | Scenario, ...]

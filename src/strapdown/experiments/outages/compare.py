@@ -56,9 +56,9 @@ def compare(
     **shared: Unpack[SourceOptions],
 ) -> Comparison:
     """Run filters through the same outages of a recording, and return the Comparison of their errors
-    against its reference, or else against the fixes that are withheld.
+    against its reference, or without one against the withheld fixes.
 
-    A filter that cannot run, or stops, stays in the result with what it said.
+    A filter that cannot run, or stops, stays in the result with its message.
 
     Parameters
     ----------

@@ -37,18 +37,18 @@ class Comparison(Value):
     """Filters on the same outages of one recording. Errors are true - estimate, against the
     reference in its own geodetic frame, not aligned.
 
-    What a filter did not get to is NaN, and `said` tells why.
+    Scores that a filter did not reach are NaN, and `said` gives the reason.
 
     Attributes
     ----------
     name : str
         Name of the recording.
     protocol : str
-        Protocol of the outages, as it was asked for.
+        Protocol of the outages, as requested.
     words : str
         The protocol in words.
     sweep : bool
-        Each outage is a run of its own, and they may overlap; else all are in one run.
+        True: each outage is a separate run, and outages may overlap; otherwise all are in one run.
     filters : tuple of str
         Labels, in the order they were given.
     windows : tuple of Window
@@ -66,9 +66,10 @@ class Comparison(Value):
     settings : dict[str, Any]
         Imu, noise, start, kinds, withheld, kept, and per filter options, sources.
     notes : tuple of str
-        What else a user must know, a line each.
+        Further facts for the user, a line each.
     verdicts : dict[str, Verdict]
-        Of each filter that could run: on its whole run, in a sweep that with all fixes.
+        Verdict of each filter that could run, on its whole run; in a sweep, on the run with all
+        fixes.
     """
 
     name: str

@@ -55,8 +55,8 @@ def start(
     correlation: float = 0.0,
     attitude_error: str = "considered",
 ) -> FilterState:
-    """The filter state at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
-    considered or neglected in the velocity."""
+    """The filter state at `start`. correlation: time constant (s) of the errors of the AHRS;
+    attitude_error: considered or neglected in the velocity."""
     return with_angles(
         know(start.belief(allocate(WITH_ANGLES)), correlation, attitude_error), start
     )
@@ -167,5 +167,5 @@ DIRECT_AHRS = Filter(
     bias=RANDOM_WALK,
     installation=True,
     good_for="an AHRS in a disturbed field, with any IMU",
-    poor_for="aircraft that circle: it leans with its AHRS",
+    poor_for="circling aircraft: it takes over the tilt error of the AHRS",
 )

@@ -113,5 +113,5 @@ DIRECT_EULER = Filter(
     bias=RANDOM_WALK,
     installation=True,
     good_for="an AHRS as a source among others; consumer IMUs",
-    poor_for="pitch near +-90 deg; elsewhere as closed-loop",
+    poor_for="pitch near +-90 deg; otherwise similar to closed-loop",
 )

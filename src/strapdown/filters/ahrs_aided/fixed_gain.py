@@ -340,6 +340,6 @@ FIXED_GAIN = Filter(
     uses=("position", "velocity", "altitude", "attitude"),
     needs=("attitude",),
     weighs=False,
-    good_for="an AHRS and gains that can be told beforehand",
-    poor_for="positions that drift or jump: it follows and says nothing",
+    good_for="an AHRS and gains that are known in advance",
+    poor_for="positions that drift or jump: it follows without warning",
 )

@@ -32,8 +32,8 @@ def start(
     correlation: float = 0.0,
     attitude_error: str = "considered",
 ) -> FilterState:
-    """The filter state at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
-    considered or neglected in the velocity."""
+    """The filter state at `start`. correlation: time constant (s) of the errors of the AHRS;
+    attitude_error: considered or neglected in the velocity."""
     return know(start.belief(allocate(KNOWN_ATTITUDE)), correlation, attitude_error)
 
 
@@ -79,5 +79,5 @@ INDIRECT_AHRS_CLOSED = Filter(
     installation=True,
     bias=DECAYING,
     good_for="an AHRS in a disturbed field, with any IMU",
-    poor_for="aircraft that circle: it leans with its AHRS",
+    poor_for="circling aircraft: it takes over the tilt error of the AHRS",
 )

@@ -58,7 +58,7 @@ def start(
     attitude_error: str = "considered",
 ) -> FilterState:
     """The filter state at `start`: the INS begins there, only the initial biases of `start` are taken off its
-    IMU. correlation: s for which errors of the AHRS are alike; attitude_error: considered or
+    IMU. correlation: time constant (s) of the errors of the AHRS; attitude_error: considered or
     neglected in the velocity.
     """
     return know(beside(start, SLOTS), correlation, attitude_error)

@@ -96,8 +96,8 @@ BEYOND = WITH_ANGLES.output(BEYOND_COLUMN)  # with the pitch beyond STEEP_PITCH
 def know(belief: FilterState, correlation: float, attitude_error: str) -> FilterState:
     """`belief` with its attitude as the known one, as uncertain as P says.
 
-    correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with
-    each record. attitude_error: a name of ATTITUDE_ERRORS.
+    correlation: time constant (s) of the errors of attitude records; 0 for errors that are
+    independent from record to record. attitude_error: a name of ATTITUDE_ERRORS.
     """
     check_number(correlation, "correlation", "s", least=0)
     considered = ATTITUDE_ERRORS[check_choice(attitude_error, "attitude_error", ATTITUDE_ERRORS)]

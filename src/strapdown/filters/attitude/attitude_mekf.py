@@ -168,11 +168,11 @@ def start(
 ) -> FilterState:
     """The filter state at `start`. What the sensors are assumed to do besides their white noise:
 
-    low_pass: time constant of the specific force, s; acceleration: density of what it leaves of the
-    body's own, m/s^2 sqrt(s); rate_error: scale errors of the gyros, per rate, sqrt(s); heading:
-    density of the magnetic direction, deg sqrt(s); timing: the same per angular rate, s sqrt(s),
-    for a field that lags behind the gyros; disturbance: how long one of the field or of the
-    specific force lasts, s. All 0: white noise alone.
+    low_pass: time constant of the specific force, s; acceleration: density of the remaining
+    acceleration of the body, m/s^2 sqrt(s); rate_error: scale errors of the gyros, per rate,
+    sqrt(s); heading: density of the magnetic direction, deg sqrt(s); timing: the same per angular
+    rate, s sqrt(s), for a field delayed against the gyros; disturbance: time constant of
+    disturbances of the field or the specific force, s. All 0: white noise alone.
     """
     return begin(
         SLOTS, start, noise, low_pass, acceleration, rate_error, heading, timing, disturbance
@@ -723,5 +723,5 @@ ATTITUDE_MEKF = Filter(
     smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered_covariance),
     bias=DECAYING,
     good_for="attitude without GNSS, from a 6- or 9-axis IMU",
-    poor_for="aircraft in long turns: it knows no velocity",
+    poor_for="aircraft in long turns: it has no velocity",
 )

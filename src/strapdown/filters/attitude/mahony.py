@@ -103,8 +103,7 @@ def start(
 ) -> FilterState:
     """The filter state at `start`. Gains: k1 of the specific force, k2 of the magnetic field, k3 of a compass
     (1/s; 0 leaves it out), ki of the bias (1/s, times sigma). low_pass: time constant of the
-    specific force, s, carried along by the gyros; 0 is the published observer. Refuses unstable
-    gains.
+    specific force, s, rotated with the gyros; 0 is the published observer. Refuses unstable gains.
     """
     gains = dict(k1=k1, k2=k2, k3=k3)
     for name, value in {**gains, "ki": ki}.items():
@@ -354,5 +353,5 @@ MAHONY = Filter(
     weighs=False,
     bias=DECAYING,
     good_for="attitude at a small cost, on small processors",
-    poor_for="its standard deviations, wide at rest; long turns",
+    poor_for="claimed std, which is too large at rest; long turns",
 )

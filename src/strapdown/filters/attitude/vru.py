@@ -84,8 +84,8 @@ def start(
     """The filter state at `start`. Until a source measures the height, it heaves about that of the start:
     heave is the standard deviation of that, m.
 
-    wave_period: of the waves, s, which tells how fast they average to zero; 0: heights of
-    zero-sea-level err independently. low_pass (s), acceleration (m/s^2 sqrt(s)) and rate_error
+    wave_period: period of the waves, s, which sets how fast they average to zero; 0: errors of
+    zero-sea-level are independent. low_pass (s), acceleration (m/s^2 sqrt(s)) and rate_error
     (sqrt(s)) are those of `attitude-mekf`.
     """
     check_number(heave, "heave", "m", above=0)

@@ -81,6 +81,6 @@ CLOSED_LOOP = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="the one to begin with: GNSS and an IMU of any grade",
-    poor_for="consumer IMUs whose heading nothing shows",
+    good_for="first choice: GNSS and an IMU of any grade",
+    poor_for="consumer IMUs whose heading is not observable",
 )

@@ -56,6 +56,6 @@ CLOSED_LOOP_ERROR_BIAS = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="comparing where biases are kept; errs as closed-loop",
-    poor_for="all else: closed-loop gives the same",
+    good_for="comparing where biases are kept; errors as closed-loop",
+    poor_for="other uses: closed-loop gives the same result",
 )

@@ -306,6 +306,6 @@ EKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="checking closed-loop against a textbook's filter",
+    good_for="checking closed-loop against a textbook filter",
     poor_for="daily use: the result of closed-loop in 5 times its time",
 )

@@ -77,6 +77,6 @@ MEKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="as closed-loop; attitude corrected by a Gibbs vector",
-    poor_for="consumer IMUs whose heading nothing shows",
+    good_for="like closed-loop, with a Gibbs vector for attitude",
+    poor_for="consumer IMUs whose heading is not observable",
 )

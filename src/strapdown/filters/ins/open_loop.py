@@ -89,8 +89,8 @@ def start(
     its IMU (decaying as the model says).
 
     error_model: "corrected", or a name of core.mathematics.error_dynamics.MODELS: what Hager & Bryne print,
-    whole or in part. kinematics: of the position error, "second-order" (exact to
-    second order), "metres" (linear, in metres NED) or "geodetic" (linear in latitude, longitude and
+    whole or in part. kinematics: propagation of the position error, "second-order" (exact to second
+    order), "metres" (linear, in metres NED) or "geodetic" (linear in latitude, longitude and
     height, as Hager & Bryne).
     """
     return beside(start, SLOTS, error_model, kinematics)
@@ -250,5 +250,5 @@ OPEN_LOOP = Filter(
     lanes=True,
     bias=DECAYING,
     good_for="an INS that must not be corrected, tactical or better",
-    poor_for="consumer IMUs and hours: the INS leaves its linear model",
+    poor_for="consumer IMUs, or hours: the INS leaves its linear model",
 )

@@ -115,6 +115,6 @@ PERIODIC_RESET = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="seeing what lies between open and closed loop",
-    poor_for="IMUs moved by hand: it can lose its way",
+    good_for="comparing resets between open and closed loop",
+    poor_for="IMUs moved by hand: it can diverge",
 )

@@ -129,6 +129,6 @@ NLO = Filter(
     installation=True,
     weighs=False,
     lanes=True,
-    good_for="attitudes that are wrong by up to 170 deg",
+    good_for="initial attitude errors of up to 170 deg",
     poor_for="aircraft with large accelerometer biases; long outages",
 )

@@ -109,10 +109,11 @@ def start(
 ) -> FilterState:
     """The filter state at `start`, where the observer begins too.
 
-    near: rad between attitudes of estimate and observer up to which the mean goes on by the model
-    itself; 0 is the affine filter of Johansen & Fossen. jacobian: where Jacobians are taken then,
-    at the "estimate", which also stays beyond `near` as long as no fixes speak against it, or at
-    the "observer"; that and near = inf are what Alam et al. print. The other options are those of `nlo`, docs/explanation/observer.md.
+    near: rad between attitudes of estimate and observer up to which the nonlinear model propagates
+    the mean; 0 is the affine filter of Johansen & Fossen. jacobian: where Jacobians are evaluated
+    then, at the "estimate", which stays in use beyond `near` as long as no fixes contradict it, or
+    at the "observer"; the latter with near = inf is the form that Alam et al. print. The other
+    options are those of `nlo`, docs/explanation/observer.md.
     """
     check_number(near, "near", "rad", least=0, infinite=True)
     check_choice(jacobian, "jacobian", JACOBIANS)
@@ -424,6 +425,6 @@ XKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
-    good_for="starts far off, then as good as closed-loop",
-    poor_for="vehicles whose course says little of their heading",
+    good_for="large initial errors; then as accurate as closed-loop",
+    poor_for="vehicles whose course differs from their heading",
 )

@@ -102,7 +102,7 @@ def start(
     """The filter state at `start`, its components drawn from it with the random numbers of `seed`.
 
     kernel: h in (0, 1], the width of a component as a share of the mixture's, none given:
-    kernel_width of filters/particle/mixture.py; resample: draw anew below this share of effective
+    kernel_width of filters/particle/mixture.py; resample: resample below this share of effective
     components. Refuses options outside their range.
     """
     n = len(start.std)
@@ -345,5 +345,5 @@ PKF = Filter(
     start_kernels=(normal_rows,),
     bias=DECAYING,
     good_for="multimodal problems: unknown heading, beacons",
-    poor_for="daily use: 500 closed loops for the result of one",
+    poor_for="daily use: it costs 500 closed loops for the result of one",
 )

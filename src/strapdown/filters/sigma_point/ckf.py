@@ -25,6 +25,6 @@ CKF = Filter(
     diagnose=repairs,
     installation=True,
     bias=DECAYING,
-    good_for="starts far off, with fewer points than ukf",
-    poor_for="daily use: as closed-loop elsewhere, in 10 times its time",
+    good_for="large initial errors, with fewer points than ukf",
+    poor_for="daily use: the accuracy of closed-loop in 10 times its time",
 )

@@ -23,10 +23,10 @@ def start(
     beta: float = 2.0,
     kappa: float = 0.0,
 ) -> FilterState:
-    """The filter state at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or "symmetric",
-    without centre. The prediction has points for the noise too, so that its set is that of n + 12
-    states. Refuses a set without points or with points too near or far, and parameters of another
-    set.
+    """The filter state at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or
+    "symmetric", the set without a centre point. The prediction has points for the noise too, so
+    that its set is that of n + 12 states. Refuses a set without points or with points too near or
+    far, and parameters of another set.
     """
     n = len(start.std)
     check_choice(sigma, "sigma", SETS)
@@ -58,6 +58,6 @@ UKF = Filter(
     diagnose=repairs,
     installation=True,
     bias=DECAYING,
-    good_for="starts far off; consumer IMUs in the hand",
-    poor_for="daily use: as closed-loop elsewhere, in 10 times its time",
+    good_for="large initial errors; consumer IMUs in the hand",
+    poor_for="daily use: the accuracy of closed-loop in 10 times its time",
 )

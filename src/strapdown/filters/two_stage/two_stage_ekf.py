@@ -102,16 +102,16 @@ def start(
     acceleration: float = 0.2,
     covariance: str = "joseph",
 ) -> FilterState:
-    """The filter state at `start`. velocity: "full", or "down", the component along the body's z axis alone.
-    course: "gnss", the heading is that of velocity fixes above min_speed (m/s) and below
-    max_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is
-    without the accelerometer bias of stage 2, or "raw", as measured.
+    """The filter state at `start`. velocity: "full", or "down", only the component along the body's
+    z axis. course: "gnss", the heading comes from velocity fixes above min_speed (m/s) and below
+    max_bank (deg), or "none". level: the specific force that levels stage 1, "bias-free", without
+    the accelerometer bias of stage 2, or "raw", as measured.
 
-    crab: standard deviation of the angle between course and heading, deg. correlation: for how long
-    that angle, and errors of the attitude, which stage 2 has as white noise, are alike, s. window:
-    over which the specific force is averaged, s; acceleration: density of what is left in it
-    besides gravity, m/s^2 sqrt(s). covariance: P is that of the errors under the gains, in "joseph"
-    form, or the "published" one, which the gains come of.
+    crab: standard deviation of the angle between course and heading, deg. correlation: time
+    constant of that angle and of the attitude errors, which stage 2 treats as white noise, s.
+    window: averaging time of the specific force, s; acceleration: density of the remaining
+    acceleration in it, m/s^2 sqrt(s). covariance: P of the errors under the gains, in "joseph"
+    form, or the "published" P, from which the gains come.
     """
     belief = start.belief(allocate(SLOTS))
     chosen = StageOptions(

@@ -129,9 +129,9 @@ def start(
     covariance: str = "joseph",
     **observer: Any,
 ) -> FilterState:
-    """The filter state at `start`, where the observer begins too. attitude: the one that stage 2 has as known,
-    that of the "observer" or of "stage-1" of this filter. The other options named here are those of
-    `two-stage-ekf`, the rest those of `nlo`.
+    """The filter state at `start`, where the observer begins too. attitude: the attitude that stage
+    2 uses, that of the "observer" or of "stage-1" of this filter. The other options named here are
+    those of `two-stage-ekf`, the rest those of `nlo`.
 
     `course` and `min_speed` count for both; any `course` but "none" is one for the two-stage
     model.
@@ -459,6 +459,6 @@ XKF_TWO_STAGE = Filter(
     condition=CONDITION,
     installation=True,
     bias=DECAYING,
-    good_for="starts far off, with the two-stage model",
-    poor_for="straight legs and ships: it is too sure there",
+    good_for="large initial errors, with the two-stage model",
+    poor_for="straight legs and ships: it is overconfident there",
 )
