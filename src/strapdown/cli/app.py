@@ -619,7 +619,7 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
 COMMANDS: dict[type[Command], tuple[Callable[..., None], ...]] = {
     ResultCommand: (
         *simulation.COMMANDS,
-        *map(with_figures, (compare.compare, tune.tune, fly.fly)),
+        *(with_figures(compare.compare), with_figures(tune.tune), with_figures(fly.fly)),
         *(diagnose.diagnose, export.export),
     ),
     Command: (*lists.COMMANDS, filters.filters),
