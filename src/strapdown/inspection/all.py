@@ -14,6 +14,7 @@ from . import (
     plane,
     position_velocity,
     repeats,
+    resolution,
     roughness,
     turns,
 )
@@ -30,6 +31,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     heights.check,
     repeats.check,
     roughness.check,
+    resolution.check,
 )
 """In the order of their report, after that of positions against velocities."""
 SPOILT = ("frame", "unit", "unknown")
