@@ -5,6 +5,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.io.example_recordings import FOLDER, example_description
+from strapdown.pages.summary import contradictions
 
 
 def test_the_drive_is_whole_and_has_its_licence():
@@ -22,3 +23,9 @@ def test_all_examples_are_small():
 def test_an_unknown_example_is_named():
     with pytest.raises(sd.DataError, match="name"):
         sd.example("flight")
+
+
+def test_the_reference_does_not_contradict_the_solution_of_the_drive():
+    """Both are of the antenna: a point 5 cm beside it would be beyond three standard deviations."""
+    solution = sd.fuse(sd.example("drive"))
+    assert not contradictions({"closed-loop": solution.errors()})

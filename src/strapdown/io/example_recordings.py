@@ -32,8 +32,8 @@ def example(name: str = "drive") -> Recording:
     Parameters
     ----------
     name : str
-        One of `examples`. "drive": a car in hills, 549 s, consumer IMU at 100 Hz and RTK positions and
-        velocities at 4 Hz, which are the reference too.
+        One of `examples`. "drive": a car in hills, 549 s, consumer IMU at 100 Hz, RTK positions and
+        velocities at 4 Hz; the positions, of the antenna, are the reference too.
 
     Returns
     -------
