@@ -67,6 +67,16 @@ def test_two_things_wrong_at_once():
     assert sum(each.gain for each in found.found) == pytest.approx(found.gain)
 
 
+def test_a_clock_does_not_take_up_what_an_unreported_arm_is_off():
+    """An arm of 0.4 m is within five standard deviations in this flight, and looks like a clock."""
+    late = wrong(flown(1006), "clock", 0.1)
+    (alone,), (beside,) = (
+        sd.diagnose(each).found for each in (late, wrong(late, "lever arm", 0.4, 0))
+    )
+    assert beside.cause == "clock"
+    assert abs(beside.change - alone.change) < 0.3 * alone.std
+
+
 def test_a_right_one_is_left_alone_in_one_run():
     recording = car(1005)
     found = sd.diagnose(recording)
