@@ -39,6 +39,8 @@ PATIENCE = 60.0
 
 Kind = TypeVar("Kind")
 
+PAGE = 'the page "Write plugins: custom sensors, filters, readers, figures" of the documentation'
+
 
 class PluginWarning(UserWarning):
     """A plugin, or something that it brings, cannot be used; everything else goes on working."""
@@ -232,8 +234,7 @@ class Registry(Generic[Kind]):
             names = [*self.own_names(), *others]
             raise DataError(
                 f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; "
-                "if a plugin defines it, load that with --plugin FILE or sd.register "
-                "(docs/how-to/plugins.md)"
+                "if a plugin defines it, load that with --plugin FILE or sd.register"
             )
         return others[name][0]
 
@@ -341,12 +342,11 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
     if declared is None:
         raise DataError(f"{what} is not a kernel: write @kernel(SIGNATURE) above it")
     if declared != signature:
-        raise DataError(f"{what} is a kernel with another signature, see docs/how-to/plugins.md")
+        raise DataError(f"{what} is a kernel with another signature; see {PAGE}")
     names = list(inspect.signature(getattr(function, "py_func", function)).parameters)
     if len(names) != arguments:
         raise DataError(
-            f"{what} has the arguments {', '.join(names)}; it must have {arguments}, see "
-            f"docs/how-to/plugins.md"
+            f"{what} has the arguments {', '.join(names)}; it must have {arguments}; see {PAGE}"
         )
 
 

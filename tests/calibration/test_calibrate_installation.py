@@ -181,9 +181,15 @@ def test_nothing_is_written_beside_what_is_not_sure(found, drive):
 
 def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch):
     def far(recording, sought, asking):
-        return {each: SimpleNamespace(change=10 * each.std, std=each.std) for each in sought}
+        return {each: SimpleNamespace(change=away * each.std, std=each.std) for each in sought}
 
     monkeypatch.setattr(module, "as_states", far)
+    away = 5
+    made = sd.calibrate_installation(wrong(car(1073, 100.0), "clock", 0.2))
+    clock = of(made, "clock")
+    assert clock.status == FOUND  # with an interval that holds both
+    assert abs(clock.change - clock.by_states) <= 1.97 * clock.std
+    away = 40
     made = sd.calibrate_installation(wrong(car(1073, 100.0), "clock", 0.2))
     clock = of(made, "clock")
     assert clock.status == NOT_CONFIRMED and not made.edits

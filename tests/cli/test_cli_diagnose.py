@@ -30,7 +30,7 @@ def test_fuse_diagnoses_after_it_has_written(late, command, tmp_path):
     lines = out.splitlines()
     at = next(i for i, line in enumerate(lines) if line.startswith("clock of "))
     assert code == 0 and (tmp_path / "made" / "report.html").exists()
-    assert lines[at].startswith("clock of GNSS position and GNSS velocity: found")
+    assert lines[at].startswith("clock of GNSS position and GNSS velocity: differs")
     assert lines[-1].startswith("wrote ")
 
 

@@ -30,7 +30,7 @@ def test_what_is_found_is_applied_and_the_better_solution_written(drives, comman
         "fuse", drives / "late.nc", "--follow", "--strict", "--out", tmp_path / "made"
     )
     assert code == 0
-    assert "applied: [[source]] 2 (GNSS velocity) time: add -0.25" in out
+    assert "applied: [[source]] 2 (GNSS velocity) time: add -0.26" in out
     assert (
         "verdict before: not to be trusted; now: trusted" in out
         and "this moves the position" in out

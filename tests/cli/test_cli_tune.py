@@ -98,7 +98,7 @@ def test_what_cannot_be_written_is_refused_before_the_work(
         said = "is read-only"
     else:
         (tmp_path / "recording-imu.toml").write_text("mine")
-        said = "is there already"
+        said = "exists already"
     code, _, (err,) = command("tune", path, "--write", "--imu", "consumer")
     assert code == 2 and said in err and asked == {}
     assert (tmp_path / "recording.toml").read_text() == TOML

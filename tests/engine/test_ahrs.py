@@ -483,7 +483,7 @@ def test_filters_say_what_they_need(command):
     _, out, _ = command("filters")
     header, *lines = out.splitlines()
     place = slice(header.index("needs"), None)
-    needs = {line.split()[0]: line[place].strip() for line in lines if line.startswith("  ")}
+    needs = {line.split()[0]: line[place].strip() for line in lines if line.split()}
     assert header.split() == ["filter", "good", "for", "needs"]
     assert needs["closed-loop"] == "position" and needs["mahony"] == ""
 

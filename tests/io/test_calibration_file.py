@@ -267,7 +267,7 @@ def test_bad_input_of_the_command_ends_in_one_line(turned, command):
     for words, text in (
         (["--sensor", "accelerometer"], "accelerometer: 0 rests"),
         (["--sensor", "compass"], "sensor 'compass' is unknown"),
-        (["--from", 59.5], "calibration needs 20"),
+        (["--from", 59.5], "calibration needs at least 20"),
         (["--from", 100], "no IMU samples between"),
     ):
         code, _, err = command("calibrate", "recording.toml", *words, "--out", "none")

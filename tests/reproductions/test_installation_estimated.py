@@ -13,6 +13,7 @@ from strapdown_reproductions.common import motions
 from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.installation import (
     cases,
+    commands,
     drive,
     main,
     methods,
@@ -210,7 +211,10 @@ def test_tasks_hold_every_seed_once(tmp_path):
     seeds = [
         seed for _, _, (*of, own) in tasks for seed in own if of == ["car", "closed-loop", KNOWN]
     ]
-    assert seeds == list(range(1, 13)) and {task.make for task in tasks} == {simulated.runs}
+    assert seeds == list(range(1, 13)) and {task.make for task in tasks} == {
+        simulated.runs,
+        commands.rows,
+    }
 
 
 def test_a_run_writes_its_files(tmp_path):

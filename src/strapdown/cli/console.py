@@ -179,7 +179,7 @@ FIGURES = Annotated[
     typer.Option(
         "--figures",
         metavar="DIR",
-        help="Folder for each figure of the page as SVG, too, for which a Chromium must be installed.",
+        help="Save the figures as SVG, too; needs Chromium.",
     ),
 ]
 SEED = Annotated[int, typer.Option(help="Seed of the random errors.")]

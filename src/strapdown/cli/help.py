@@ -234,7 +234,7 @@ ABOUT = {
     "plugins": About(
         MORE,
         "what comes from outside the library",
-        "Write plugins: sensors, filters, readers, figures",
+        "Write plugins: custom sensors, filters, readers, figures",
         (
             ("What is installed", "strapdown plugins"),
             ("With a file of your own", "strapdown --plugin my_filter.py plugins"),
@@ -243,7 +243,7 @@ ABOUT = {
     "reproduce": About(
         MORE,
         "published and recorded results, run again",
-        "What became of the claims of four papers",
+        "Claims of four papers, tested",
         (
             ("Every filter on every recording", "strapdown reproduce recordings --out recordings"),
             ("A paper's study, in a minute", "strapdown reproduce hager-bryne --quick --out paper"),

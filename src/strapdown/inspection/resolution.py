@@ -15,7 +15,7 @@ ROUND = 1e-9
 MAX_VALUES = 0.2
 """Different values by samples: more of them are no steps."""
 WHOLE, WHOLE_SHARE = 0.05, 0.9
-"""How far distances between values are from whole steps at most, and the share that is that near."""
+"""Part of a step that distances between values may be off whole steps, and the share that are so near."""
 HELD = 0.5
 """Share of samples that equal the one before. Normal noise of 0.56 of a step leaves so many the same and
 rounds off evenly; with less, a constant signal rounds to one value."""

@@ -98,7 +98,7 @@ def follow(
     --------
     >>> import strapdown as sd
     >>> print(sd.follow(sd.simulate("car", 120.0, seed=1)).stopped)
-    nothing of the installation is found to be wrong
+    the diagnosis found nothing wrong with the installation
     """
     return follow_with(recording, lambda part, run: fuse(part, filter, **run), **asked)
 

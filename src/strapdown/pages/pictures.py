@@ -3,7 +3,6 @@ of the page save."""
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
@@ -14,6 +13,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from ..checks import DataError
+from ..fileio.file_access import json_of
 from ..fileio.files import replacing, together
 from ..typing import File
 
@@ -108,7 +108,7 @@ def _draw_figures(html: str) -> list[tuple[str, str]]:
             f"figures: the browser {command[0]} did not draw the page (exit code {done.returncode}); open the "
             f"page and press SVG below a figure"
         )
-    drawn: list[tuple[str, str | None]] = json.loads(found[1])
+    drawn: list[tuple[str, str | None]] = json_of(found[1], page)
     if lost := [name for name, svg in drawn if svg is None]:
         raise DataError(f"figures: {lost[0]} cannot be saved as a picture; leave out --figures")
     return [(name, svg) for name, svg in drawn if svg is not None]

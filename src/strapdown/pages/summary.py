@@ -233,7 +233,7 @@ FAR_BELOW = 0.05
 LASTING_FIELD_NOTE = (
     "The mean NIS of the magnetic field is far below what is expected: its errors "
     "are taken as lasting, so single samples count "
-    "little; see docs/explanation/attitude.md."
+    "little."
 )
 
 

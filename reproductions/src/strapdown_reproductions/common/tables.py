@@ -20,7 +20,7 @@ def group_rows(
     that have it; columns: of the measures, where there may be no rows."""
     found = [
         {**dict(zip(keys, key)), **measures(own)}
-        for key, own in rows.groupby(list(keys), sort=False)
+        for key, own in (rows.groupby(list(keys), sort=False) if len(rows) else ())
     ]
     return pd.DataFrame(found, columns=None if columns is None else [*keys, *columns])
 

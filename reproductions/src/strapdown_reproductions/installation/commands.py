@@ -16,7 +16,7 @@ OF_GNSS_CLOCK: Installation = {
     "GNSS position clock": CLOCK,
     **{name: std for name, std in OF_CAR.items() if name != "clock"},
 }
-"""What both commands seek in a car with an odometer, whose clock they take as right."""
+"""Priors of the parameters that both commands seek in a car with an odometer, whose clock they take as right."""
 
 
 def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:

@@ -40,7 +40,9 @@ def parse(path: File) -> dict[str, Any]:
     """The content of a TOML file as a dict. Raises DataError."""
     content = read_toml(path, "check the path")
     if not content:
-        raise DataError(f"{path}: is empty; docs/reference/recording-format.md tells what it holds")
+        raise DataError(
+            f'{path}: is empty; see the page "Recordings on disk: recording.toml" of the documentation'
+        )
     return content
 
 
