@@ -19,7 +19,7 @@ def test_what_is_wrong_is_printed_with_what_to_change(late, command):
     lines = out.splitlines()
     assert (code, err) == (0, [])
     assert lines[0].startswith(
-        "clock of GNSS position and GNSS velocity: differs from the given value by -0.3"
+        "clock of GNSS position and GNSS velocity: differs from the given value by -0.29"
     )
     assert lines[-3].startswith("to change in recording.toml (")
     assert lines[-1].startswith("  [[source]] 2 (GNSS velocity) time: add -0.")
