@@ -393,9 +393,7 @@ def fuse(
             solution.meta["withheld"] = windows
         summarise(solution)
         if windows:
-            withheld = _count(part) - _count(seen)
-            say(f"{count_text(withheld, 'fix', 'es')} withheld")
-            record(fixes_withheld=withheld)
+            _say_withheld(_count(part) - _count(seen))
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
@@ -407,6 +405,11 @@ def fuse(
         except sd.DataError as error:  # the results are written
             note(f"diagnose: {error}")
     end(strict, [solution.verdict])
+
+
+def _say_withheld(fixes: int) -> None:
+    say(f"{count_text(fixes, 'fix', 'es')} withheld")
+    record(fixes_withheld=fixes)
 
 
 def _count(recording: "sd.Recording") -> int:

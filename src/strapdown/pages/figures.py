@@ -187,6 +187,13 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
             figure,
             f"{capitalise(shown)} drawn where farther than {metres(nearest)} from {first.label('the estimate')}.",
         )
+    return figure.update_layout(
+        scene=_scene(low, high), margin={"l": 0, "r": 0, "b": 0}, hovermode="closest"
+    )
+
+
+def _scene(low: Array, high: Array) -> dict[str, Any]:
+    """The axes and the view of a scene that holds east, north and up from `low` to `high` (3,), m."""
     room = 0.06 * max((high - low).max(), 10.0)
     spans = high - low + 2 * room
     axes = {
@@ -197,16 +204,12 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
         }
         for i, (axis, name) in enumerate(zip("xyz", ("east", "north", "up")))
     }
-    return figure.update_layout(
-        scene={
-            **axes,
-            "aspectmode": "manual",  # as "data", of one size for flat tracks too
-            "aspectratio": dict(zip("xyz", spans / spans.max())),
-            "camera": {"eye": FROM_SOUTH, "center": {"z": -0.15}},
-        },
-        margin={"l": 0, "r": 0, "b": 0},
-        hovermode="closest",
-    )
+    return {
+        **axes,
+        "aspectmode": "manual",  # as "data", of one size for flat tracks too
+        "aspectratio": dict(zip("xyz", spans / spans.max())),
+        "camera": {"eye": FROM_SOUTH, "center": {"z": -0.15}},
+    }
 
 
 class _Places(NamedTuple):

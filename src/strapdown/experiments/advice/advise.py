@@ -251,11 +251,16 @@ def advise(
     made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed), alignment)
     if folder:
         made.save(folder)
-    notify(
-        f"it took {perf_counter() - clocks[0]:.3g} s, with {process_time() - clocks[1]:.3g} s of "
+    notify(_time_taken(*clocks))
+    return made
+
+
+def _time_taken(begun: float, processor: float) -> str:
+    """A sentence on the time since these values of the two clocks, s."""
+    return (
+        f"it took {perf_counter() - begun:.3g} s, with {process_time() - processor:.3g} s of "
         f"processor time in this process"
     )
-    return made
 
 
 def _map_study(scenario: Scenario, spec: ImuSpec, runs: int, seed: int) -> Study:
