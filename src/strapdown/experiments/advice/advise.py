@@ -218,9 +218,7 @@ def advise(
     DataError
         Where anything given is out of range.
     """
-    if quick and map:
-        raise DataError("quick makes no map (--quick, --map): leave out one of the two")
-    map = not quick if map is None else map
+    with_map = _wants_map(quick, map)
     check_choice(alignment, "alignment", (GIVEN, MOVING))
     spec, length = imu_spec(imu), seconds(duration)
     scenario = mission(flight, length, rate)
@@ -228,7 +226,7 @@ def advise(
         scenario = aligned_in_motion(scenario, spec)
     runs = runs if runs is not None else QUICK_RUNS if quick else RUNS
     study = _study((scenario,), (spec,), _candidates(length, quick), runs, seed)
-    maps = _map_study(scenario, spec, study.runs, seed) if map else None
+    maps = _map_study(scenario, spec, study.runs, seed) if with_map else None
     parts = {"mission": study} | ({"map": maps} if maps else {})
     steps = sum(part.steps() for part in parts.values())
     folder = Path(out) if out is not None else None
@@ -253,6 +251,13 @@ def advise(
         made.save(folder)
     notify(_time_taken(*clocks))
     return made
+
+
+def _wants_map(quick: bool, map: bool | None) -> bool:
+    """Return True where a map is to be made. Raises DataError."""
+    if quick and map:
+        raise DataError("quick makes no map (--quick, --map): leave out one of the two")
+    return not quick if map is None else map
 
 
 def _time_taken(begun: float, processor: float) -> str:
