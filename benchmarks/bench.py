@@ -47,6 +47,7 @@ from strapdown.sim.synthesis import Simulator  # noqa: E402
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
 
 RESULT = figures.RESULT
+ROOT = HERE.parent
 FIVE_STATES = {"clock": None, "lever-arm": None, "mounting": (0.0, 0.03, 0.0)}
 WITH_SCALE = {"clock": None, "lever-arm": None, "gyro-scale": (0.0, 0.0, 0.01)}
 """Parameters of the installation that become states: {name: prior standard deviations}."""
@@ -252,6 +253,10 @@ def library_figures(book):
                 book.add(figures.informative(f"library, {level}", size / 1e3, "kB"))
         log = subject.write_log(workload.load("A").first(600))
         book.measure(library.WHEEL, lambda: library.used(library.wheel(folder, dist), log))
+        book.measure(
+            library.NEEDS,
+            lambda: library.with_needs(library.wheel(folder, dist), Path(place, "new")),
+        )
         for name, filter in zip(library.RATIOS, library.FILTERS):
             book.measure([name], lambda: [library.ratio(alternating, filter, folder, 15)])
         book.measure(library.STREAM, lambda: library.stream_step(folder))
@@ -401,6 +406,24 @@ def study_pages(book):
                 book.target(name, value, note)
             else:
                 book.add(figures.informative(name, value, "", note))
+    words_of_pages(book)
+
+
+OPENED = "Open `result/report.html`"
+"""What the tutorial says where a page is there: first of a device's log, then of own tables."""
+
+
+def words_of_pages(book):
+    """Words that a newcomer reads before the page of a log, and in README."""
+    text = (ROOT / "docs/tutorials/your-log.md").read_text()
+    words = lambda text: len(text.split())
+    of_device, of_tables, _ = text.split(OPENED)
+    to_page = words(of_device + of_tables)
+    book.measure(["words in README"], lambda: [(words((ROOT / "README.md").read_text()), "")])
+    book.measure(
+        ["words before the page of a log"],
+        lambda: [(to_page, f"{words(of_device)} where the log is read as it is")],
+    )
 
 
 CAR = 600.0
@@ -488,7 +511,7 @@ PARTS = {
     "observers": ("Observers", exogenous_figures),
     "flight": ("Sigma points, particles, aircraft", airborne_figures),
     "peers": ("Peers", peer_figures),
-    "evidence": ("Studies that take hours, from their pages", study_pages),
+    "evidence": ("Studies that take hours, and words, from their pages", study_pages),
 }
 """{name of a part: (title, function of a Book)}, in order."""
 PAGES = "evidence"
@@ -530,6 +553,10 @@ def renew_pages(path):
     if new.broken:
         raise SystemExit(f"part {PAGES}: {new.broken[PAGES]}; {path} stays as it was")
     kept = [figure for figure in old if figure.part != PAGES]
+    known = {figure.name for figure in (*kept, *new.figures)}
+    for name in new.tables:
+        if name not in known:
+            new.target(name, None, "added since the last `make bench`")
     figures.write(path, [*kept, *new.figures], about, parts, broken)
     print("\n".join(summary(new)))
 

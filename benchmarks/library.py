@@ -46,6 +46,7 @@ FILTERS = {
     "pkf": 20,
 }
 """Seconds of workload A; the attitude filters run on a trial of BROAD."""
+NEEDS = ["wheel with its needs", "wheel, first page ever"]
 RATIOS = [f"library over compiler, {name}" for name in FILTERS]
 VELOCITIES = ("xkf", "nlo")
 """Filters that run with a velocity at each fix."""
@@ -95,6 +96,18 @@ def installed(wheel, folder):
     # folders alone: what .pth files in them add, such as this checkout, is not followed
     (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))
     return folder
+
+
+def with_needs(wheel, folder):
+    """[(MB or s, note)] for NEEDS: the wheel and what it needs in a new environment, and the page of the
+    recorded drive there."""
+    processes.child("-m", "venv", "--without-pip", folder)
+    words = ("--python", folder / "bin" / "python", "install", "--quiet", "--no-compile", wheel)
+    processes.child("-m", "pip", "--disable-pip-version-check", *words, PYTHONPATH="")
+    (packages,) = folder.glob("lib/python*/site-packages")
+    size = sum(file.stat().st_size for file in packages.rglob("*") if file.is_file())
+    took = seconds_in(folder, "strapdown", "demo", "--recorded", "--out", "page.html")
+    return [(size / 1e6, "as pip installs them, without bytecode"), (took, "a recorded drive")]
 
 
 def seconds_in(environment, *words):
