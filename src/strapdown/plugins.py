@@ -39,7 +39,9 @@ PATIENCE = 60.0
 
 Kind = TypeVar("Kind")
 
-PAGE = 'the page "Write plugins: custom sensors, filters, readers, figures" of the documentation'
+TITLE = "Write plugins: custom sensors, filters, readers, figures"
+"""That of the page of the documentation."""
+PAGE = f'the page "{TITLE}" of the documentation'
 
 
 class PluginWarning(UserWarning):

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from ..plugins import TITLE as PLUGINS_PAGE
 from .output import command_output, fit_lines, text_width
 
 
@@ -234,7 +235,7 @@ ABOUT = {
     "plugins": About(
         MORE,
         "what comes from outside the library",
-        "Write plugins: custom sensors, filters, readers, figures",
+        PLUGINS_PAGE,
         (
             ("What is installed", "strapdown plugins"),
             ("With a file of your own", "strapdown --plugin my_filter.py plugins"),

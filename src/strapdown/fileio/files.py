@@ -215,3 +215,13 @@ def find_shipped(kind: str, package: str, name: str) -> Traversable | None:
     """The TOML file of that name in a folder of `shipped_files`, or None. What `package` has itself is
     found whatever else is installed."""
     return shipped_files(kind, package, False).get(name) or shipped_files(kind, package).get(name)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder with those above it. Raises DataError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(
+            f"{folder}: cannot be made ({error.strerror}); choose another folder"
+        ) from None

@@ -14,7 +14,8 @@ from .model import Constant
 
 MAX_RUNS = 15
 RISE = 1.001
-"""A step is taken unless the cost of a run rises by more than this factor."""
+"""A step is taken unless the cost of a run rises by more than this factor. Linear steps may overshoot by
+two: where they may cost 2 %, a ship's parameters go to and fro about the truth and never settle."""
 HALVINGS = 3
 SETTLED = 0.5
 """Standard deviations: a smaller step is none."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..checks import DataError
 from ..fileio.file_access import json_of
-from ..fileio.files import replacing, together
+from ..fileio.files import make_folder, replacing, together
 from ..typing import File
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -64,12 +64,7 @@ def save_pictures(html: str, folder: File) -> list[Path]:
     the paths. Raises DataError where no browser is found, or where it does not draw."""
     folder, written = Path(folder), []
     drawn = _draw_figures(html)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(
-            f"{folder}: cannot be made ({error.strerror}); choose another folder"
-        ) from None
+    make_folder(folder)
     with together():
         for name, svg in drawn:
             path, count = folder / f"{name}.svg", 1

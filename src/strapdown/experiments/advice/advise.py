@@ -22,13 +22,13 @@ from ...core.compile.side_by_side import seconds_to_compile
 from ...data.value import Value
 from ...engine.options import takes
 from ...evaluation.consistency import Interval
-from ...fileio.files import replacing, together, write_table
+from ...fileio.files import make_folder, replacing, together, write_table
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, imu as imu_spec
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress
 from ...units.wording import count_text, duration_text
-from ..monte_carlo.campaign import Campaign, make_folder
+from ..monte_carlo.campaign import Campaign
 from ..monte_carlo.chunks import kernels_for
 from ..monte_carlo.study import CAMPAIGN_OPTIONS, CampaignOptions, Study
 from .mission import CIRCUIT, MISSION_RATE, aligned_in_motion, mission, seconds

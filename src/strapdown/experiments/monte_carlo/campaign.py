@@ -32,7 +32,7 @@ from ...core.compile.library import processor
 from ...data.value import read_only
 from ...extras import optional_import
 from ...fileio.file_access import json_of, settings_text
-from ...fileio.files import netcdf, replacing, together, write_table
+from ...fileio.files import make_folder, netcdf, replacing, together, write_table
 from ...fileio.limits import LimitError, regular
 from ...fileio.locks import lock
 from ...io.own.hdf5_content import content
@@ -478,16 +478,6 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
         f"{folder}: it holds another study: {key} is {found.get(key)!r} there and {wanted[key]!r} "
         f"here; choose another folder"
     )
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder with those above it. Raises DataError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(
-            f"{folder}: cannot be made ({error.strerror}); choose another folder"
-        ) from None
 
 
 def _remove(folder: str) -> None:
