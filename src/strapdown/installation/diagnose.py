@@ -182,9 +182,26 @@ class _Runs:
         found = estimate_unknowns(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
+    def with_room_for_clocks(self, last: Trial, sought: Sequence[Unknown]) -> Estimated:
+        """The unknowns by the last trial. The standard deviation of a clock that several sources share
+        has room for the clock of each, which may differ by too little to be reported."""
+        final = estimate_unknowns(last, sought, self.way.centre)
+        shared = [i for i, each in enumerate(sought) if each.of is CLOCK and len(each.sources) > 1]
+        if not shared:
+            return final
+        own = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
+        small = CLOCK._replace(given_std=CLOCK.min_reported)
+        others = [each._replace(of=small) for each in own[1:]]
+        found = estimate_unknowns(last, [*others, *sought], self.way.centre)
+        place = shared[0]
+        values = found.value[len(others) + place] + np.r_[0.0, found.value[: len(others)]]
+        std = final.std.copy()
+        std[place] = np.hypot(std[place], np.abs(values - final.value[place]).max())
+        return final._replace(std=std)
+
     def make_diagnosis(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """Return the diagnosis of the sought parameters by the last trial."""
-        final = estimate_unknowns(last, sought, self.way.centre)
+        final = self.with_room_for_clocks(last, sought)
         wrong = self.surely(last, sought, final)
         value, theta, best = final.value, first.theta, first.made
         if wrong.any():

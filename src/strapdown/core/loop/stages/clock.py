@@ -9,9 +9,11 @@ s to now
 
 where r is gravity less the Coriolis term. All is written into the source (SourceRow): the two
 brackets, `force` and `lag`, and the mean force about s, in body axes now, so that they turn with its
-errors. `force_then`, `rate` and `spin` are differences over one standard deviation of the clock to
-both sides, and `bent_position` and `bent_velocity` are what they leave out: statistical
-linearisation, Gelb (1974), section 6.3.
+errors. `force_then`, `rate` and `spin` are differences over sqrt(3) standard deviations of the clock
+to both sides, the outer points of the three-point Gauss-Hermite rule, and `bent_position` and
+`bent_velocity` are what they leave out: statistical linearisation, Gelb (1974), section 6.3. A
+tangent would see more than there is: where an antenna on a rough road swings once in 0.5 s, a clock
+0.2 s late is far outside its range.
 """
 
 import math
@@ -167,10 +169,10 @@ def _begin(recent: Table[BodyMotion], now: int) -> float:
 
 
 @helper
-def _sigma(belief: FilterState, source: SourceRow) -> float:
-    """Standard deviation of the clock, s."""
+def _spread(belief: FilterState, source: SourceRow) -> float:
+    """sqrt(3) standard deviations of the clock, s."""
     state = source.clock_state
-    return math.sqrt(max(belief.P[state, state], 0.0))
+    return math.sqrt(3.0 * max(belief.P[state, state], 0.0))
 
 
 @helper
@@ -182,7 +184,7 @@ def _since(
     t, C, begin = recent[now].t, belief.C_nb, _begin(recent, now)
     held = t - age
     s = min(max(held, begin), t)
-    off, half = held - s, max(0.5 * WINDOW, _sigma(belief, source))
+    off, half = held - s, max(0.5 * WINDOW, _spread(belief, source))
     for j in range(3):
         source.force[j] = source.lag[j] = source.force_then[j] = 0.0
     for i in range(3):
@@ -208,10 +210,10 @@ def _turned_since(
     source: SourceRow,
 ) -> None:
     """`rate`, `spin` and `turn` of the instant `held`, to which s is the nearest that was kept."""
-    begin, off, sigma = _begin(recent, now), held - s, _sigma(belief, source)
-    half, angle = max(0.5 * WINDOW, sigma), source.bent_position  # for a moment
+    begin, off, spread = _begin(recent, now), held - s, _spread(belief, source)
+    half, angle = max(0.5 * WINDOW, spread), source.bent_position  # for a moment
     for i in range(3):
-        w = _slope(recent, now, begin, held, max(STEP, 2 * sigma), ANGLE + i)
+        w = _slope(recent, now, begin, held, max(STEP, 2 * spread), ANGLE + i)
         source.rate[i] = w - belief.omega[i]
         source.spin[i] = (
             _slope(recent, now, begin, held + half, STEP, ANGLE + i)
@@ -230,10 +232,9 @@ def _nonlinearity_std(
     recent: Table[BodyMotion], now: int, age: float, belief: FilterState, source: SourceRow
 ) -> None:
     """Standard deviations of what the observation of a position and of a velocity leaves out, which
-    is linear in the errors of clock and lever arm: with D the second difference of its motion over
-    one standard deviation of the clock, D^2/4 times the mean fourth power of a normal error, and the
-    change of the rate in that time times the error of the arm."""
-    C, sigma, arm, t = belief.C_nb, _sigma(belief, source), 0.0, recent[now].t - age
+    is linear in the errors of clock and lever arm, by the weights 1/6, 2/3, 1/6: with D the second
+    difference of its motion, D^2/12, and the change of the rate times the error of the arm."""
+    C, spread, arm, t = belief.C_nb, _spread(belief, source), 0.0, recent[now].t - age
     l, bend, turn = source.bent_position, source.bent_velocity, source.bent_position  # for a moment
     for i in range(3):
         l[i] = source.parameters[i]
@@ -244,11 +245,11 @@ def _nonlinearity_std(
     x, y, z = l[0], l[1], l[2]
     begin, change = _begin(recent, now), 0.0
     for i in range(3):
-        before = _slope(recent, now, begin, t - sigma, STEP, ANGLE + i)
-        after = _slope(recent, now, begin, t + sigma, STEP, ANGLE + i)
+        before = _slope(recent, now, begin, t - spread, STEP, ANGLE + i)
+        after = _slope(recent, now, begin, t + spread, STEP, ANGLE + i)
         bend[i] = before - 2 * _slope(recent, now, begin, t, STEP, ANGLE + i) + after
-        turn[i] = _second_difference(recent, now, t, sigma, ANGLE + i)
-        change += 0.25 * (after - before) * (after - before)
+        turn[i] = _second_difference(recent, now, t, spread, ANGLE + i)
+        change += (after - before) * (after - before) / 12.0
     swung = rotate_vector(
         C, bend[1] * z - bend[2] * y, bend[2] * x - bend[0] * z, bend[0] * y - bend[1] * x
     )
@@ -256,11 +257,11 @@ def _nonlinearity_std(
         C, turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
     )
     for i in range(3):
-        D = _second_difference(recent, now, t, sigma, X + i)
-        D = D + source.gravity[i] * sigma * sigma + moved[i]
-        source.bent_position[i] = math.sqrt(0.75) * abs(D)
-        D = _second_difference(recent, now, t, sigma, S + i) + swung[i]
-        source.bent_velocity[i] = math.sqrt(0.75 * D * D + change * arm)
+        D = _second_difference(recent, now, t, spread, X + i)
+        D = D + source.gravity[i] * spread * spread + moved[i]
+        source.bent_position[i] = abs(D) / math.sqrt(12.0)
+        D = _second_difference(recent, now, t, spread, S + i) + swung[i]
+        source.bent_velocity[i] = math.sqrt(D * D / 12.0 + change * arm)
 
 
 @helper
