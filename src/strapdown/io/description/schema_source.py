@@ -170,7 +170,8 @@ class SourcePart(KeyPart):
 
     @property
     def correlated_errors(self) -> Correlated | None:
-        """Its correlated errors, whose standard deviations are in the unit of its innovation."""
+        """Its correlated errors, whose standard deviations are in the unit that tables show, such as m or uT,
+        whatever that of the columns is."""
         if self.correlated is None:
             return None
         given, quantities = self.correlated.std, self.sensor.quantities
