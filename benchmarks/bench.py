@@ -34,6 +34,7 @@ import peers  # noqa: E402
 import processes  # noqa: E402
 import report_pages  # noqa: E402
 import reproduced  # noqa: E402
+import sensors  # noqa: E402
 import smoothing  # noqa: E402
 import studies  # noqa: E402
 import subject  # noqa: E402
