@@ -24,7 +24,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: y - field in the body, T; source.parameters[0:3] is the reference, T NED."""
     if augmented.any_of(belief, source):
-        uncalibrated(belief, y, source, innovation, H)
+        observe_uncalibrated(belief, y, source, innovation, H)
         return 3
     C, m0, m1, m2 = belief.C_nb, source.parameters[0], source.parameters[1], source.parameters[2]
     for i in range(3):
@@ -36,7 +36,7 @@ def observe(belief: FilterState, y: Array, source: SourceRow, innovation: Array,
 
 
 @helper
-def uncalibrated(
+def observe_uncalibrated(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> None:
     """Three rows with the states of a magnetometer that nobody calibrated. Columns of soft iron and field
@@ -44,18 +44,18 @@ def uncalibrated(
     data, and columns that move with the estimates would make two of them."""
     C, p, m = belief.C_nb, source.parameters, earth_field(belief, source)
     iron = augmented.errors(belief, source.iron_state)
-    seen = strengthened(belief, source, augmented.turned_back(C, m))
+    seen = soft_iron_field(belief, source, augmented.turned_back(C, m))
     for i in range(3):
         innovation[i] = y[i] - seen[i] - iron[i]
     for k in range(3):
         unit = augmented.axis(k)
         turned = augmented.turned_back(C, augmented.cross(m, unit))
-        by = strengthened(belief, source, turned)
+        by = soft_iron_field(belief, source, turned)
         H[0, 6 + k], H[1, 6 + k], H[2, 6 + k] = by
         augmented.column(H, source.iron_state[k], unit)
         augmented.column(H, source.field_state[k], augmented.turned_back(C, unit))
     about = augmented.turned_back(C, augmented.cross(augmented.axis(2), m))
-    augmented.column(H, source.declination_state, strengthened(belief, source, about))
+    augmented.column(H, source.declination_state, soft_iron_field(belief, source, about))
     given = augmented.turned_back(C, (p[0], p[1], p[2]))
     for k in range(6):
         state, (i, j) = source.soft_state[k], PAIRS[k]
@@ -80,7 +80,7 @@ def turned_by_declination(belief: FilterState, source: SourceRow, m: Three) -> T
 
 
 @helper
-def strengthened(belief: FilterState, source: SourceRow, m: Three) -> Three:
+def soft_iron_field(belief: FilterState, source: SourceRow, m: Three) -> Three:
     """(I + S) m of a vector in the body."""
     by = source.soft_state
     xx, yy, zz = (

@@ -185,8 +185,8 @@ HARD_IRON = CalibrationParameter(
     min_reported=0.5e-6,
     place="iron_state",
 )
-"""What magnets and currents of the vehicle add to the field, in its axes. The prior is a field like the
-Earth's, as beside an engine or a motor's wires."""
+"""The field of magnets and currents of the vehicle, in its axes. The prior is a field like the Earth's, as
+beside an engine or a motor's wires."""
 SOFT_IRON = CalibrationParameter(
     name="soft-iron",
     components=("xx", "yy", "zz", "xy", "xz", "yz"),
@@ -210,7 +210,7 @@ FIELD = CalibrationParameter(
     most=100e-6,
     cause="calibration",
     motions=(ANY_TURN,) * 3,
-    min_reported=0.5e-6,
+    min_reported=0.1e-6,
     place="field_state",
 )
 """The Earth's field less its model. The prior is for open ground, where models err by 0.1 to 0.2 uT and

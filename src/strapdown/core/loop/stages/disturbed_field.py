@@ -28,7 +28,7 @@ KNOWN_HEADING = 0.05
 """rad: with 0.26 rad, the standard deviation of a course, errors of simulated flights were ten times the
 claimed ones, with 0.05 and 0.03 rad they were as large."""
 FAR_LESS = 3.0
-"""How many times as uncertain."""
+"""Standard deviations of the field across that an uncertain heading leaves."""
 
 
 @kernel(STAGE)
