@@ -210,7 +210,7 @@ def test_the_same_words_in_a_reference(build):
         Rotation.from_quat(reference.q_nb[known][:, [1, 2, 3, 0]]) * TRUE[known].inv()
     ).magnitude().max() < 1e-9
     for change, words in (
-        ('quaternion = "xyzw", ', "of a quaternion say the order"),
+        ('quaternion = "xyzw", ', "for a quaternion give the order"),
         ('axes = "FLU to ENU"', 'unit = "deg"'),
         ('"FLU to ENU"', '"ENU"'),
     ):
@@ -230,13 +230,13 @@ def test_the_same_words_in_a_reference(build):
         (columns(["roll", "pitch", "yaw"]), "column 'yaw' is missing"),
         (
             columns(["roll", "heading"]),
-            "'heading' is named like a heading; two columns are roll and pitch",
+            "'heading' has the name of a heading, but two columns are roll and pitch",
         ),
         (
             columns(["roll"]),
             "columns: 1 given; attitude is roll, pitch, heading, or roll and pitch alone",
         ),
-        (columns(["roll", "pitch", "heading", "t"]), "of a quaternion say the order"),
+        (columns(["roll", "pitch", "heading", "t"]), "for a quaternion give the order"),
         (
             columns(["roll", "pitch", "heading"], quaternion="wxyz"),
             r"3 given, a quaternion \(wxyz\) has 4",
@@ -465,7 +465,7 @@ def mixed(gyro_axes):
         ),
         (
             mixed([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
-            "it turns as a gyro with the axes '+y +x -z' would",
+            "it turns like a gyro with the axes '+y +x -z'",
         ),
         (
             angles().assign(

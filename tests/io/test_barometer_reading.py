@@ -33,7 +33,7 @@ def test_pressure(build):
         (
             955.0,
             "Pa",
-            "line 2: pressure is 955 Pa, where air has 5000 to 200000: hPa or mbar read as Pa?",
+            "line 2: pressure is 955 Pa, but that of air is 5000 to 200000: hPa or mbar read as Pa?",
         ),
         (95.5, "Pa", "kPa read as Pa?"),
         (1014.5, "Pa", "hPa or mbar read as Pa?"),

@@ -112,7 +112,7 @@ def test_the_delay_that_the_driver_knows(flown, log, text, delay):
     found = sd.read(path)
     np.testing.assert_allclose(found.sources[0].t, flown.sources[0].t, atol=1e-3)
     read = " ".join(found.meta["read"])
-    assert ("own for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
+    assert ("own value for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
 
 
 def test_the_undulation_of_the_receiver_makes_heights_ellipsoidal(flown, log):

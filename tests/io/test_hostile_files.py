@@ -1,5 +1,5 @@
-"""Files that a stranger made to stop, fill or question the process that reads them: each ends in one
-line, soon and in little memory, and tells nothing of what is in a file that is no table."""
+"""Files that a stranger made to stop, fill or question the process that reads them: each ends in
+one line, soon and in little memory, and tells nothing of what is in a file that is no table."""
 
 import bz2
 import gzip
@@ -188,7 +188,7 @@ MATRICES = {
 @pytest.mark.parametrize("kind", MATRICES)
 def test_damaged_matrices_of_matlab_end_in_a_line(tmp_path, kind):
     path = written(tmp_path / "x.mat", HEADER + MATRICES[kind])
-    refused(path, "x.mat: (is no whole MATLAB file|holds no numeric arrays)")
+    refused(path, "x.mat: (is not a complete MATLAB file|holds no numeric arrays)")
 
 
 def hdf5(path, fill):
@@ -245,7 +245,7 @@ def test_texts_of_hdf5_fill_their_place_one_after_the_other(tmp_path, name, size
     rest = content.index(b"GCOL") + 16 + 16 + 8  # behind the one text
     assert struct.unpack_from("<HHI", content, rest) == (0, 0, 0)
     struct.pack_into("<Q", content, rest + 8, size)
-    refused(written(path, bytes(content)), "its texts end beyond their place")
+    refused(written(path, bytes(content)), "its texts extend beyond their heap")
 
 
 def test_a_chunk_that_unpacks_to_more_than_it_is_long_is_tried(tmp_path, monkeypatch):
@@ -261,7 +261,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_is_long_is_tried(tmp_path, monkeyp
         if whole:
             assert len(tables_of(path)["x"].frame) == size
         else:
-            with pytest.raises(LimitError, match="unpacks to more than its 8000 bytes"):
+            with pytest.raises(LimitError, match="decompresses to more than its 8000 bytes"):
                 read(path)
 
 
@@ -355,7 +355,7 @@ def test_short_lines_below_a_long_row_are_not_filled_up(tmp_path, ending, header
     with sd.reading_limits(expansion=1e6):
         tracemalloc.start()
         try:
-            with pytest.raises(DataError, match="a row has 2000 cells, and most others have few"):
+            with pytest.raises(DataError, match="a row has 2000 cells, but most others have few"):
                 read_table(path, header)
             assert tracemalloc.get_traced_memory()[1] < 60 * MB
         finally:
@@ -483,7 +483,8 @@ def central(content, at, value, size=2):
 
 
 def renamed(content, first):
-    """The zip whose name, said to be UTF-8, has a byte that is none; `first`: from the directory on."""
+    """The zip whose name, said to be UTF-8, has a byte that is none; `first`: from the directory
+    on."""
     where = content.index(b"PK\x01\x02") if first else 0
     flagged = content.replace(b"PK\x03\x04\x14\0\0\0", b"PK\x03\x04\x14\0\0\x08", 1)
     at = flagged.index(b"imu.csv", where)

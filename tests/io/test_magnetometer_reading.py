@@ -102,7 +102,7 @@ def test_field_given(build):
         recording.sources[0].parameters == pytest.approx((21e-6, 1.5e-6, 43e-6))
         and recording.meta["notes"] == []
     )
-    assert "its median strength is 48.2 uT, that of the Earth's field 28.6 uT" in " ".join(
+    assert "its median strength is 48.2 uT, but that of the Earth's field is 28.6 uT" in " ".join(
         read(
             build(toml=added('field = { north = 200, east = 0, down = 205, unit = "mgauss" }'))
         ).meta["notes"]
@@ -160,7 +160,7 @@ REFUSED = {
     ),
     "field in gauss said to be T": (
         added('field = { north = 0.2, east = 0.0, down = 0.4, unit = "T" }'),
-        "its strength is 4.472e+05 uT, where the Earth's is 22 to 67",
+        "its strength is 4.472e+05 uT, but the Earth's is 22 to 67 uT",
     ),
     "declination of the model": (
         added('declination = { value = 3.0, unit = "deg" }'),
@@ -172,7 +172,7 @@ REFUSED = {
     ),
     "field without a horizontal part": (
         added('field = { north = 0.0, east = 0.0, down = 48.0, unit = "uT" }'),
-        "field: it has nothing horizontal and so gives no heading",
+        "field: it has no horizontal part and so gives no heading",
     ),
     "unit spelt G": (
         lambda s: s.replace('"uT"', '"G"'),
@@ -249,12 +249,12 @@ def test_an_uncalibrated_one_is_said(build):
         (
             1.0,
             "nT",
-            "its median strength is 0.0482 uT, that of the Earth's field 48.2 uT: is the unit uT, not nT?",
+            "its median strength is 0.0482 uT, but that of the Earth's field 48.2 uT: is the unit uT, not nT?",
         ),
         (
             0.01,
             "uT",
-            "median strength is 0.482 uT, that of the Earth's field 48.2 uT: is the unit gauss, not uT?",
+            "median strength is 0.482 uT, but that of the Earth's field 48.2 uT: is the unit gauss, not uT?",
         ),
         (10.0, "uT", "is the unit mgauss, not uT?"),
         (0.1, "uT", "check unit, scale, columns and calibration"),
@@ -375,7 +375,7 @@ def test_a_held_value_at_rest_is_not_called_stuck(build):
     path = build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=43.5), imu=still)
     assert len(
         read(path).sources[0].t
-    ) == 1000 and "it never changes; nothing here shows that the sensor works" in notes(path)
+    ) == 1000 and "it never changes; check that the sensor works" in notes(path)
 
 
 def test_saturated_samples_are_dropped_and_counted(build):

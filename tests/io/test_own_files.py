@@ -1,5 +1,5 @@
-"""Files that strapdown writes and reads again: a changed bit is noticed, and what contradicts their format
-is one line that names the field."""
+"""Files that strapdown writes and reads again: a changed bit is noticed, and what contradicts their
+format is one line that names the field."""
 
 import json
 
@@ -74,7 +74,7 @@ def test_a_file_of_another_version_says_so_and_how_to_make_it_again(made, tmp_pa
     with pytest.raises(DataError) as refused:
         READ[name](tmp_path / name)
     again = {
-        "recording": "read what it was made of, and write it again with write_recording",
+        "recording": "read the original files, and write it again with write_recording",
         "solution": "fuse the recording again, and write its solution with write_solution",
     }
     assert str(refused.value) == (
@@ -121,7 +121,7 @@ def huge(file):
 
 
 RECORDING = {
-    "imu: t must be in rising time": put("imu/t", 5, 0.0),
+    "imu: t must increase": put("imu/t", 5, 0.0),
     "imu: dt is 0 at": put("imu/dt", 5, 0.0),
     "imu: dv is nan at": put("imu/dv", (5, 1), np.nan),
     "imu: dtheta is missing": remove("imu/dtheta"),
@@ -150,7 +150,7 @@ def test_a_recording_that_contradicts_its_format_is_refused(made, tmp_path, word
 
 
 SOLUTION = {
-    "time must be in rising time": put("time", 3, 0.0),
+    "time must increase": put("time", 3, 0.0),
     "lat is 91 at": put("lat", 3, 91.0),
     "std_VN is -1 at": put("std_VN", 3, -1.0),
     "status is 9 at": put("status", 3, 9),
@@ -176,12 +176,12 @@ def test_a_solution_that_contradicts_its_format_is_refused(made, tmp_path, words
 
 CSV = {
     "line 7: is no row of a solution": lambda lines: [*lines[:6], "# note", *lines[6:]],
-    "line 6: t .s. is 0, which no solution": lambda lines: [
+    "line 6: t .s. is 0, which is impossible": lambda lines: [
         *lines[:5],
         "0," + lines[5].partition(",")[2],
         *lines[6:],
     ],
-    "has 40 rows and its first line says 50": lambda lines: lines[:42],
+    "has 40 rows, but its first line states 50": lambda lines: lines[:42],
     "line 52: status is nan": lambda lines: [*lines[:51], lines[51][: len(lines[51]) // 2]],
     "line 1: rows: ": lambda lines: [lines[0].replace('"rows": 50', '"rows": -1'), *lines[1:]],
 }

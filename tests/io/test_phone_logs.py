@@ -138,7 +138,7 @@ def test_phyphox_in_every_way_it_writes(tmp_path, walk, separator, decimal):
     assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
     assert recording.imu.t[-1] == pytest.approx(0.25 + walk.t[-1], abs=1e-5)
     lines = recording.meta["read"]
-    assert any("1 fixes whose accuracy is worse than 100 m" in line for line in lines)
+    assert any("1 fixes with an accuracy worse than 100 m" in line for line in lines)
     assert any("Linear Accelerometer: acceleration without gravity" in line for line in lines)
     velocity = next(each for each in recording.sources if each.kind == "velocity")
     assert len(velocity.t) == len(walk.fix_t) - 2  # and the second says -1
@@ -205,7 +205,7 @@ def test_gnsslogger(tmp_path, walk):
     assert any(f"{len(walk.fix_t)} of the provider FLP" in line for line in lines)
     assert any("+0.477 s off" in fact for fact in inspect(path).facts)
     # the gyro is read 1.3 ms after the accelerometer, which is interpolated to it
-    assert any("have times of their own" in note for note in recording.meta["notes"])
+    assert any("have different times" in note for note in recording.meta["notes"])
 
 
 @pytest.mark.parametrize(
@@ -267,7 +267,9 @@ def test_folders_that_no_reader_knows(tmp_path, command):
         path.mkdir()
         make(path)
         for run in (sd.read, inspect):
-            with pytest.raises(DataError, match="is a folder in which no reader finds") as error:
+            with pytest.raises(
+                DataError, match="is a folder without files that a reader recognises"
+            ) as error:
                 run(path)
             assert "\n" not in str(error.value)
     code, _, err = command("fuse", str(path))
@@ -343,7 +345,8 @@ def test_the_least_rate_is_that_of_other_logs(tmp_path, walk, kind):
 
 
 def test_a_folder_is_looked_at_twice_and_no_more(tmp_path, walk, monkeypatch):
-    """Whose it is is asked once by what is called and once where it is opened, not for each table."""
+    """Whose it is is asked once by what is called and once where it is opened, not for each
+    table."""
     asked = []
     real = registry._takes
     monkeypatch.setattr(

@@ -382,7 +382,7 @@ def test_the_clock_of_a_simulator_that_counts_from_1970(data_folder):
 def test_a_parameter_that_is_changed_on_the_way_is_said(flown, log):
     later = written.parameter("EKF2_GPS_DELAY", 150.0)
     found = sd.read(log(written.topics_of(flown), between=later))
-    assert any("was changed on the way, from 110 to 150" in line for line in found.meta["read"])
+    assert any("was changed during the log, from 110 to 150" in line for line in found.meta["read"])
 
 
 def test_nested_types_arrays_and_padding():
@@ -420,7 +420,7 @@ def test_a_format_that_has_a_field_twice_is_left_and_said(flown, log):
     path = log(topics)
     path.write_bytes(path.read_bytes().replace(b"float eph;", b"float epv;"))
     assert [each.kind for each in sd.read(path).sources] == []
-    remark = "1 topic not read: the format is missing or contradicts itself"
+    remark = "1 topic not read: the format is missing or inconsistent"
     assert remark in str(inspect(path))
 
 
