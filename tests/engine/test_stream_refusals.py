@@ -100,8 +100,8 @@ def test_a_latitude_in_degrees_is_named_so(latitude):
             (1013.0,),
             "pressure is 1013 Pa, but that of air is 5000 to 200000: hPa or mbar",
         ),
-        ("attitude", (10.0, 2.0, 1.0), "roll is 572.958 deg, at most 360"),
-        ("attitude", (0.1, 1.7, 1.0), "pitch is 97.4028 deg, at most 90"),
+        ("attitude", (10.0, 2.0, 1.0), "roll is 572.958 deg, but at most 360"),
+        ("attitude", (0.1, 1.7, 1.0), "pitch is 97.4028 deg, but at most 90"),
         ("magnetic-field", (45.0, 0.0, 0.0), "magnetic field is 45 T; the Earth's is 22 to 67 uT"),
     ],
 )

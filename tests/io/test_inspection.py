@@ -287,7 +287,7 @@ def test_tables_that_cannot_be_guessed(tmp_path):
     with pytest.raises(DataError, match="no header line"):
         draft(path)
     path.write_text("a,b\n1,2\n3,4\n")
-    assert "no column is named like a time" in inspect(path).problems[0]
+    assert "no column has the name or the content of a time" in inspect(path).problems[0]
     with pytest.raises(DataError, match="cannot be read"):
         inspect(tmp_path / "nothing.csv")
 

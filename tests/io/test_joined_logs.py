@@ -111,7 +111,7 @@ def test_another_instance_where_it_is_asked_for():
         (["a.two"], {"imu": 2}, "there is no IMU 2; of them there is 0, 1"),
         (["a.two"], {"barometer": 0}, "there is no barometer 0; none was found"),
         (["a.two"], {"gps": 0}, "instance of is 'gps'.*must be one of imu, gnss"),
-        (["a.gnss"], {}, "a.gnss: no IMU in it; name its file beside"),
+        (["a.gnss"], {}, "a.gnss: no IMU in it; name its file too"),
         (["a.two", "a.two"], {}, "a.two: is named twice"),
     ],
 )

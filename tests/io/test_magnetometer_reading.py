@@ -130,7 +130,7 @@ def test_field_of_the_record(build, line, angle, words):
 
 def test_what_the_field_needs(build):
     for key, words in (
-        ("date", 'the geomagnetic model needs the date: write date = "2012-10-10"'),
+        ("date", 'the geomagnetic model needs the date: add date = "2012-10-10"'),
         ("place", "needs the place: write place = {"),
     ):
         with pytest.raises(
@@ -156,7 +156,7 @@ REFUSED = {
     "lever arm": (added("lever_arm = [1.0, 0.0, 0.0]"), "lever_arm: magnetic-field takes none"),
     "field without unit": (
         added("field = { north = 20.0, east = 1.0, down = 43.0 }"),
-        "field: write { north = 17.6",
+        "field: give { north = 17.6",
     ),
     "field in gauss said to be T": (
         added('field = { north = 0.2, east = 0.0, down = 0.4, unit = "T" }'),
@@ -238,7 +238,7 @@ def test_an_uncalibrated_one_is_said(build):
         path
     ) and "calibrate it (`strapdown calibrate`)" in notes(path)
     assert any("calibrate it" in problem for problem in inspect(path).problems)
-    assert "that of the Earth's field 48.2 uT: check the unit" in notes(
+    assert "that of the Earth's field is 48.2 uT: check the unit" in notes(
         build(toml=added("scale = 0.3"))
     )
 
@@ -393,7 +393,8 @@ def test_saturated_samples_are_dropped_and_counted(build):
 def test_inspect_names_the_axes_that_fit(build):
     good = inspect(build(mag=turned(np.diag([1.0, -1.0, -1.0])), toml=added('axes = "+x -y -z"')))
     assert not good.problems and any(
-        "magnetic-field: dip 63." in fact and "rms difference 0." in fact for fact in good.facts
+        "magnetic-field: mean dip 63." in fact and "rms difference 0." in fact
+        for fact in good.facts
     )
     for C, axes in (
         (np.diag([1.0, -1.0, -1.0]), "+x -y -z"),
@@ -427,7 +428,9 @@ def test_the_axes_that_fit_are_those_of_the_columns(build):
 
 def test_inspect_sees_a_left_handed_sensor(build, tmp_path):
     (problem,) = inspect(build(mag=lambda f: f.assign(my=-f.my))).problems
-    assert "with '+x -y +z' by 0: they are left-handed, so one column has the wrong sign" in problem
+    assert (
+        "with '+x -y +z' by 0: they are left-handed, so one column has the opposite sign" in problem
+    )
     write_recording(read(tmp_path / "recording.toml"), tmp_path / "recording.nc")
     assert any("left-handed" in text for text in inspect(tmp_path / "recording.nc").problems)
     assert read(tmp_path / "recording.nc").meta["place"] == pytest.approx(PLACE)

@@ -79,7 +79,7 @@ def test_a_file_of_another_version_says_so_and_how_to_make_it_again(made, tmp_pa
     }
     assert str(refused.value) == (
         f"{tmp_path / name}: is a {what} of another version of strapdown (its format attribute is "
-        f"'strapdown {what} 2', this version reads 'strapdown {what} 1'); {again[what]}"
+        f"'strapdown {what} 2', but this version reads 'strapdown {what} 1'); {again[what]}"
     )
 
 
@@ -132,7 +132,7 @@ RECORDING = {
     "source_1: no aiding is of kind": notify("source_1", "kind", "nothing"),
     "source_1: name: string should have at most": notify("source_1", "name", "x" * 2000),
     "source_1: y is missing": remove("source_1/y"),
-    "meta: is no JSON": text("meta", '{"name": '),
+    "meta: is not JSON": text("meta", '{"name": '),
     "meta: input should be a valid dictionary": text("meta", "[]"),
     "meta: epoch: .* is no time": text("meta", '{"epoch": "yesterday"}'),
     "meta: notes: input should be a valid list": text("meta", '{"notes": "one"}'),
@@ -157,12 +157,12 @@ SOLUTION = {
     "quaternion has the norm": put("q_w", 3, 2.0),
     "q_x is missing": remove("q_x"),
     "roll is in 'rad'": notify("roll", "units", "rad"),
-    "and a fix of source 5": put("fix_source", 17, 5),
+    "but a fix of source 5": put("fix_source", 17, 5),
     "gates: 0: input should be": text("gates", '["a", 1.0]'),
     "sources: input should be a valid list": text("sources", '{"a": 1}'),
     "events: 0": text("events", "[[1.0]]"),
     "meta: start.t": text("meta", '{"start": {"t": "now", "std": []}}'),
-    "meta: is no JSON": text("meta", "[" * 100_000),
+    "meta: is not JSON": text("meta", "[" * 100_000),
 }
 
 
@@ -175,7 +175,7 @@ def test_a_solution_that_contradicts_its_format_is_refused(made, tmp_path, words
 
 
 CSV = {
-    "line 7: is no row of a solution": lambda lines: [*lines[:6], "# note", *lines[6:]],
+    "line 7: is not a row of a solution": lambda lines: [*lines[:6], "# note", *lines[6:]],
     "line 6: t .s. is 0, which is impossible": lambda lines: [
         *lines[:5],
         "0," + lines[5].partition(",")[2],

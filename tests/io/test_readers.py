@@ -230,9 +230,13 @@ def test_a_content_that_nobody_knows_is_no_table(tmp_path, command):
 @pytest.mark.parametrize(
     "name, content, words",
     [
-        ("a.ulg", b"", "is no ULog: it is empty; copy it again"),
-        ("a.ulg", b"ULog\x01", "is no ULog: it ends after 5 bytes, within its header"),
-        ("a.ulg", b"ULog\x01\x12\x35\x01", "is no ULog: it ends after 8 bytes, within its header"),
+        ("a.ulg", b"", "is not a ULog: it is empty; copy it again"),
+        ("a.ulg", b"ULog\x01", "is not a ULog: it ends after 5 bytes, within its header"),
+        (
+            "a.ulg",
+            b"ULog\x01\x12\x35\x01",
+            "is not a ULog: it ends after 8 bytes, within its header",
+        ),
         (
             "a.ulg",
             b"t,x\n0,1\n",
@@ -293,9 +297,9 @@ def needs_more(path):
     "changes, words",
     [
         ({"read": needs_more}, "'mine' needs a package that is not installed (No module named"),
-        ({"read": fails}, "the reader 'mine' fails at it in `read` (KeyError: "),
-        ({"inspect": fails}, "the reader 'mine' fails at it in `inspect` (KeyError: "),
-        ({"sniff": fails}, "the reader 'mine' fails at it in `sniff` (KeyError: "),
+        ({"read": fails}, "the reader 'mine' fails in `read` (KeyError: "),
+        ({"inspect": fails}, "the reader 'mine' fails in `inspect` (KeyError: "),
+        ({"sniff": fails}, "the reader 'mine' fails in `sniff` (KeyError: "),
         ({"read": lambda path: path.read_text() + 1}, "in `read` (TypeError: "),
         ({"read": lambda path: {}}, "the reader 'mine' returns a dict instead of a Recording"),
         (
@@ -312,7 +316,7 @@ def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
 
 
 def test_the_kind_of_a_packed_file_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"files of type '\.xyz\.xz' are not read"):
+    with pytest.raises(DataError, match=r"files of type '\.xyz\.xz' cannot be read"):
         sd.read(tmp_path / "a.b.xyz.xz")
 
 

@@ -189,7 +189,7 @@ def test_each_file_that_was_replaced_is_kept(path):
             "has [imu] and 3 [[source]] (position, position, speed), but the recording has "
             "position, velocity, speed; give the file from which it was read",
         ),
-        (TEXT.replace("[imu]", "[other]"), "has no [imu] (position, velocity, speed), where"),
+        (TEXT.replace("[imu]", "[other]"), "has no [imu] (position, velocity, speed), but"),
         (
             'source = [{ kind = "position", time = { column = "t" } }, { kind = "velocity" }, '
             '{ kind = "speed" }]\n[imu]\nfile = "x"\n',

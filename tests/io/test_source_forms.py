@@ -386,7 +386,7 @@ WRONG = {
     ),
     "an altitude in ECEF": (
         entry("altitude", columns='["alt"]', unit='"m"', std="1", axes='"ECEF"'),
-        "axes: altitude is no vector",
+        "axes: altitude is not a vector",
     ),
     "tilt in ECEF": (
         entry("attitude", columns='["a", "b"]', unit='"deg"', std="1", axes='"FRD to ECEF"'),

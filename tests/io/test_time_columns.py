@@ -198,13 +198,13 @@ def test_a_cell_that_is_no_time_is_named_by_line(build):
     [
         ('column = "t"', "unit is missing"),
         ('column = "t", format = "iso", unit = "s"', "leave it out"),
-        ('column = "t", format = "%H:%Q"', "'%Q' is none of"),
+        ('column = "t", format = "%H:%Q"', "'%Q' is not one of"),
         ('column = "t", format = "%M:%S"', "neither a day nor an hour"),
         ('column = "t", format = "%d.%m.%Y", date = "day"', "one blank"),
         ('column = "t", format = "%d.%m.%Y %H:%M", date = "2024-05-01"', "leave one of them out"),
         ('column = "t", unit = "s", date = "day"', "give the format of both"),
         ('column = "t", format = "%H:%M:%S", clock = "gps"', "needs a `date`"),
-        ('column = "t", format = "iso", clock = "gps", week = 3', "week: it belongs to"),
+        ('column = "t", format = "iso", clock = "gps", week = 3', "week: only clock"),
     ],
 )
 def test_what_makes_no_sense_is_refused(build, keys, said):

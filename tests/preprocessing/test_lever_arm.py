@@ -252,7 +252,7 @@ def test_what_cannot_be_moved_is_refused():
     for call, message in (
         (
             lambda: gnss_at(Source("heading", fixes.t, fixes.y[:, :1], fixes.std[:, :1]), truth),
-            "fixes of kind 'heading' stay",
+            "fixes of kind 'heading' cannot",
         ),
         (
             lambda: gnss_at(fixes, (truth.t[:100], truth.rph[:100])),

@@ -157,7 +157,7 @@ def _strength(source: Source, field: ArrayLike | None, is_calibrated: bool) -> l
     if not median > 0 or (high - low) / median > VARIATION:
         seen = (
             f"its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, but that of the Earth's "
-            f"field is constant"
+            f"field does not"
         )
         return [Reason("calibration", seen, remedy, name)]
     total = float(np.linalg.norm(field)) if field is not None else median

@@ -150,7 +150,7 @@ def test_a_fix_at_latitude_and_longitude_0_is_none():
 
     solution = fused(with_fixes(flight(), blank))
     assert solution.counts()["GNSS position"] == (17, 0)
-    assert said(solution, "no fix") == [
+    assert said(solution, "not a fix") == [
         (
             9.0,
             "GNSS position: latitude 0 and longitude 0 are not a fix: left out (3 times until 11.0 s)",
