@@ -138,9 +138,9 @@ def test_damaged_and_foreign_files(build, tmp_path):
 
     for said in ("another", np.zeros(0), np.zeros((2, 2))):
         xr.Dataset({"a": 1.0}, attrs={"format": said}).to_netcdf(path, engine="h5netcdf")
-        with pytest.raises(DataError, match="is no recording"):
+        with pytest.raises(DataError, match="is not a recording"):
             read(path)
-        with pytest.raises(DataError, match="is no solution"):
+        with pytest.raises(DataError, match="is not a solution"):
             read_solution(path)
 
 

@@ -403,7 +403,7 @@ WRONG = {
     "a geoid of a velocity": (VELOCITY + 'geoid = "EGM96"', "geoid: only heights take it"),
     "an unknown geoid": (
         POSITION + 'geoid = "EGM08"',
-        "geoid: 'EGM08' is no geoid; give \"EGM96\"",
+        "geoid: 'EGM08' is not a geoid; give \"EGM96\"",
     ),
     "a geoid without unit": (
         POSITION + "geoid = { value = 46.3 }",
