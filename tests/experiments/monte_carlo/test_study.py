@@ -475,7 +475,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_chunk(tmp_path):
         ({"seed": -1}, "seed is -1"),
         ({"runs": 2.5}, "runs is 2.5"),
         ({"epoch": 0.0}, "epoch is 0.0 s"),
-        ({"filters": ()}, "needs a scenario and a filter"),
+        ({"filters": ()}, "needs at least a scenario and a filter"),
         ({"filters": "closd-loop"}, "did you mean 'closed-loop'"),
         ({"filters": "periodic-reset:intervall=3"}, "has no option 'intervall'"),
         ({"filters": "periodic-reset:interval"}, "'interval' is not an option with a value"),
