@@ -167,7 +167,7 @@ def test_what_the_log_does_not_say_is_assumed(flown, log):
     assert np.all(position.std == 0.5) and np.all(velocity.std == 0.4)
     np.testing.assert_allclose(position.t, flown.sources[0].t - 0.2, atol=1e-3)
     read = " ".join(found.meta["read"])
-    assert "the default of EK3_POSNE_M_NSE" in read and "ArduPilot's own default" in read
+    assert "the default of EK3_POSNE_M_NSE" in read and "ArduPilot's default" in read
 
 
 def test_the_older_filter_states_the_delay(flown, log):

@@ -152,7 +152,7 @@ def test_other_messages_than_those_of_ros_are_refused(tmp_path):
         writer.finish()
     assert "its messages are protobuf, not of ROS" in asked(tmp_path / "a.mcap")
     (tmp_path / "a.mcap").write_bytes(b"no such file at all")
-    assert "no MCAP file" in asked(tmp_path / "a.mcap")
+    assert "not an MCAP file" in asked(tmp_path / "a.mcap")
 
 
 def test_damaged_bytes_end_in_one_line_at_most(tmp_path):

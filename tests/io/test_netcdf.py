@@ -151,7 +151,7 @@ def test_samples_of_a_file_are_checked(build, tmp_path):
         write_recording(replace(recording, imu=imu._replace(dv=imu.dv[:-1])), path)
     assert not path.exists()
     for wrong, words in (
-        (imu._replace(t=imu.t[::-1]), "rising time"),
+        (imu._replace(t=imu.t[::-1]), "must increase"),
         (imu._replace(dv=-imu.dv), "must read -9.8"),
     ):
         write_recording(replace(recording, imu=wrong), path)

@@ -188,7 +188,7 @@ def test_heights_without_separation_get_that_of_the_model(written):
     t = moments(4)
     log = written("".join(gga(m, 45, 7, 100, None) for m in t))
     position = log.sections[0]
-    assert position.keys["geoid"] == "EGM96" and "do not say" in position.assumed["geoid"]
+    assert position.keys["geoid"] == "EGM96" and "do not state" in position.assumed["geoid"]
     assert (
         "4 m for quality 1"
         in written("".join(gga(m, 45, 7, 1, quality=1) for m in t)).sections[0].assumed["std"]

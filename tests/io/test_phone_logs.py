@@ -176,7 +176,7 @@ def test_the_file_that_is_missing_is_named(tmp_path, walk, name, words):
     with pytest.raises(DataError, match=words):
         sd.read(path)
     (problem,) = inspect(path).problems
-    assert "name the file that has it beside" in problem
+    assert "name the file that has it too" in problem
 
 
 def test_a_table_with_other_columns_than_its_head_is_left(tmp_path, walk):
@@ -214,7 +214,7 @@ def test_gnsslogger(tmp_path, walk):
         (lambda files: files.pop("TotalAcceleration.csv"), None),
         (
             lambda files: [files.pop(f"{each}.csv") for each in ("TotalAcceleration", "Gravity")],
-            r"Accelerometer\.csv is without gravity \(its median is 0\.\d+ m/s\^2\), .* record Gravity",
+            r"Accelerometer\.csv does not contain gravity \(its median is 0\.\d+ m/s\^2\), .* record Gravity",
         ),
         (
             lambda files: files.pop("Gyroscope.csv"),
@@ -222,7 +222,7 @@ def test_gnsslogger(tmp_path, walk):
         ),
         (
             lambda files: [files.pop(name) for name in list(files) if "cc" in name or "G" in name],
-            "no IMU in it; name its file beside",
+            "no IMU in it; name its file too",
         ),
         (
             lambda files: files.update({"Gyroscope.csv": b"time,seconds_elapsed,z,y,x\n"}),
@@ -303,7 +303,7 @@ def test_the_samples(data_folder):
     (position,) = walk.sources
     assert len(position.t) == 33 and np.all(position.std[:, 0] <= 100)
     for name in ("sensorlogger_10s", "sensorlogger_tracker_24s"):
-        with pytest.raises(DataError, match=r"Accelerometer\.csv is without gravity"):
+        with pytest.raises(DataError, match=r"Accelerometer\.csv does not contain gravity"):
             sd.read(phones / name)
     log = data_folder / NATIVE / "gnsslogger" / "pixel7_gnsslogger_v3.txt.xz"
     with pytest.raises(DataError, match="UncalGyro .*: 0.0177 Hz is too slow"):

@@ -290,7 +290,7 @@ def asked(path):
         (UP * [1, 1, -1], "perhaps forward, right, down"),
         (UP[:, [2, 1, 0]], "9.8 m/s^2 its median specific force points forward"),
         (UP * 0.02, "free of gravity"),
-        (UP / 9.8, "in g perhaps"),
+        (UP / 9.8, "it is probably in g"),
         (UP * 0.0, "no accelerometer"),
     ],
 )
@@ -400,10 +400,10 @@ def test_what_an_autopilot_estimated_is_no_measurement(bag, of):
     "frame, said",
     [
         *(
-            (each, "one of the ground")
+            (each, "is fixed to the ground")
             for each in ("map", "/odom", "robot1/world", "t265_odom_frame")
         ),
-        *((each, "one of the ground") for each in ("earth", "enu", "NED", "local_origin_ned")),
+        *((each, "is fixed to the ground") for each in ("earth", "enu", "NED", "local_origin_ned")),
         ("elsewhere", "no transform from base_link to its frame elsewhere"),
         *((each, "") for each in ("base_link", "", "wheels", "robot1/base_footprint")),
     ],

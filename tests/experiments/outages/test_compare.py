@@ -362,8 +362,8 @@ REFUSED = [
     (dict(outages="8:12,10:14"), "overlap"),
     (dict(outages="300/600"), "longer than the recording"),
     (dict(outages="15:25"), "outside the recording"),
-    (dict(outages="0:5"), "before the alignment is done"),
-    (dict(outages="1:5"), "before the alignment is done"),
+    (dict(outages="0:5"), "before the end of the alignment"),
+    (dict(outages="1:5"), "before the end of the alignment"),
     (dict(outages="8.1:8.4"), "no fix of position or velocity"),
     (dict(outages="5@8:18/0"), "step is 0.0 s"),
     (dict(outages="ten"), "'ten' is not a window"),
@@ -383,9 +383,9 @@ REFUSED = [
     (dict(threads=0), "threads is 0"),
     (dict(start=5.0), "must be an InitialState"),
     (dict(imu="best"), "best"),
-    (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
+    (dict(filters=["fixed-gain"], ahrs="mekf"), "not an AHRS"),
     (dict(ahrs="nope"), "'nope', which is not an AHRS; there are: attitude-mekf"),
-    (dict(ahrs=5), "no AHRS"),
+    (dict(ahrs=5), "not an AHRS"),
     (dict(filters=[("periodic-reset", {"interval": None})]), "interval is None"),
     (dict(filters=[("periodic-reset", {"interval": [1]})]), "interval is [1]"),
     (dict(filters=5), "filters is 5"),
@@ -455,7 +455,7 @@ def test_with_neither_a_reference_nor_positions_it_is_refused():
         ),
         (
             lambda reference: replace(reference, t=reference.t + 1000),
-            r"the reference covers 10\d\d\S* to 1020 s, the recording 0 to 20 s; check its clock",
+            r"the reference covers 10\d\d\S* to 1020 s, but the recording 0 to 20 s; check its clock",
         ),
         (lambda reference: replace(reference, t=reference.t - 18), "reference"),
     ],
@@ -519,7 +519,7 @@ def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
         and len(found.windows) == 7
     )
     assert (
-        "mahony was not used, because none of these needs an attitude" in found.notes
+        "mahony was not used, because none of these filters needs an attitude" in found.notes
         and found.filters == ("closed-loop",)
     )
 

@@ -112,7 +112,7 @@ def test_steps_that_are_no_whole_numbers_keep_their_last_window():
         ("nan:100", "'nan' is not a number"),
         ("100:inf", "'inf' is not a number"),
         ("30@240:575/", "'' is not a number"),
-        ([], "there are none"),
+        ([], "none are given"),
         ([(1, 2, 3)], "must be text or a list"),
         (5, "must be text or a list"),
         ([("a", "b")], "must be text or a list"),

@@ -64,7 +64,7 @@ class FilterEvidence(NamedTuple):
 
 
 class FilterVerdict(NamedTuple):
-    """Whether a filter is admissible, YES, NO or UNDECIDED, also by criterion, and about how many
+    """Verdict on a filter: admissible YES, NO or UNDECIDED, also by criterion, and about how many
     runs in all a decision would need."""
 
     admissible: str
