@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
+from ..data.calibration_parameters import HARD_IRON
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..geometry.geodesy import wrap
@@ -56,6 +57,10 @@ def magnetic_heading(
     """
     if source is None:
         return None
+    if HARD_IRON.name in source.estimate:  # the filter finds it together with the heading
+        return HeadingFound(
+            0.0, UNKNOWN_STD, "the hard iron of the magnetometer is not estimated yet"
+        )
     force = mean_force(recording, t, b_g)
     if force is None:
         return HeadingFound(0.0, UNKNOWN_STD, "no IMU sample there")

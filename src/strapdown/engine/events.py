@@ -13,6 +13,7 @@ from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MAX_NIS, MAX_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
+from ..core.loop.stages.disturbed_field import KNOWN_HEADING
 from ..data.solution import Rejected, Source
 from ..data.vehicle import Vehicle
 from ..typing import Array
@@ -326,6 +327,15 @@ WORDS: dict[int, Words] = {
     Code.TOO_FAR: lambda e, row, s, value: (
         f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, farther than {e.vehicle} can move "
         f"at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
+    ),
+    Code.DISTURBED: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'field')} left out{_till(row)}, of up to {e.size(s, value)}: "
+        "not the Earth's in strength or dip: iron or a current is near, or the magnetometer is not "
+        "calibrated"
+    ),
+    Code.IRON_WAITS: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'field')} left out{_till(row)}: its hard iron is estimated once "
+        f"the heading is known to {np.degrees(KNOWN_HEADING):.0f} deg; accelerate, brake or turn"
     ),
     Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (

@@ -170,7 +170,8 @@ class SourcePart(KeyPart):
 
     @property
     def correlated_errors(self) -> Correlated | None:
-        """Its correlated errors, with standard deviations in the unit of its innovation."""
+        """Its correlated errors, with standard deviations in the unit of tables, such as m or uT,
+        whatever the unit of the columns."""
         if self.correlated is None:
             return None
         given, quantities = self.correlated.std, self.sensor.quantities
