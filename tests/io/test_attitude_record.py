@@ -289,9 +289,9 @@ def with_row(frame, **values):
         (
             with_row(angles(), heading=400.0),
             lambda s: s,
-            "line 9: heading is 400 deg, at most 360.*wrap angles",
+            "line 9: heading is 400 deg, but at most 360.*wrap angles",
         ),
-        (with_row(angles(), pitch=91.0), lambda s: s, "line 9: pitch is 91 deg, at most 90"),
+        (with_row(angles(), pitch=91.0), lambda s: s, "line 9: pitch is 91 deg, but at most 90"),
         (angles(), lambda s: s.replace('"deg"', '"rad"'), "line 2: roll is .*deg read as rad"),
         (
             angles(),
@@ -473,7 +473,7 @@ def mixed(gyro_axes):
                 roll=lambda f: f.roll / 4,
                 heading=lambda f: f.heading / 4,
             ),
-            "times as much as the gyro: a wrong unit or scale",
+            "times as much as the gyro: an incorrect unit or scale",
         ),
         (
             angles()

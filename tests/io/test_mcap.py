@@ -150,7 +150,7 @@ def test_other_messages_than_those_of_ros_are_refused(tmp_path):
         channel = writer.register_channel("/fix", "protobuf", schema)
         writer.add_message(channel, 1, b"\0" * 30, 1)
         writer.finish()
-    assert "its messages are protobuf, not of ROS" in asked(tmp_path / "a.mcap")
+    assert "its messages have the encoding protobuf, not that of ROS" in asked(tmp_path / "a.mcap")
     (tmp_path / "a.mcap").write_bytes(b"no such file at all")
     assert "not an MCAP file" in asked(tmp_path / "a.mcap")
 
