@@ -131,7 +131,7 @@ def test_field_of_the_record(build, line, angle, words):
 def test_what_the_field_needs(build):
     for key, words in (
         ("date", 'the geomagnetic model needs the date: add date = "2012-10-10"'),
-        ("place", "needs the place: write place = {"),
+        ("place", "needs the place: add place = {"),
     ):
         with pytest.raises(
             DataError, match=r"\[\[source\]\] 1 \(magnetic-field\) field: is missing, and "

@@ -338,7 +338,7 @@ def test_the_least_rate_is_that_of_other_logs(tmp_path, walk, kind):
         b"\n".join(line for k, line in enumerate(lines) if not line.startswith(kind) or k % 20 == 0)
     )
     with pytest.raises(
-        DataError, match="Hz is too slow for samples of an IMU: 20 Hz are needed"
+        DataError, match="Hz is too slow for samples of an IMU: at least 20 Hz are needed"
     ) as error:
         sd.read(path)
     assert "takes it" not in str(error.value)

@@ -289,7 +289,7 @@ def asked(path):
     [
         (UP * [1, 1, -1], "perhaps forward, right, down"),
         (UP[:, [2, 1, 0]], "9.8 m/s^2 its median specific force points forward"),
-        (UP * 0.02, "free of gravity"),
+        (UP * 0.02, "without gravity"),
         (UP / 9.8, "it is probably in g"),
         (UP * 0.0, "no accelerometer"),
     ],
@@ -358,7 +358,7 @@ def test_what_topics_are_for(bag):
     joined = join(open_logs([path]))
     left = {each.section.keys["table"]: why for each, why in joined.left}
     assert set(left) == {"/b/fix", "/b/vel", "/odometry/gps_filtered", "/cmd_vel", "/mag"}
-    assert "estimated" in left["/odometry/gps_filtered"] and "command" in left["/cmd_vel"]
+    assert "estimate" in left["/odometry/gps_filtered"] and "command" in left["/cmd_vel"]
     assert "calibrated" in left["/mag"]
     of_b = sd.read(path, gnss=1)
     assert [each.kind for each in of_b.sources] == ["position", "velocity", "pressure", "speed"]

@@ -198,7 +198,7 @@ def test_tum_as_evo_reads_it(made, undated, tmp_path, dated):
 
 def test_tum_needs_an_attitude(made, tmp_path):
     bare = replace(made, trajectory=replace(made.trajectory, q_nb=None))
-    with pytest.raises(DataError, match="has no attitude"):
+    with pytest.raises(DataError, match="TUM needs an attitude"):
         write_solution(bare, tmp_path / "a.tum")
 
 
