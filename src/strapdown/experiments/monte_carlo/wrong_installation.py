@@ -1,5 +1,5 @@
-"""A simulated recording as a user would set it up who does not know the installation: its parameters
-are drawn from standard deviations, and the recording is given without them."""
+"""Simulated recordings with unknown installation errors: the errors are drawn from standard
+deviations, and the recording is set up without them."""
 
 from __future__ import annotations
 
@@ -38,11 +38,12 @@ from ...typing import Array
 from ..filter_label import check_parameter
 
 Installation: TypeAlias = Mapping[str, Prior]
-"""{parameter: standard deviation, SI, one or one per component; None for that of `calibration_parameters`}."""
+"""{parameter: standard deviation, SI, one or one per component; None for that of
+`calibration_parameters`}."""
 
 
 class Installed(NamedTuple):
-    """A recording with wrong parameters of its installation, and by how much they are wrong."""
+    """A recording with installation errors, and these errors."""
 
     recording: Recording  # its reference and its true biases are those of the axes as described
     parameters: tuple[StateParameter, ...]
@@ -77,7 +78,7 @@ def parameters_of(recording: Recording, installation: Installation) -> tuple[Sta
 def draw_installation(
     recording: Recording, installation: Installation, seed: SeedLike
 ) -> Installed:
-    """The recording with each of the parameters wrong by an error drawn from its standard deviation.
+    """Return the recording with an error of each parameter, drawn from its standard deviation.
     Raises DataError."""
     found = parameters_of(recording, installation)
     return installed_wrong(
@@ -90,10 +91,10 @@ def draw_installation(
 def installed_wrong(
     recording: Recording, found: Sequence[StateParameter], error: Array
 ) -> Installed:
-    """The recording given with parameters that are wrong by `error` (m,), true - given, SI.
+    """Return the recording with parameter errors `error` (m,), true - given, SI.
 
-    Parameters of sources change these. A mounting and what is wrong with the axes of the IMU change
-    its samples; the true attitude and biases are those of its own axes then.
+    Parameters of sources change these sources. A mounting and errors of the IMU's axes change its
+    samples; the true attitude and biases are then in its own axes.
     """
     sources = list(recording.sources)
     vectors: dict[str, Array] = {}

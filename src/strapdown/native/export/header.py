@@ -1,5 +1,5 @@
-"""strapdown.h: the structs, constants and functions of an exported filter, from the tables of fields
-that its object was made by."""
+"""strapdown.h: the structs, constants and functions of an exported filter, from the same tables of
+fields as its object."""
 
 import inspect
 import re
