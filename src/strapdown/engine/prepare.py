@@ -47,6 +47,7 @@ from ..data.recording import Recording
 from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
 from ..plugins import one_line
+from ..preprocessing.baseline_length import without_wrong_lengths
 from ..sensor_models.imu import GivenImu, ImuSpec, required_imu
 from ..typing import Array, ArrayLike, Notify, Progress
 from ..units import quantities
@@ -247,6 +248,9 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     notes = [f"{filter.name} does not use {', '.join(others)}"] if others else []
     sources, said = weighable(filter, sources)
     notes += widened + said
+    checked = [without_wrong_lengths(a) for a in sources]
+    sources = [a for a, _ in checked]
+    notes += [note for _, said in checked for note in said]
     return tuple(a for a, fit in zip(sources, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )

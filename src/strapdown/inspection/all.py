@@ -6,6 +6,7 @@ from dataclasses import replace
 from ..data.recording import Recording
 from ..data.verdict import GRAVE, rank_reasons
 from . import (
+    baseline,
     clock_offsets as clock,
     field_turns,
     fix_noise,
@@ -26,6 +27,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     field_turns.check,
     gyro_scale.check,
     plane.check,
+    baseline.check,
     fix_noise.check,
     clock.check,
     heights.check,

@@ -63,6 +63,7 @@ ROLES = {
     "speed": "speed sensor",
     "heading": "source of headings",
     "attitude": "source of attitudes",
+    "baseline": "pair of antennas",
     "reference": "reference",
 }
 """Sensors of the sections of a log. Of each role one instance is taken, and a user may name

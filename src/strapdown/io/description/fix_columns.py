@@ -105,7 +105,7 @@ def _in_ned(
     if part.ecef and part.kind == "position":
         lla = positions(y, origin)
         return fixes._replace(y=lla, std=deviations(std, lla))
-    if part.ecef and part.kind == "velocity":
+    if part.ecef and part.kind in ("velocity", "baseline"):
         lla = whereabouts.at(t)
         return fixes._replace(y=vectors(y, lla), std=deviations(std, lla))
     if part.geoid is not None:

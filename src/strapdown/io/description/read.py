@@ -269,7 +269,7 @@ def _make_source(
     arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
         if part.sensor.parameters in ("antenna", "reference")
-        else ()
+        else part.baseline or ()
     )
     return Source(
         part.kind,

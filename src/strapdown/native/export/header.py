@@ -26,6 +26,7 @@ PARAMETERS = {
     "antenna": "lever arm from the IMU to the antenna, m, body (3)",
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
+    "baseline": "vector from the first to the second antenna, m, body (3)",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 

@@ -13,6 +13,8 @@ from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
 """Flags of NAV-PVT: date and time of day are valid."""
+RELATIVE = 0x25
+"""Flags of NAV-RELPOSNED: the fix is right, its components are valid, and the base moves."""
 MIN_STD = 1e-3
 """m and m/s, the resolution of NAV-PVT: a smaller standard deviation reads 0."""
 
@@ -44,6 +46,31 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
     for bit, name in ((3, "vehRoll"), (4, "vehPitch"), (5, "vehHeading")):
         found[name] = np.where(flags >> bit & 1, records[name][valid] / 1e5, np.nan)
     return found
+
+
+def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
+    """NAV-RELPOSNED of a base that moves with the vehicle, in m: vectors from its antenna to that of
+    this receiver, in the order of time. Rows without a carrier solution are left out."""
+    place, records = frames.records(UbxMessage.NAV_RELPOSNED, LAYOUTS[UbxMessage.NAV_RELPOSNED])
+    flags = records["flags"]
+    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0) & (records["version"] == 1)
+    place, records = place[good], records[good]
+    found: Columns = {
+        "row": np.flatnonzero(good),
+        "t": clock.ms(place, records["iTOW"]),
+        "carrier": carrier_of(records["flags"]),
+    }
+    for axis in "NED":
+        centimetres = records[f"relPos{axis}"] + records[f"relPosHP{axis}"] / 100
+        found[f"relPos{axis}"] = centimetres / 100
+        found[f"acc{axis}"] = np.maximum(records[f"acc{axis}"] / 1e4, MIN_STD)
+    order, _, _ = in_order(found["t"])
+    return {name: values[order] for name, values in found.items()}
+
+
+def carrier_of(flags: NDArray[Any]) -> NDArray[Any]:
+    """Carrier solutions (n,) of flags of NAV-RELPOSNED: 0 none, 1 float, 2 fixed."""
+    return flags >> 3 & 3
 
 
 def untimed_message_lines(frames: UbxFrames) -> list[str]:
