@@ -52,7 +52,7 @@ def test_a_fix_of_another_length_is_left_out_and_told():
 
 def test_a_stream_leaves_out_what_a_batch_does():
     recording = with_spoilt(recorded(), slice(200, 205), 1.1)
-    batch = sd.fuse(recording, "closed-loop")
+    batch = sd.fuse(recording, "closed-loop", covariance=True)
     stream = sd.Stream(
         "closed-loop",
         imu=recording.meta["grade"],
@@ -71,7 +71,7 @@ def test_a_stream_leaves_out_what_a_batch_does():
         stream.step(sd.Sample(float(t), float(imu.dt[k]), tuple(imu.dtheta[k]), tuple(imu.dv[k])))
     assert stream.dropped_by["wrong length"] == 5
     assert any("dropped, whose length differs" in event for _, event in stream.events)
-    assert np.array_equal(stream.finish().trajectory.q_nb[-1], batch.trajectory.q_nb[-1])
+    assert np.array_equal(stream.finish().P, batch.covariance[-1])
 
 
 def test_parameters_that_are_no_baseline_are_refused():

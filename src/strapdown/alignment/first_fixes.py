@@ -8,6 +8,7 @@ import numpy as np
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..geometry.geodesy import displacement
+from ..preprocessing.receiver_classes import join_classes
 from ..typing import Array
 from .location import has_location
 
@@ -27,7 +28,7 @@ class Velocities(NamedTuple):
 def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Source | None:
     """The first source of that kind with a fix within the IMU's time whose `needed` components
     are all there, those fixes only; or None."""
-    for a in recording.sources:
+    for a in join_classes(recording.sources):
         usable = (
             np.isfinite(a.y[:, needed]).all(axis=1)
             & has_location(a)

@@ -270,7 +270,7 @@ class Stream:
                 self.noise,
                 self._spec,
                 options,
-                self._used,
+                sources,  # with the fixes that the start is made of
                 self._vehicle,
                 self._of_imu,
             ),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from ..data.recording import Recording
 from ..data.verdict import GRAVE, rank_reasons
+from ..preprocessing.receiver_classes import join_classes
 from . import (
     baseline,
     clock_offsets as clock,
@@ -42,6 +43,7 @@ SPOILT = ("frame", "unit", "unknown")
 
 def check(recording: Recording) -> Checked:
     """Return the findings of all checks of a Recording, the weightiest reason first."""
+    recording = replace(recording, sources=join_classes(recording.sources))
     found = position_velocity.check(InspectedRecording(recording))
     useless = {
         reason.source

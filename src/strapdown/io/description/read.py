@@ -284,6 +284,7 @@ def _make_source(
         part.correlated_errors,
         part.robust,
         part.adaptive,
+        part.receiver or "",
     )
 
 

@@ -93,6 +93,7 @@ class SourcePart(KeyPart):
     robust: bool = False
     adaptive: Annotated[Finite, Field(ge=0, le=MAX_TIME_CONSTANT)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
+    receiver: str | None = None
     name: str | None = None
 
     @property
@@ -294,6 +295,10 @@ class SourcePart(KeyPart):
                 f"baseline: {'is missing' if self.baseline is None else 'is too short'}; "
                 f"{sensor.name} needs the vector from the first to the second antenna, m forward, "
                 f"right, down, at least {MIN_LENGTH:g} m long",
+            ),
+            (
+                self.receiver is not None and sensor.name not in ("position", "baseline"),
+                f"receiver: {sensor.name} takes none; only a position or a baseline has classes",
             ),
             *(
                 (

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...units.time_scales import gps_from_unix
+from ..decoding.carrier_classes import by_class
 from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
@@ -35,6 +36,8 @@ FUSED = (
     "made with the receiver's own inertial sensors (fix types 1 and 4), no independent aiding; --take "
     "gnss={} takes it all the same"
 )
+CARRIER = {"fixed": (2,), "float": (1,), "single": (0,)}
+"""Carrier solutions of NAV-PVT."""
 LEFT_OUT = {
     0x1015: "ESF-INS: free of gravity, so no accelerometer",
     0x2802: "HNR-INS: compensated by the receiver's own fusion",
@@ -118,7 +121,10 @@ def _fixes(
         flat = int(np.count_nonzero(columns["fixType"] == 2))
         title = f"{name}, {many} fixes" + (f", {flat} of them without height" if flat else "")
         moving = bool(np.isfinite(columns["velN"]).any())
-        sections += _pair(table, moving, time, instance, title, why)
+        pair = _pair(table, moving, time, instance, title, why)
+        if "carrSoln" in columns:
+            pair[:1] = by_class(pair[0], columns["carrSoln"], "carrSoln", CARRIER)
+        sections += pair
         if late or twice:
             left.append(
                 f"{table}: {late} messages out of order, which are sorted, {twice} repeated"

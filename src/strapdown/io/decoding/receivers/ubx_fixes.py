@@ -93,6 +93,7 @@ def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[An
         "t": clock.ms(place, records["iTOW"]),
         "fixType": records["fixType"],
         "ok": (records["flags"] & 1).astype(bool),
+        "carrSoln": records["flags"] >> 6,
         "lat": records["lat"] / 1e7,
         "lon": records["lon"] / 1e7,
     }
