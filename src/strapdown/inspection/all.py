@@ -8,6 +8,7 @@ from ..data.verdict import GRAVE, rank_reasons
 from ..preprocessing.receiver_classes import join_classes
 from . import (
     baseline,
+    carrier_classes,
     clock_offsets as clock,
     field_turns,
     fix_noise,
@@ -43,6 +44,7 @@ SPOILT = ("frame", "unit", "unknown")
 
 def check(recording: Recording) -> Checked:
     """Return the findings of all checks of a Recording, the weightiest reason first."""
+    claims = carrier_classes.check(InspectedRecording(recording))
     recording = replace(recording, sources=join_classes(recording.sources))
     found = position_velocity.check(InspectedRecording(recording))
     useless = {
@@ -57,4 +59,5 @@ def check(recording: Recording) -> Checked:
         found.inconclusive.append(f"{name} against the IMU: correct {name} first")
     for each in CHECKS:
         found.add(each(subject))
+    found.add(claims)
     return replace(found, reasons=rank_reasons(found.reasons))
