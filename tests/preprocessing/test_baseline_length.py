@@ -79,3 +79,20 @@ def test_parameters_that_are_no_baseline_are_refused():
     imu = recorded().imu
     with pytest.raises(DataError, match="vector from the first to the second antenna"):
         sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, sources=[source], kind="increment")
+
+
+@pytest.mark.parametrize("scenario, seconds", [("static", 60.0), ("car", 60.0), ("demo", 90.0)])
+def test_attitudes_err_as_they_say(scenario, seconds):
+    """Over ten seeds, mean NEES of the attitude at the end between the 0.1 and 99.9 % points of
+    chi-square with 30 degrees of freedom over 10; without a course the heading is known too."""
+    nees, std = [], []
+    for seed in range(10):
+        sensor = Simulated("baseline", 0.005, 2.0, GIVEN)
+        recording = sd.simulate(scenario, duration=seconds, seed=seed, sensors=[sensor])
+        solution = sd.fuse(recording, "closed-loop", covariance=True)
+        errors = solution.errors(recording.reference)
+        e, P = errors.attitude[-1], solution.covariance[-1][6:9, 6:9]
+        nees.append(e @ np.linalg.solve(P, e))
+        std.append(np.sqrt(P[2, 2]))
+    assert 11.6 / 10 < np.mean(nees) < 59.7 / 10
+    assert np.max(std) < np.radians(0.2)
