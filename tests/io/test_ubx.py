@@ -409,3 +409,17 @@ def test_a_baseline_is_left_until_asked_for(tmp_path):
     assert any("5 NAV-RELPOSNED without a carrier solution" in line for line in log.left)
     (section,) = (each for each in log.sections if each.keys.get("kind") == "baseline")
     assert "--take baseline=0" in section.left and "baseline" in section.assumed
+
+
+def test_a_baseline_that_is_taken_points_forward(tmp_path):
+    moments = GPS + 200 * np.arange(40)
+    vectors = np.tile([8000, -6000, 300], (40, 1))
+    data = ubx.pvt(moments).tobytes() + ubx.relposned(moments, vectors).tobytes()
+    unix = "unix_s", GPS / 1e3 + 315964800 - 18 + 0.01 * np.arange(900)
+    paths = beside_imu(tmp_path, unix, data)
+    assert [a.kind for a in sd.read(*paths).sources] == ["position", "velocity"]
+    joined = join(open_logs(paths), {"baseline": 0})
+    (tmp_path / "recording.toml").write_text(joined.text(tmp_path))
+    source = sd.read(tmp_path / "recording.toml").sources[-1]
+    assert source.kind == "baseline" and np.allclose(source.y, [0.8, -0.6, 0.03])
+    assert source.parameters == (1.0, 0.0, 0.0) and np.allclose(source.std, 0.006)

@@ -62,7 +62,7 @@ def _of_direction(subject: InspectedRecording, source: Source) -> Checked:
         return Checked.with_unknown(what, "the antennas stand above each other")
     off, course_of = _off_course(subject, source)
     if len(off) < MIN_FIXES:
-        return Checked.with_unknown(what, "the vehicle is too slow")
+        return Checked.with_unknown(what, "no fixes show the course meanwhile")
     mean = float(np.angle(np.exp(1j * off).mean()))
     spread = float(np.median(np.abs(wrap(off - mean))))
     if spread > SCATTER:

@@ -95,7 +95,8 @@ def columns(of: Chosen) -> list[str]:
 def source_text(sensor: MeasurementModel) -> str:
     """Return a description of its measurements and parameters, with units."""
     units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
-    named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
+    words = QUANTITIES | ({"length": "vector"} if sensor.vector else {})
+    named = [f"{words.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
     count = len(named)
     y = f"{named[0]} ({count})" if len({*named}) == 1 and count > 1 else ", ".join(named)
     rows = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]
