@@ -135,3 +135,22 @@ def test_a_velocity_has_no_classes():
     SourcePart.model_validate(keys)
     with pytest.raises(ValueError, match="receiver: velocity takes none"):
         SourcePart.model_validate(keys | {"receiver": "GNSS"})
+
+
+def test_a_class_that_another_log_lacks_is_empty(tmp_path):
+    """One description serves several logs; without `receiver` a condition of no row is refused."""
+    path = tmp_path / "a.ulg"
+    px4(path)
+    text = join(open_logs([path])).text(tmp_path)
+    (tmp_path / "recording.toml").write_text(text.replace("equals = [5]", "equals = [7]"))
+    recording = sd.read(tmp_path / "recording.toml")
+    fixed, none, single, _ = recording.sources
+    assert len(none.t) == 0 and none.y.shape == (0, 3) and none.correlated is not None
+    assert "GNSS position float: the log has no fix of this class" in recording.meta["notes"]
+    solution = sd.fuse(recording, "closed-loop")
+    assert len(solution) and len(fixed.t) + len(single.t) < len(recording.sources[3].t)
+    (tmp_path / "recording.toml").write_text(
+        text.replace("equals = [5]", "equals = [7]").replace('receiver = "GNSS"\n', "")
+    )
+    with pytest.raises(sd.DataError, match="none of its .* rows has fix_type"):
+        sd.read(tmp_path / "recording.toml")

@@ -251,6 +251,10 @@ def read_source(
     if not part.sensor.recorded:
         t, y, std, notes = _constraint(part, imu, others, where)
         return _make_source(part, imu_lever_arm, t, y, std), notes
+    if part.receiver and _class_is_missing(part, files):
+        t, rows = np.empty(0), np.empty((0, len(part.sensor.quantities)))
+        note = f"{part.name or part.kind}: the log has no fix of this class"
+        return _make_source(part, imu_lever_arm, t, rows, rows), [note]
     fixes = _of_the_body(part, imu, files, Whereabouts(others, place), where)
     made = _make_source(part, imu_lever_arm, fixes.t, fixes.y, fixes.std)
     source, more = clean(made, part.sensor, fixes.origin)
@@ -260,6 +264,12 @@ def read_source(
         source, slipped = without_slip(source, imu)
         notes += slipped
     return source, notes
+
+
+def _class_is_missing(part: SourcePart, files: Files) -> bool:
+    """True where a log has no fix of this class of its receiver."""
+    assert part.file is not None and part.columns is not None  # the schema asks for both
+    return bool(part.where) and not files.has_rows(part.file, part.columns, part.table, part.where)
 
 
 def _make_source(
