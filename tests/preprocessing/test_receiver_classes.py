@@ -12,6 +12,7 @@ from strapdown.data.solution import Correlated
 from strapdown.inspection.all import check
 from strapdown.installation.model import constants
 from strapdown.preprocessing.receiver_classes import join_classes
+from strapdown.sensor_models.gnss import Gnss
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +89,17 @@ def test_classes_share_their_clock_and_their_lever_arm(drive, by_class):
     solution = sd.fuse(by_class, "closed-loop", estimate=["clock", "lever-arm"])
     told = solution.meta["installation"]["parameters"]
     assert [len(each["sources"]) for each in told] == [4] * 4
+
+
+@pytest.mark.deep
+def test_a_late_receiver_is_diagnosed_alike():
+    late = sd.simulate("car", duration=180.0, seed=5, gnss=Gnss(interval=0.2, latency=0.15))
+    classes = classed.split(late, classed.alternating(len(late.sources[0].t)))
+    one, other = (str(sd.diagnose(each)).splitlines() for each in (late, classes))
+    assert [line.partition(": ")[2] for line in one[:4]] == [
+        line.partition(": ")[2] for line in other[:4]
+    ]
+    assert "-0.14" in one[0]
 
 
 def test_a_stream_with_classes_equals_the_batch(by_class):
