@@ -8,7 +8,7 @@ from ..data.verdict import GRAVE, rank_reasons
 from ..preprocessing.receiver_classes import join_classes
 from . import (
     baseline,
-    carrier_classes,
+    carrier_claims,
     clock_offsets as clock,
     field_turns,
     fix_noise,
@@ -44,7 +44,7 @@ SPOILT = ("frame", "unit", "unknown")
 
 def check(recording: Recording) -> Checked:
     """Return the findings of all checks of a Recording, the weightiest reason first."""
-    claims = carrier_classes.check(InspectedRecording(recording))
+    claims = carrier_claims.check(InspectedRecording(recording))
     recording = replace(recording, sources=join_classes(recording.sources))
     found = position_velocity.check(InspectedRecording(recording))
     useless = {

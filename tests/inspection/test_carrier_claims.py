@@ -8,7 +8,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.data.solution import Correlated
-from strapdown.inspection import carrier_classes
+from strapdown.inspection import carrier_claims
 from strapdown.inspection.all import check
 from strapdown.inspection.motion import InspectedRecording
 from strapdown.io.description.logs import join, open_logs
@@ -77,5 +77,5 @@ def test_only_claims_beyond_float_solutions_are_said(std, lasting, reasons, fact
     errors = Correlated((lasting,) * 3, 300.0) if lasting else None
     classes = classed.alternating(len(drive.sources[0].t))
     recording = classed.split(drive, classes, float={"correlated": errors})
-    found = carrier_classes.check(InspectedRecording(recording))
+    found = carrier_claims.check(InspectedRecording(recording))
     assert (len(found.reasons), len(found.facts)) == (reasons, facts)

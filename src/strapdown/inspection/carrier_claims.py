@@ -44,7 +44,7 @@ def _median(source: Source) -> float:
 
 
 def _claims(source: Source, beside: str) -> Checked:
-    """What a class of float positions claims, with its correlated errors."""
+    """Compare the claims of a class of float positions, with its correlated errors, with the best."""
     white = _median(source)
     lasting = 0.0 if source.correlated is None else float(np.mean(source.correlated.std[:2]))
     total = float(np.hypot(white, lasting))
