@@ -84,6 +84,7 @@ SENSORS = {
     "pressure-altitude": (ARM, lambda b: antenna(b, ARM)[2] + b.augmented[0]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C_nb).as_euler("ZYX")[::-1]),
+    "baseline": (ARM, lambda b: b.C_nb @ ARM),
 }
 TOGETHER = {"attitude": (0, 1)}  # components that are measured together or not at all
 

@@ -8,6 +8,7 @@ import numpy as np
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..geometry.geodesy import displacement
+from ..preprocessing.receiver_classes import join_classes
 from ..typing import Array
 from .location import has_location
 
@@ -29,7 +30,7 @@ class Velocities(NamedTuple):
 def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Source | None:
     """Return the first source of that kind that has fixes within the IMU record with all `needed`
     components, reduced to these fixes; None without one."""
-    for a in recording.sources:
+    for a in join_classes(recording.sources):
         usable = (
             np.isfinite(a.y[:, needed]).all(axis=1)
             & has_location(a)

@@ -33,6 +33,7 @@ from .initial_heading import (
     UNKNOWN_STD,
     HeadingFound,
     MeanForce,
+    baseline_heading,
     earth_rate_heading,
     magnetic_heading,
     mean_force,
@@ -507,6 +508,10 @@ def _heading(
         return HeadingFound(
             float(compass.y[k, 0]), float(np.hypot(compass.std[k, 0], away)), "heading measured"
         )
+    pair = source(recording, "baseline")
+    by_antennas = baseline_heading(recording, pair, t, b_g, LEVEL_STD_MOVING)
+    if by_antennas is not None and by_antennas.known:
+        return by_antennas
     field, b_a_std = source(recording, "magnetic-field"), imu.bias_std()[0]
     rest = rests(recording, t).before if field is not None else []
     tilt_std = LEVEL_STD_REST if _age(recording.imu, rest, t) < 1.0 else LEVEL_STD_MOVING

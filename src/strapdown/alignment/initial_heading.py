@@ -13,6 +13,7 @@ from ..data.recording import Recording
 from ..data.solution import Source
 from ..geometry.geodesy import wrap
 from ..geometry.rotation_products import running_matrices
+from ..preprocessing.baseline_length import without_wrong_lengths
 from ..preprocessing.stationary import motionless
 from ..preprocessing.unbroken import nearest_felt
 from ..sensor_models.imu import ImuSpec
@@ -100,6 +101,38 @@ def magnetic_heading(
     return HeadingFound(
         float(wrap(heading)), float(std), f"heading from the magnetic field ({words})"
     )
+
+
+def baseline_heading(
+    recording: Recording, source: Source | None, t: float, b_g: Array, level_std: float
+) -> HeadingFound | None:
+    """The HeadingFound at t by the vector between two antennas of the fix nearest to it, levelled by
+    the mean specific force; None without a source, or where the antennas stand above each other.
+
+    b_g: gyro bias, rad/s; level_std: rad, of that level.
+    """
+    if source is not None:
+        source, _ = without_wrong_lengths(source)
+    if source is None or not len(source.t):
+        return None
+    k = int(np.argmin(np.abs(source.t - t)))
+    at = float(source.t[k])
+    force = mean_force(recording, at, b_g)
+    if force is None or not np.isfinite(source.y[k]).all():
+        return None
+    flat = level_vector(np.array(source.parameters[:3]), *level(force.f))
+    length = float(np.hypot(flat[0], flat[1]))
+    if not length > 0.5 * np.linalg.norm(flat):
+        return None
+    rows = slice(*np.searchsorted(recording.imu.t, sorted((at, t)), side="right"))
+    turned = np.linalg.norm(
+        (recording.imu.dtheta[rows] - b_g * recording.imu.dt[rows, None]).sum(0)
+    )
+    north, east, _ = source.y[k]
+    tilt = abs(flat[2]) / length * np.hypot(level_std, force.off)
+    std = np.linalg.norm([source.std[k][:2].max() / length, tilt, turned])
+    heading = np.arctan2(east, north) - np.arctan2(flat[1], flat[0])
+    return HeadingFound(float(wrap(heading)), float(std), "heading from two antennas")
 
 
 class MeanForce(NamedTuple):

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.solution import Source
+from ..preprocessing.receiver_classes import join_classes
 from ..typing import Array, Ints, Mask
 
 GIVEN_STD = 10.0
@@ -27,7 +28,7 @@ def place_of(
     complete position fix (the first by default); None without either."""
     if meta.get("place") is not None:
         return KnownPlace(np.array(meta["place"], float), np.full(3, GIVEN_STD), "place given")
-    for source in sources:
+    for source in join_classes(sources):
         whole: Ints = (
             np.flatnonzero(np.isfinite(source.y).all(axis=1) & has_location(source))
             if source.kind == "position"

@@ -12,6 +12,7 @@ from ..checks import DataError, brief, is_number, one_line_repr
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.solution import Source
 from ..preprocessing.attitude_record import possible_attitude
+from ..preprocessing.baseline_length import KIND as BASELINE, length_errors, wrong_lengths
 from ..preprocessing.fixes import possible
 from ..preprocessing.imu_samples import MAX_INTERVAL
 from ..preprocessing.origin import Origin
@@ -130,6 +131,7 @@ class Sources:
             each: k for k, each in enumerate(self._names) if self._names.count(each) == 1
         }
         self._kinds = [aiding.find(a.kind) for a in sources]
+        self._given = [a.parameters for a in sources]
         self._most = [[_most(q) for q in kind.quantities] for kind in self._kinds]
 
     def usable(self, fix: Measurement) -> UsableFix:
@@ -163,6 +165,14 @@ class Sources:
                 self._refuse(place, y, where)
         padding = [nan] * (3 - width)
         return UsableFix(fix.t, place, y + padding, deviations + padding)
+
+    def length_error(self, fix: UsableFix) -> float:
+        """m by which a vector between antennas is too long or short, where that is more than its
+        noise allows; else 0."""
+        if self._kinds[fix.source].parameters != BASELINE:
+            return 0.0
+        of_fix = np.array([fix.y]), np.array([fix.std]), self._given[fix.source]
+        return float(abs(length_errors(*of_fix)[0][0])) if wrong_lengths(*of_fix)[0] else 0.0
 
     def _place(self, source: str | int, where: str) -> int:
         """Return the index of a source in the stream. Raises DataError."""

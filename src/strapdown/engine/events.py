@@ -47,6 +47,7 @@ class Said(IntEnum):
     AHRS_SAYS = 111
     AHRS_SILENT = 112
     FIXES_AHEAD = 113
+    FIXES_OF_WRONG_LENGTH = 114
 
 
 LONG_LAG = 60.0
@@ -394,6 +395,10 @@ WORDS: dict[int, Words] = {
     ),
     Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'row')} without time or value dropped{_till(row)}"
+    ),
+    Said.FIXES_OF_WRONG_LENGTH: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'vector')} dropped, whose length differs from that of "
+        f"`baseline` by up to {value:.3g} m{_till(row)}"
     ),
     Said.FIXES_TWICE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'repeated row')} dropped{_till(row)}"

@@ -121,7 +121,7 @@ class LiveRun:
         filter, noise, spec, options, sources, vehicle, of_imu = set_up
         self.filter, self.start, self.spec, self.options = filter, start, spec, options
         self.sources = tuple(a._where(np.zeros(len(a.t), bool)) for a in sources)
-        self.belief = new_belief(filter, start, noise, options, self.sources, of_imu)
+        self.belief = new_belief(filter, start, noise, options, sources, of_imu)
         self.noise = noise = filter.with_bias_model(noise, options)
         self.cursor = new_cursor(
             filter, start.t, self.sources, limits(spec, noise, vehicle), of_imu

@@ -12,7 +12,7 @@ from .events import Events
 OnEvent = Callable[[float, str], object]
 """(t in s, text) of an event when it begins."""
 BEYOND = "after the last sample"
-DROPPED = ("before the start", "late", "twice", "not finite", BEYOND)
+DROPPED = ("before the start", "late", "twice", "not finite", "wrong length", BEYOND)
 """Reasons why a sample or a fix is not used."""
 
 

@@ -270,7 +270,7 @@ class Stream:
                 self.noise,
                 self._spec,
                 options,
-                self._used,
+                sources,  # with the fixes that the start is made of
                 self._vehicle,
                 self._of_imu,
             ),
@@ -383,6 +383,8 @@ class Stream:
             self._notifier.drop(
                 "not finite", words.Said.FIXES_NOT_FINITE, place, self._event_time(fix.t)
             )
+        elif off := self._sources.length_error(fix):
+            self._notifier.drop("wrong length", words.Said.FIXES_OF_WRONG_LENGTH, place, fix.t, off)
         elif self._live is None and self._due_at(fix) <= self._late + SAME_TIME:
             if self._is_new(fix):
                 self._gathered.fixes.append(fix)

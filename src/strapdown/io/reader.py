@@ -62,6 +62,7 @@ ROLES = {
     "speed": "speed sensor",
     "heading": "source of headings",
     "attitude": "source of attitudes",
+    "baseline": "pair of antennas",
     "reference": "reference",
 }
 """Sensors of the sections of a log. One instance of each role is taken; a user may choose

@@ -19,6 +19,7 @@ from ..units.time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
 from ..units.wording import count_text
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
+from .baseline_length import check_baseline
 from .imu_samples import imu_from_arrays, sort_rows
 from .origin import Origin, RowsOfFile
 
@@ -71,6 +72,7 @@ def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, 
                 f"the Earth's field north, east, down "
                 "in T is needed; geomagnetic_field returns it"
             )
+        check_baseline(source)
         if source.kind == "attitude":
             possible_attitude(np.asarray(source.y, float), Origin(source.name or source.kind))
         source, more = clean(source, find(source.kind))

@@ -19,6 +19,7 @@ from strapdown.data.vehicle import Vehicle
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.experiments.outages import runs
 from strapdown.experiments.outages.compare import _events
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -618,3 +619,13 @@ def test_standard_deviations_of_the_fixes_count_in_the_coverage(monkeypatch):
     assert (found.scores["coverage_1"] == 1.0).all() and (
         found.scores["down_coverage_1"] == 1
     ).all()
+
+
+def test_an_outage_takes_the_vector_between_two_antennas_too():
+    """It is of GNSS; where kinds are named, only those are withheld."""
+    sensor = Simulated("baseline", 0.005, 2.0, (1.2, 0.0, 0.0))
+    recording = sd.simulate("car", duration=60.0, seed=3, sensors=[sensor])
+    found = sd.compare(recording, ["closed-loop"], outages="10@30:55/11")
+    assert found.kinds == ("position", "velocity", "baseline")
+    named = sd.compare(recording, ["closed-loop"], outages="10@30:55/11", kinds="position")
+    assert named.kinds == ("position",)

@@ -39,6 +39,7 @@ class RejectedRun(NamedTuple):
     found: CauseFound
     others: tuple[int, ...] = ()  # sources that were rejected at the same time
     silent: float = 0.0  # s since the fix before its cause; inf for the first fix
+    receiver: str = ""  # of which the source is a class
 
 
 def assign_blame(runs: list[RejectedRun]) -> list[RejectedRun]:
@@ -62,7 +63,8 @@ def _together(runs: list[RejectedRun]) -> Iterator[list[RejectedRun]]:
 
 def _judge_runs(runs: list[RejectedRun]) -> list[RejectedRun]:
     sources = {run.source for run in runs}
-    if len(sources) < 2:
+    # classes of a receiver have no fix at the same time, and so contradict nothing
+    if len({run.receiver or run.source for run in runs}) < 2:
         return runs
     gain, count = sum(run.found.gain for run in runs), sum(run.number for run in runs)
     best = max((run.found for run in runs), key=lambda found: found.gain)

@@ -33,7 +33,8 @@ def find(fixes: WindowFixes, sources: Sequence[Source]) -> list[RejectedRun]:
     """Return the runs of all sources in order of their beginning, without those by chance."""
     runs: list[RejectedRun] = []
     for s in np.unique(fixes.rows["source"][fixes.rejected].astype(int)).tolist():
-        runs += _of_source(s, fixes.of(s), fixes, sources[s].kind)
+        found = _of_source(s, fixes.of(s), fixes, sources[s].kind)
+        runs += [run._replace(receiver=sources[s].receiver) for run in found]
     return assign_blame(sorted(runs, key=lambda run: (run.start, run.source)))
 
 

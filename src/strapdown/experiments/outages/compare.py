@@ -32,8 +32,9 @@ from .runs import Common, Entrant, FilterWay, Result, through
 from .scores import known_reference, outages_of
 from .smoothed_fixes import NOTE, smoothed_fixes
 
-WITHHELD_KINDS = "position", "velocity"
-"""Kinds of measurement that an outage of GNSS withholds."""
+WITHHELD_KINDS, BASELINE = ("position", "velocity"), "baseline"
+"""Kinds of measurement that an outage of GNSS withholds, and that of two antennas, which it
+withholds too where a recording has it."""
 NUMBER_IN_TEXT = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 """A number in the text of an event."""
 SLOW_FILTERS = ("pkf",)
@@ -72,7 +73,7 @@ def compare(
         Windows to withhold measurements in, such as "30/300" (30 s every 300 s) or "8:12,14:18"
         (from 8 to 12 s, and so on); see `outages.protocols`.
     kinds : str or list of str
-        Kinds of the withheld fixes.
+        Kinds of the withheld fixes; a baseline of two antennas too, where nothing else is named.
     threads : int
         At a time; default: one per core.
     progress : bool or callable
@@ -92,6 +93,8 @@ def compare(
     start, noise, notify = asked["start"], asked["noise"], asked["notify"]
     _check(recording, threads, start, noise)
     entrants, kinds = _entrants(filters), _kinds(kinds)
+    if kinds == WITHHELD_KINDS and any(a.kind == BASELINE for a in recording.sources):
+        kinds = (*kinds, BASELINE)
     recording = with_weights(
         with_estimates(recording, asked["estimate"]), asked["robust"], asked["adaptive"]
     )

@@ -21,6 +21,7 @@ from ...preprocessing.other_forms import (
     positions,
     vectors,
 )
+from ...preprocessing.receiver_classes import join_classes
 from ...sensor_models.geoid import undulation
 from ...typing import Array, Mask
 from ...units.conversion import factor, spread_factor
@@ -55,7 +56,7 @@ class Whereabouts(NamedTuple):
 
     def at(self, t: Array) -> Array:
         """(m, 3) geodetic positions at the times t (m,), s. Raises DataError."""
-        for source in self.sources:
+        for source in join_classes(self.sources):
             whole = has_location(source) & np.isfinite(source.y[:, :2]).all(axis=1)
             if source.kind == "position" and whole.any():
                 return places(t, source.t[whole], source.y[whole])
@@ -78,6 +79,8 @@ def read_fixes(part: SourcePart, files: Files, whereabouts: Whereabouts, where: 
     table, t, columns, notes = files.columns(
         part.file, part.time, [*part.columns, *more], part.table, part.where
     )
+    # the rows that one class of a receiver lacks are in the others
+    notes = [] if part.receiver else notes
     many, read = len(part.columns), iter(columns[len(part.columns) :])
     y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
     std = np.stack(
@@ -105,7 +108,7 @@ def _in_ned(
     if part.ecef and part.kind == "position":
         lla = positions(y, origin)
         return fixes._replace(y=lla, std=deviations(std, lla))
-    if part.ecef and part.kind == "velocity":
+    if part.ecef and part.kind in ("velocity", "baseline"):
         lla = whereabouts.at(t)
         return fixes._replace(y=vectors(y, lla), std=deviations(std, lla))
     if part.geoid is not None:

@@ -254,6 +254,10 @@ def read_source(
     if not part.sensor.recorded:
         t, y, std, notes = _constraint(part, imu, others, where)
         return _make_source(part, imu_lever_arm, t, y, std), notes
+    if part.receiver and _class_is_missing(part, files):
+        t, rows = np.empty(0), np.empty((0, len(part.sensor.quantities)))
+        note = f"{part.name or part.kind}: the log has no fix of this class"
+        return _make_source(part, imu_lever_arm, t, rows, rows), [note]
     fixes = _of_the_body(part, imu, files, Whereabouts(others, place), where)
     made = _make_source(part, imu_lever_arm, fixes.t, fixes.y, fixes.std)
     source, more = clean(made, part.sensor, fixes.origin)
@@ -265,6 +269,12 @@ def read_source(
     return source, notes
 
 
+def _class_is_missing(part: SourcePart, files: Files) -> bool:
+    """True where a log has no fix of this class of its receiver."""
+    assert part.file is not None and part.columns is not None  # the schema asks for both
+    return bool(part.where) and not files.has_rows(part.file, part.columns, part.table, part.where)
+
+
 def _make_source(
     part: SourcePart, imu_lever_arm: list[float], t: Array, y: Array, std: Array
 ) -> Source:
@@ -272,7 +282,7 @@ def _make_source(
     arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
         if part.sensor.parameters in ("antenna", "reference")
-        else ()
+        else part.baseline or ()
     )
     return Source(
         part.kind,
@@ -287,6 +297,7 @@ def _make_source(
         part.correlated_errors,
         part.robust,
         part.adaptive,
+        part.receiver or "",
     )
 
 

@@ -1,6 +1,7 @@
 """The schema of `[[source]]` in `recording.toml`: a source of fixes, whose kind determines its
 keys."""
 
+import math
 import re
 from typing import Annotated, Any, Literal, Self
 
@@ -13,6 +14,7 @@ from ...data.calibration_parameters import asked_at, requested_priors
 from ...data.solution import Correlated
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from ...preprocessing.baseline_length import KIND as BASELINE, MIN_LENGTH
 from ...typing import Array
 from ...units.constants import MAX_TIME_CONSTANT
 from ...units.conversion import factor, spread_factor
@@ -78,6 +80,7 @@ class SourcePart(KeyPart):
     std: Any = None
     geoid: Geoid = None
     lever_arm: Triple | None = None
+    baseline: Triple | None = None
     calibration: str | None = None
     field: EarthField = None
     declination: Declination | None = None
@@ -90,6 +93,7 @@ class SourcePart(KeyPart):
     robust: bool = False
     adaptive: Annotated[Finite, Field(ge=0, le=MAX_TIME_CONSTANT)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
+    receiver: str | None = None
     name: str | None = None
 
     @property
@@ -283,6 +287,20 @@ class SourcePart(KeyPart):
             (
                 self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"),
                 f"lever_arm: {sensor.name} takes none",
+            ),
+            (
+                self.baseline is not None and sensor.parameters != BASELINE,
+                f"baseline: {sensor.name} takes none",
+            ),
+            (
+                sensor.parameters == BASELINE and math.hypot(*self.baseline or ()) < MIN_LENGTH,
+                f"baseline: {'is missing' if self.baseline is None else 'is too short'}; "
+                f"{sensor.name} needs the vector from the first to the second antenna, m forward, "
+                f"right, down, at least {MIN_LENGTH:g} m long",
+            ),
+            (
+                self.receiver is not None and sensor.name not in ("position", "baseline"),
+                f"receiver: {sensor.name} takes none; only a position or a baseline has classes",
             ),
             *(
                 (

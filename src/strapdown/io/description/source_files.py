@@ -129,6 +129,18 @@ class Files:
             found, self.times(found, time), [found.numbers(column) for column in columns], notes
         )
 
+    def has_rows(
+        self,
+        file: str,
+        columns: Sequence[str | int],
+        table: str | None = None,
+        where: Sequence[KeyCondition] = (),
+    ) -> bool:
+        """True where some row of a table counts; `columns` as for the method of that name."""
+        named = [*columns, *(each.column for each in where)]
+        found = self.table(file, not any(isinstance(column, int) for column in named), table)
+        return bool(np.all([holds(found, each) for each in where], axis=0).any())
+
     def times(self, table: FileTable, time: Time) -> Array:
         """Return the times of the rows of a table (n,), s. Raises DataError where one part of a
         recording has an absolute clock and another does not."""

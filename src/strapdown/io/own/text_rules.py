@@ -81,6 +81,7 @@ class SourceAttributes(SaidRules):
     correlated_states: bool = True
     robust: bool = False
     adaptive: Annotated[Finite, Field(ge=0)] = 0.0
+    receiver: Name | None = None
 
 
 class RecordingMetaRules(SaidRules):

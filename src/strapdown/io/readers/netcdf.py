@@ -281,6 +281,7 @@ def _source(group: Content, where: str) -> Source:
         correlated=_correlated_errors(said),
         robust=bool(said.get("robust", False)),
         adaptive=float(said.get("adaptive", 0.0)),
+        receiver=said.get("receiver", ""),
     )
 
 
@@ -288,6 +289,7 @@ def _noise_attributes(source: Source) -> dict[str, Any]:
     """Return the attributes of a source's error model, apart from plain white noise."""
     said: dict[str, Any] = {"robust": 1} if source.robust else {}
     said |= {"adaptive": float(source.adaptive)} if source.adaptive else {}
+    said |= {"receiver": source.receiver} if source.receiver else {}
     if source.correlated is not None:
         std, time, states = source.correlated
         said |= {"correlated_std": np.array(std, float), "correlation_time": float(time)}

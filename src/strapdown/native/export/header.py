@@ -26,6 +26,7 @@ PARAMETERS = {
     "antenna": "lever arm from the IMU to the antenna, m, body (3)",
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
+    "baseline": "vector from the first to the second antenna, m, body (3)",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 
@@ -94,7 +95,8 @@ def columns(of: Chosen) -> list[str]:
 def source_text(sensor: MeasurementModel) -> str:
     """Return a description of its measurements and parameters, with units."""
     units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
-    named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
+    words = QUANTITIES | ({"length": "vector"} if sensor.vector else {})
+    named = [f"{words.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
     count = len(named)
     y = f"{named[0]} ({count})" if len({*named}) == 1 and count > 1 else ", ".join(named)
     rows = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]

@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
 from ...reader import Section
+from ..carrier_classes import by_class
 from . import autopilot
 from .dataflash import DataFlash
 
 Columns = dict[str, NDArray[Any]]
 FIX_3D = 3  # Status from which a fix has a height
+CARRIER = {"fixed": (6,), "float": (5,), "single": (3, 4)}
+"""Carrier solutions by Status."""
 FASTER = (
     "set IMU_FAST (of ArduCopter bit 18) in LOG_BITMASK, which logs the IMU at the rate of the "
     "main loop"
@@ -222,11 +225,12 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
         for names, own in ((["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"), (["SAcc"], "VELNE_M_NSE"))
     )
     remarks = autopilot.UNSURE if "log names none" in why else ()
-    return autopilot.receiver_sections(
+    position, of_velocity = autopilot.receiver_sections(
         Section("source", "gnss", common, instance, title, assumed, remarks=remarks),
         ({**columns, **std.key, **geoid}, std.assumed),
         ({**velocity, **std_of_velocity.key}, std_of_velocity.assumed),
     )
+    return [*by_class(position, fixes["Status"], "Status", CARRIER), of_velocity]
 
 
 def others(log: DataFlash, dated: bool) -> dict[str, tuple[Columns, Section]]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
 from ...reader import GUESS, Section
+from ..carrier_classes import by_class
 from . import autopilot
 from .ulog import ULog
 
@@ -27,6 +28,8 @@ GYRO = [f"gyro_rad[{k}]" for k in range(3)]
 ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
 Q = [f"q[{k}]" for k in range(4)]
 FIX_3D = (3, 4, 5, 6)  # fix_type of fixes with a height; 8 is extrapolated
+CARRIER = {"fixed": (6,), "float": (5,), "single": (3, 4)}
+"""Carrier solutions by fix_type."""
 SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
 """us: a clock that starts between these counts from 1970, as in a simulator, not from power-on."""
 SLOW = 20.0  # Hz: where averaged samples are slower, raw ones are considered
@@ -340,12 +343,14 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
         )
     )
     remarks = autopilot.UNSURE if why == NO_DELAY else ()
-    return autopilot.receiver_sections(
+    of_position_alone, of_velocity = autopilot.receiver_sections(
         Section("source", "gnss", common, instance, title, assumed, remarks=remarks),
         ({**position, **std.key}, {**std.assumed, **of_position}),
         ({**moved, **std_of_velocity.key}, std_of_velocity.assumed),
         left,
     )
+    classes = by_class(of_position_alone, fixes["fix_type"], "fix_type", CARRIER)
+    return [*classes, of_velocity]
 
 
 def _slot(parameters: Mapping[str, float], fixes: Columns, instance: int) -> int:

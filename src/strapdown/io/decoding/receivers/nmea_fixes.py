@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ....typing import Ints
 from ...reader import Log, Section
 from ...tables.table_file import FileTable
+from ..carrier_classes import by_class
 from .cyclic_times import CyclicClock, in_order, same_time
 from .nmea_sentences import TIME_FIELD, SentenceKind, Sentences, clock as clock_of
 
@@ -21,6 +22,8 @@ ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
 fixed, 5 RTK float), to be multiplied by HDOP where that is above 1. 4 m and 0.02 m come from ROS'
 nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one axis; 0.5 m lies
 between."""
+CARRIER = {"fixed": (4,), "float": (5,), "single": (1, 2, 3, 9)}
+"""Carrier solutions by quality of the fix."""
 VERTICAL = 2.0
 """Ratio of the vertical standard deviation to the horizontal one."""
 SPEED_STD = 0.6
@@ -148,7 +151,8 @@ def _positions(found: Sorting) -> list[Section]:
         if geoid.get("geoid") == "EGM96":
             assumed["geoid"] = "the sentences do not state its separation"
         title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
-        return [Section("source", "gnss", keys, 0, title, assumed)]
+        section = Section("source", "gnss", keys, 0, title, assumed)
+        return by_class(section, table.cells("quality"), "quality", CARRIER)
     return []
 
 

@@ -12,6 +12,8 @@ from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
 """Flags of NAV-PVT: date and time of day are valid."""
+RELATIVE = 0x25
+"""Flags of NAV-RELPOSNED: the fix is right, its components are valid, and the base moves."""
 MIN_STD = 1e-3
 """m and m/s, the resolution of NAV-PVT: a smaller standard deviation appears as 0."""
 
@@ -45,6 +47,31 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
     return found
 
 
+def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
+    """NAV-RELPOSNED of a base that moves with the vehicle, in m: vectors from its antenna to that of
+    this receiver, in the order of time. Rows without a carrier solution are left out."""
+    place, records = frames.records(UbxMessage.NAV_RELPOSNED, LAYOUTS[UbxMessage.NAV_RELPOSNED])
+    flags = records["flags"]
+    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0) & (records["version"] == 1)
+    place, records = place[good], records[good]
+    found: Columns = {
+        "row": np.flatnonzero(good),
+        "t": clock.ms(place, records["iTOW"]),
+        "carrier": carrier_of(records["flags"]),
+    }
+    for axis in "NED":
+        centimetres = records[f"relPos{axis}"] + records[f"relPosHP{axis}"] / 100
+        found[f"relPos{axis}"] = centimetres / 100
+        found[f"acc{axis}"] = np.maximum(records[f"acc{axis}"] / 1e4, MIN_STD)
+    order, _, _ = in_order(found["t"])
+    return {name: values[order] for name, values in found.items()}
+
+
+def carrier_of(flags: NDArray[Any]) -> NDArray[Any]:
+    """Carrier solutions (n,) of flags of NAV-RELPOSNED: 0 none, 1 float, 2 fixed."""
+    return flags >> 3 & 3
+
+
 def untimed_message_lines(frames: UbxFrames) -> list[str]:
     """Return lines on the messages before the receiver knew date and time; they are not used."""
     lines = []
@@ -65,6 +92,7 @@ def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[An
         "t": clock.ms(place, records["iTOW"]),
         "fixType": records["fixType"],
         "ok": (records["flags"] & 1).astype(bool),
+        "carrSoln": records["flags"] >> 6,
         "lat": records["lat"] / 1e7,
         "lon": records["lon"] / 1e7,
     }

@@ -30,6 +30,7 @@ class UbxMessage(IntEnum):
     NAV_HPPOSLLH = 0x0114
     NAV_PVAT = 0x0117
     NAV_TIMEGPS = 0x0120
+    NAV_RELPOSNED = 0x013C
     ESF_MEAS = 0x1002
     ESF_RAW = 0x1003
     ESF_ALG = 0x1014
@@ -197,6 +198,20 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     ),
     UbxMessage.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
     UbxMessage.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    UbxMessage.NAV_RELPOSNED: _layout(
+        version=(0, "u1"),
+        iTOW=(4, "u4"),
+        relPosN=(8, "i4"),
+        relPosE=(12, "i4"),
+        relPosD=(16, "i4"),
+        relPosHPN=(32, "i1"),
+        relPosHPE=(33, "i1"),
+        relPosHPD=(34, "i1"),
+        accN=(36, "u4"),
+        accE=(40, "u4"),
+        accD=(44, "u4"),
+        flags=(60, "u4"),
+    ),
     UbxMessage.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
     ),
