@@ -81,13 +81,24 @@ def _begin(belief: FilterState, fixes: Fixes, k: int, cursor: Cursor) -> None:
     work.nis, work.weight, work.gate = math.nan, 1.0, source.gate
     work.alone, work.withheld, work.lifted = 0, -1, 0
     if source.walk > 0:
-        walk(belief.P, source, fixes.t[k] - cursor.books[s].last)
+        last = cursor.books[s].last
+        for i in range(fixes.sources.size):
+            if share_states(source, fixes.sources[i]):
+                last = max(last, cursor.books[i].last)
+        walk(belief.P, source, fixes.t[k] - last)
+
+
+@helper
+def share_states(a: SourceRow, b: SourceRow) -> bool:
+    """True where two sources bring the same states along."""
+    return a.states > 0 and b.states > 0 and a.first_state == b.first_state
 
 
 @helper
 def walk(P: Array, source: SourceRow, seconds: float) -> None:
-    """Propagate the random walk of a source's augmented states; only its measurements observe them,
-    so that this can wait for one."""
+    """Propagate the random walk of a source's augmented states over the time since the last
+    measurement of any source that shares them: only these observe them, so that this can wait for
+    one."""
     for i in range(source.first_state, source.first_state + source.states):
         P[i, i] += source.walk * source.walk * seconds
 

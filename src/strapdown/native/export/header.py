@@ -26,6 +26,7 @@ PARAMETERS = {
     "antenna": "lever arm from the IMU to the antenna, m, body (3)",
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
+    "atmosphere": "air pressure, Pa, and temperature, K, at a height, m (3); 0 is the ICAO atmosphere",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 
