@@ -266,17 +266,15 @@ def _make_source(
     part: SourcePart, imu_lever_arm: list[float], t: Array, y: Array, std: Array
 ) -> Source:
     """The Source of these rows, with what its section says beside them."""
-    arm: Iterable[float] = (
-        np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
-        if part.sensor.parameters in ("antenna", "reference")
-        else ()
-    )
+    parameters: Iterable[float] = part.atmosphere.parameters if part.atmosphere else ()
+    if part.sensor.parameters in ("antenna", "reference"):
+        parameters = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
     return Source(
         part.kind,
         t,
         y,
         std,
-        tuple(map(float, arm)),
+        tuple(map(float, parameters)),
         part.gate,
         part.name or part.kind,
         part.estimated,

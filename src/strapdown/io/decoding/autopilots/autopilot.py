@@ -23,7 +23,12 @@ LATEST = 5e9  # s of GPS time, in 2138
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
 ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 NO_DATE = "the model of the Earth's field needs a date, and the log has none"
-OTHERS = {"magnetometer": ("magnetic-field", "gauss"), "barometer": ("pressure", "Pa")}
+OTHERS = {
+    "magnetometer": ("magnetic-field", "gauss"),
+    "barometer": ("pressure", "Pa"),
+    "airspeed": ("true-airspeed", "m/s"),
+    "airspeed": ("true-airspeed", "m/s"),
+}
 """Kind and unit of the sources by their roles."""
 Columns = Mapping[str, Any]
 UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
@@ -142,7 +147,7 @@ def other_section(
     dated: bool,
     **more: Any,
 ) -> Section:
-    """A magnetometer or a barometer, whose `keys` are its time and columns; `dated`: the log tells
+    """A magnetometer, a barometer or an airspeed, whose `keys` are its time and columns; `dated`: the log tells
     a date."""
     kind, unit = OTHERS[role]
     keys = {"kind": kind, "table": table, **keys, "unit": unit, **own.key, **more}

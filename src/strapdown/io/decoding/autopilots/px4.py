@@ -41,9 +41,10 @@ STD = {
     "EKF2_GPS_V_NOISE": 0.3,
     "EKF2_MAG_NOISE": 0.05,
     "EKF2_BARO_NOISE": 3.5,
+    "EKF2_EAS_NOISE": 1.4,
 }
 """PX4's own standard deviations where neither the receiver nor a parameter of the log says one:
-m, m/s, gauss, m."""
+m, m/s, gauss, m, m/s."""
 TRIPLE = ("[0]", "[1]", "[2]")
 FIX = {"fix_type", "time_utc_usec", "eph", "epv", "s_variance_m_s", "vel_ned_valid"}
 VELOCITY = {f"vel_{axis}_m_s" for axis in "ned"}
@@ -60,6 +61,8 @@ NEEDED: dict[str, list[set[str]]] = {
     "vehicle_gps_position": [OLD, NEW],
     "vehicle_magnetometer": [{f"magnetometer_ga{k}" for k in TRIPLE}],
     "vehicle_air_data": [{"baro_pressure_pa"}],
+    "airspeed": [{"true_airspeed_m_s"}],
+    "airspeed_validated": [{"true_airspeed_m_s", "selected_airspeed_index"}],
 }
 """Fields that a topic must have, in the ways in which it may have them."""
 EQUAL = (
@@ -69,13 +72,17 @@ EQUAL = (
 
 
 def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
-    """(columns, their rows in the log) of a topic: of a receiver the fixes with a height, of
+    """(columns, their rows in the log) of a topic: of a receiver the fixes with a height, of an
+    airspeed those of a sensor, not of ground speed and wind, of
     increments also the mean rates; times as signed numbers."""
     found = {
         key: values.astype(np.int64) if key.startswith("timestamp") else values
         for key, values in log.columns(name, instance).items()
     }
     rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
+    if "selected_airspeed_index" in found:
+        rows = np.flatnonzero(found["selected_airspeed_index"] > 0)
+        found = {key: values[rows] for key, values in found.items()}
     if "fix_type" in found:
         rows = np.flatnonzero(np.isin(found["fix_type"], FIX_3D))
         found = {key: values[rows] for key, values in found.items()}
@@ -239,8 +246,9 @@ def setting(log: ULog, parameter: str) -> autopilot.Deviation:
 
 
 def others(log: ULog, dated: bool) -> list[Section]:
-    """Magnetometers and barometers."""
+    """Magnetometers, barometers and airspeeds: those of the sensors, else that which PX4 validated."""
     sections = []
+    airspeed = "airspeed" if instances(log, "airspeed") else "airspeed_validated"
     for role, topic, columns, parameter in (
         (
             "magnetometer",
@@ -249,6 +257,7 @@ def others(log: ULog, dated: bool) -> list[Section]:
             "EKF2_MAG_NOISE",
         ),
         ("barometer", "vehicle_air_data", ["baro_pressure_pa"], "EKF2_BARO_NOISE"),
+        ("airspeed", airspeed, ["true_airspeed_m_s"], "EKF2_EAS_NOISE"),
     ):
         own = setting(log, parameter)
         for instance, hz in sorted(instances(log, topic).items()):
