@@ -367,7 +367,7 @@ def test_airspeed_is_that_of_a_sensor(flown, log, topic):
     topics[topic, 0] = {
         "timestamp": ("uint64_t", t),
         "true_airspeed_m_s": ("float", airspeed),
-        "selected_airspeed_index": ("int8_t", index),
+        "selected_airspeed_index": ("int32_t", index),
     }
     if topic == "airspeed":
         del topics[topic, 0]["selected_airspeed_index"]
