@@ -6,6 +6,7 @@ from dataclasses import replace
 from ..data.recording import Recording
 from ..data.verdict import GRAVE, rank_reasons
 from . import (
+    air_data,
     clock_offsets as clock,
     field_turns,
     fix_noise,
@@ -29,6 +30,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     fix_noise.check,
     clock.check,
     heights.check,
+    air_data.check,
     repeats.check,
     roughness.check,
     resolution.check,
