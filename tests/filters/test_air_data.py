@@ -24,7 +24,7 @@ from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import DEG
 
-POSITIONED = ("closed-loop", "mekf", "closed-loop-error-bias", "open-loop", "periodic-reset", "ukf")
+POSITIONED = ("closed-loop", "mekf", "closed-loop-error-bias", "open-loop", "periodic-reset", "ukf", "ckf")
 NAMES = ["wind north [m/s]", "wind east [m/s]"]
 RATE, DURATION, SPEED = 25.0, 120.0, 60.0
 STDS = {"true-airspeed": 1.0, "side-slip": 0.02, "angle-of-attack": 0.02, "zero-side-slip": 1.0}

@@ -87,7 +87,7 @@ def by_air_velocity(H: Array, source: SourceRow, air: Three, along: Three) -> No
 
 
 @helper
-def airspeed(
+def airspeed_row(
     belief: FilterState,
     measured: float,
     factor: float,
@@ -115,7 +115,7 @@ def observe_true(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: true airspeed, m/s."""
-    airspeed(belief, y[0], 1.0, source, innovation, H)
+    airspeed_row(belief, y[0], 1.0, source, innovation, H)
     return 1
 
 
@@ -125,7 +125,7 @@ def observe_indicated(
 ) -> int:
     """One row: indicated airspeed, m/s."""
     ratio, slope = relative_density(belief.lla[2], source)
-    expected = airspeed(belief, y[0], math.sqrt(ratio), source, innovation, H)
+    expected = airspeed_row(belief, y[0], math.sqrt(ratio), source, innovation, H)
     H[0, 2] = -0.5 * slope * expected
     return 1
 

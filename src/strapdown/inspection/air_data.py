@@ -65,17 +65,17 @@ def check(subject: InspectedRecording) -> Checked:
             found.add(Checked.with_unknown(what, "too few fixes of position or velocity"))
             continue
         found.facts.extend(_at_rest(source, fixes))
-        fit = _fit(source, _thinning(subject, source, fixes), fixes)
+        fit = _fit(source, _indicated_share(subject, source, fixes), fixes)
         if fit is None:
             found.add(Checked.with_unknown(what, "it hardly turns in flight, or flies too little"))
             continue
         found.facts.append(_fact(what, fit))
         found.reasons.extend(_reasons(source, fit))
-        found.reasons.extend(_frozen(source, fit))
+        found.reasons.extend(_frozen_reasons(source, fit))
     return found
 
 
-def _thinning(subject: InspectedRecording, source: Source, fixes: Moved) -> Array:
+def _indicated_share(subject: InspectedRecording, source: Source, fixes: Moved) -> Array:
     """(n,) what an airspeed indicates over the true one, at the heights of the first position."""
     positions = subject.sources("position")
     if source.kind != "indicated-airspeed" or not positions:
@@ -171,16 +171,16 @@ def _reasons(source: Source, fit: Fit) -> list[Reason]:
         seen = f"it reads {fit.scale:.3g} +- {fit.scale_std:.1g} times the speed through the air"
         seen += f": {FACTORS[near]}" if of_unit else ""
         remedy = "correct its `unit`" if of_unit else f"set its `scale` to {1 / fit.scale:.3g}"
-        return [Reason("unit", seen, remedy, name, min(off / least, 10.0))]
+        return [Reason("unit", seen, remedy, name, float(min(off / least, 10.0)))]
     least = max(MAX_LAG, SURE * fit.lag_std)
     if abs(fit.lag) > least:
         seen = f"it is {fit.lag:+.2f} +- {fit.lag_std:.2f} s late against the speed over ground"
         remedy = f"set its `time.offset` {-fit.lag:+.2f} s further"
-        return [Reason("clock", seen, remedy, name, abs(fit.lag) / least)]
+        return [Reason("clock", seen, remedy, name, float(abs(fit.lag) / least))]
     return []
 
 
-def _frozen(source: Source, fit: Fit) -> list[Reason]:
+def _frozen_reasons(source: Source, fit: Fit) -> list[Reason]:
     """A reason where a reading holds its value in flight while the speed changes."""
     y = source.y[:, 0]
     new = np.flatnonzero(np.r_[True, y[1:] != y[:-1]])
