@@ -24,7 +24,15 @@ from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import DEG
 
-POSITIONED = ("closed-loop", "mekf", "closed-loop-error-bias", "open-loop", "periodic-reset", "ukf", "ckf")
+POSITIONED = (
+    "closed-loop",
+    "mekf",
+    "closed-loop-error-bias",
+    "open-loop",
+    "periodic-reset",
+    "ukf",
+    "ckf",
+)
 NAMES = ["wind north [m/s]", "wind east [m/s]"]
 RATE, DURATION, SPEED = 25.0, 120.0, 60.0
 STDS = {"true-airspeed": 1.0, "side-slip": 0.02, "angle-of-attack": 0.02, "zero-side-slip": 1.0}
@@ -46,9 +54,7 @@ def circling():
     )
 
 
-SCENARIO = Scenario(
-    "circling", circling(), DURATION, RATE, Gnss(velocity_std=None), "industrial"
-)
+SCENARIO = Scenario("circling", circling(), DURATION, RATE, Gnss(velocity_std=None), "industrial")
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +64,9 @@ def simulator():
 
 def walking_wind(t, rng):
     """(n, 2) m/s: the wind that a filter takes it to be."""
-    steps = rng.normal(0, WIND["state_walk"], (len(t), 2)) * np.sqrt(np.diff(t, prepend=0.0))[:, None]
+    steps = (
+        rng.normal(0, WIND["state_walk"], (len(t), 2)) * np.sqrt(np.diff(t, prepend=0.0))[:, None]
+    )
     return rng.normal(0, WIND["state_std"], 2) + np.cumsum(steps, axis=0)
 
 
@@ -209,9 +217,7 @@ def test_air_data_hold_the_position_without_gnss(simulator):
             recording.reference, np.random.default_rng(seed), ("true-airspeed", "zero-side-slip")
         )
         for k, sources in enumerate(((), air)):
-            solution = sd.fuse(
-                replace(recording, sources=recording.sources + sources), start=start
-            )
+            solution = sd.fuse(replace(recording, sources=recording.sources + sources), start=start)
             e = sd.errors(solution, recording.reference)
             worst[k, seed] = np.hypot(*e.position[e.t < 115.0, :2].T).max()
     without, with_air = np.median(worst, axis=1)

@@ -62,10 +62,18 @@ def test_a_unit_a_scale_and_a_sign_are_named(flight, factor, words, remedy):
     assert words in reason.seen and remedy in reason.remedy
 
 
-def test_a_scale_of_a_tenth_is_left_to_the_filter(flight):
-    """It is a fact with its value."""
-    found = bent(flight, lambda a: replace(a, y=1.1 * a.y))
+def test_a_scale_of_a_tenth_is_said_unless_the_filter_estimates_it(flight):
+    """It is then a fact with its value."""
+    tenth = lambda a: replace(a, y=1.1 * a.y)
+    (reason,) = bent(flight, tenth).reasons
+    assert reason.cause == "unit" and "it reads 1.1 +-" in reason.seen
+    found = bent(flight, lambda a: replace(tenth(a), estimate={"scale": (0.05,)}))
     assert not found.reasons and "factor 1.1" in found.facts[0]
+
+
+def test_a_blocked_pitot_is_named(flight):
+    (reason,) = bent(flight, lambda a: replace(a, y=0 * a.y + 0.3)).reasons
+    assert "it reads 0.3 m/s at" in reason.seen and "blocked" in reason.remedy
 
 
 @pytest.mark.parametrize("late", [0.8, -0.8])

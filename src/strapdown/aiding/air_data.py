@@ -49,9 +49,7 @@ def relative_density(height: float, source: SourceRow) -> tuple[float, float]:
     base = source.parameters[2] if given else 0.0
     below = where(height < TROPOPAUSE, height, TROPOPAUSE)
     at = T - LAPSE * (below - base)
-    slope = where(
-        height < TROPOPAUSE, -THINNING * LAPSE / at, -STANDARD_GRAVITY / (GAS * at)
-    )
+    slope = where(height < TROPOPAUSE, -THINNING * LAPSE / at, -STANDARD_GRAVITY / (GAS * at))
     above = -STANDARD_GRAVITY / (GAS * at) * (height - below)
     return p / (GAS * T) / DENSITY * exponential(THINNING * logarithm(at / T) + above), slope
 

@@ -224,7 +224,9 @@ def augmented_states(
         sensor, name = aiding.find(a.kind), a.name or a.kind
         if (sensor.shared or s) not in shared:
             owner = sensor.shared or name
-            states += [AugmentedState(f"{owner} {each}", sensor.state_std) for each in sensor.states]
+            states += [
+                AugmentedState(f"{owner} {each}", sensor.state_std) for each in sensor.states
+            ]
         _check_shared(sensor, shared.setdefault(sensor.shared or s, sensor))
         states += [
             AugmentedState(f"{name} correlated error{axis} [{unit}]", a.correlated.std[i], shown)

@@ -31,12 +31,17 @@ BLOCK = 30.0
 """s within which gusts hang together."""
 STEPS, SETTLED = 20, 1e-6
 """Steps of the fit at most, and the last one, as a share."""
-SURE, MAX_SCALE, MAX_LAG = 5.0, 0.15, 0.15
+SURE, MAX_SCALE, MAX_LAG = 5.0, 0.06, 0.15
 """Standard deviations, share and s from which a scale and a clock are reasons."""
+WITHIN = 3.0
+"""Prior standard deviations within which a scale that the filter estimates is no reason."""
+BLOCKED = 0.1
+"""Share of the median speed over ground below which a pitot tube reads nothing."""
 UNIT = 0.15
 """Share within which a factor is that of a unit."""
-FROZEN_TIME, FROZEN_ROWS, FROZEN_CHANGE = 5.0, 10, 3.0
-"""A reading is frozen that holds for so many seconds and rows while it should change by so many m/s."""
+FROZEN_TIME, FROZEN_ROWS, FROZEN_CHANGE, LIVELY = 5.0, 10, 3.0, 0.5
+"""A reading is frozen that holds for so many seconds and rows in flight, while it should change by so many
+m/s or where so large a share of the others differs from the one before."""
 
 
 class Fit(NamedTuple):
@@ -44,6 +49,7 @@ class Fit(NamedTuple):
 
     t: Array  # (n,) s
     measured: Array  # (n,) m/s, mean about each fix
+    moves: Mask  # (n,) over ground
     flies: Mask  # (n,)
     expected: Array  # (n,) m/s, of a true unit and scale
     scale: float
@@ -65,6 +71,7 @@ def check(subject: InspectedRecording) -> Checked:
             found.add(Checked.with_unknown(what, "too few fixes of position or velocity"))
             continue
         found.facts.extend(_at_rest(source, fixes))
+        found.reasons.extend(_blocked(source, fixes))
         fit = _fit(source, _indicated_share(subject, source, fixes), fixes)
         if fit is None:
             found.add(Checked.with_unknown(what, "it hardly turns in flight, or flies too little"))
@@ -94,7 +101,9 @@ def _mean_about(source: Source, t: Array, half: float) -> Array:
     total = np.r_[0.0, np.cumsum(y)]
     first, last = np.searchsorted(at, t - half), np.searchsorted(at, t + half)
     with np.errstate(invalid="ignore"):
-        return np.asarray((total[last] - total[first]) / np.where(last > first, last - first, np.nan))
+        return np.asarray(
+            (total[last] - total[first]) / np.where(last > first, last - first, np.nan)
+        )
 
 
 def _at_rest(source: Source, fixes: Moved) -> list[str]:
@@ -114,6 +123,21 @@ def _at_rest(source: Source, fixes: Moved) -> list[str]:
     ]
 
 
+def _blocked(source: Source, fixes: Moved) -> list[Reason]:
+    """A reason where it reads nothing while the vehicle moves."""
+    speed = np.linalg.norm(fixes.v, axis=1)
+    reading = _mean_about(source, fixes.t, 0.5 * fixes.interval)
+    moves = (speed > FLYING) & np.isfinite(reading)
+    if moves.sum() < MIN_FIXES:
+        return []
+    usual, read = float(np.median(speed[moves])), float(np.median(reading[moves]))
+    if abs(read) > BLOCKED * usual:
+        return []
+    seen = f"it reads {read:.1f} m/s at {usual:.0f} m/s over ground"
+    remedy = "leave it out: its tube is blocked, or it is not connected"
+    return [Reason("unknown", seen, remedy, label(source), 10.0)]
+
+
 def _fit(source: Source, thinning: Array, fixes: Moved) -> Fit | None:
     """The Fit of an airspeed; None where wind and scale do not part."""
     reading = _mean_about(source, fixes.t, 0.5 * fixes.interval) / thinning
@@ -123,7 +147,7 @@ def _fit(source: Source, thinning: Array, fixes: Moved) -> Fit | None:
         return None
     usual, read = np.median(speed[moves]), np.median(np.abs(reading[moves]))
     flies = moves & (speed > SHARE * usual) & (np.abs(reading) > SHARE * read)
-    if flies.sum() < MIN_FIXES or not read > 0:
+    if flies.sum() < MIN_FIXES or not read > BLOCKED * usual:
         return None
     t, v, V = fixes.t[flies], fixes.v[flies], reading[flies]
     block = np.unique(np.floor(t / BLOCK), return_inverse=True)[1]
@@ -143,7 +167,7 @@ def _fit(source: Source, thinning: Array, fixes: Moved) -> Fit | None:
     expected = np.linalg.norm(fixes.v - np.r_[x[1:], 0.0], axis=1)
     scatter = float(np.sqrt(np.mean(left**2)))
     return Fit(
-        fixes.t, reading, flies, expected, x[0], std[0], step[3], std[3], x[1:], scatter
+        fixes.t, reading, moves, flies, expected, x[0], std[0], step[3], std[3], x[1:], scatter
     )
 
 
@@ -165,12 +189,17 @@ def _reasons(source: Source, fit: Fit) -> list[Reason]:
         remedy = "exchange the tubes of the pitot, or give it `scale = -1`"
         return [Reason("unit", seen, remedy, name, 10.0)]
     near = min(FACTORS, key=lambda known: abs(np.log(fit.scale / known)))
-    least = max(MAX_SCALE, SURE * fit.scale_std)
+    known = WITHIN * source.estimate["scale"][0] if "scale" in source.estimate else MAX_SCALE
+    least = max(known, SURE * fit.scale_std)
     if off > least:
         of_unit = abs(np.log(fit.scale / near)) < UNIT
         seen = f"it reads {fit.scale:.3g} +- {fit.scale_std:.1g} times the speed through the air"
         seen += f": {FACTORS[near]}" if of_unit else ""
-        remedy = "correct its `unit`" if of_unit else f"set its `scale` to {1 / fit.scale:.3g}"
+        remedy = (
+            "correct its `unit`"
+            if of_unit
+            else f"set its `scale` to {1 / fit.scale:.3g}, or let the filter estimate it"
+        )
         return [Reason("unit", seen, remedy, name, float(min(off / least, 10.0)))]
     least = max(MAX_LAG, SURE * fit.lag_std)
     if abs(fit.lag) > least:
@@ -181,22 +210,25 @@ def _reasons(source: Source, fit: Fit) -> list[Reason]:
 
 
 def _frozen_reasons(source: Source, fit: Fit) -> list[Reason]:
-    """A reason where a reading holds its value in flight while the speed changes."""
+    """A reason where a reading holds its value in flight."""
     y = source.y[:, 0]
     new = np.flatnonzero(np.r_[True, y[1:] != y[:-1]])
     last = np.r_[new[1:], len(y)] - 1
     long = (source.t[last] - source.t[new] > FROZEN_TIME) & (last - new >= FROZEN_ROWS)
+    others = max(len(y) - int((last - new)[long].sum()), 1)
+    lively = len(new) / others > LIVELY
     worst, when = 0.0, (0.0, 0.0)
     for first, end in zip(source.t[new[long]], source.t[last[long]]):
-        within = (fit.t >= first) & (fit.t <= end) & (fit.expected > FLYING)
+        within = (fit.t >= first) & (fit.t <= end) & (fit.expected > FLYING) & fit.moves
         change = float(np.ptp(fit.expected[within])) if within.any() else 0.0
-        if change > worst:
+        if within.any() and (lively or change > FROZEN_CHANGE) and end - first > when[1] - when[0]:
             worst, when = change, (first, end)
-    if worst < FROZEN_CHANGE:
+    if when[1] == when[0]:
         return []
     seen = (
         f"it reads one value from {when[0]:.1f} to {when[1]:.1f} s, while the speed through the air "
         f"changes by {worst:.1f} m/s"
     )
     remedy = "leave those rows out: the pitot tube was blocked, or its driver stopped"
-    return [Reason("repeated", seen, remedy, label(source), min(worst / FROZEN_CHANGE, 10.0))]
+    weight = min(float(when[1] - when[0]) / FROZEN_TIME, 10.0)
+    return [Reason("repeated", seen, remedy, label(source), weight)]

@@ -7,10 +7,11 @@ Rules of the gate (docs/reference/conventions.md):
   NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is
   added to the variances of position. Sources of neither position nor velocity are given LIFTS such
   uses, LIFT_AFTER seconds apart: one that nothing in the states explains, such as a field beside
-  iron, would let P explode. Of two heights that contradict each other one is left out instead
-  (stages/heights.py), and an altitude moves the height alone. Velocities in the body that nothing
-  else helps (stages/dead_reckoning.py) have their gates opened after LIFT_ALONE s, as often as it
-  takes: the filter shall not lose its only aid.
+  iron, would let P explode. An altitude moves the height alone, a source with states of its own, such
+  as wind, these alone. Of two heights that contradict each other one is left out instead
+  (stages/heights.py). Velocities over ground in the body that nothing else helps
+  (stages/dead_reckoning.py) have their gates opened after LIFT_ALONE s, as often as it takes: the
+  filter shall not lose its only aid.
 """
 
 import math
@@ -34,6 +35,7 @@ from .integrity import (
 from .kernels import Kernels, correct_at, observe_at
 from .log import Code, notify
 from .loop_tape import call_stage, save_step
+from .observation import observed_alone
 from .reacquisition import height_alone, make_room
 from .tables import Fixes, FixRow, Output, Status, Use
 
@@ -172,6 +174,8 @@ def _lift(
             return False
     if books.lifted_at == 0:
         notify(cursor, Code.LIFTED, s, t, length(work.innovation))
+    if source.states > 0:
+        observed_alone(kernels, belief, fixes, k, cursor)
     make_room(belief.P, source, vertical, work)
     work.lifted, source.kept = 1, 1.0
     return True

@@ -27,7 +27,6 @@ OTHERS = {
     "magnetometer": ("magnetic-field", "gauss"),
     "barometer": ("pressure", "Pa"),
     "airspeed": ("true-airspeed", "m/s"),
-    "airspeed": ("true-airspeed", "m/s"),
 }
 """Kind and unit of the sources by their roles."""
 Columns = Mapping[str, Any]
