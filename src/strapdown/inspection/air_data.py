@@ -71,7 +71,7 @@ def check(subject: InspectedRecording) -> Checked:
             found.add(Checked.with_unknown(what, "too few fixes of position or velocity"))
             continue
         found.facts.extend(_at_rest(source, fixes))
-        found.reasons.extend(_blocked(source, fixes))
+        found.reasons.extend(_silence(source, fixes))
         fit = _fit(source, _indicated_share(subject, source, fixes), fixes)
         if fit is None:
             found.add(Checked.with_unknown(what, "it hardly turns in flight, or flies too little"))
@@ -123,7 +123,7 @@ def _at_rest(source: Source, fixes: Moved) -> list[str]:
     ]
 
 
-def _blocked(source: Source, fixes: Moved) -> list[Reason]:
+def _silence(source: Source, fixes: Moved) -> list[Reason]:
     """A reason where it reads nothing while the vehicle moves."""
     speed = np.linalg.norm(fixes.v, axis=1)
     reading = _mean_about(source, fixes.t, 0.5 * fixes.interval)

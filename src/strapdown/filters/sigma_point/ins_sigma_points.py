@@ -469,16 +469,16 @@ def _unwrap_innovation(
     """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an
     attitude on the branch that the Jacobian expects there; as it is where there is none."""
     if kind == Kind.HEADING or kind == Kind.COURSE:
-        near = _expected(E, H, dx, 0)
+        near = _by_attitude(E, H, dx, 0)
         innovation[0] = near + wrap(innovation[0] - near)
     elif kind == Kind.ATTITUDE and innovation[2] == innovation[2]:
         innovation[0], innovation[1], innovation[2] = nearest_turn(
             innovation[0],
             innovation[1],
             innovation[2],
-            _expected(E, H, dx, 0),
-            _expected(E, H, dx, 1),
-            _expected(E, H, dx, 2),
+            _by_attitude(E, H, dx, 0),
+            _by_attitude(E, H, dx, 1),
+            _by_attitude(E, H, dx, 2),
         )
     for a in range(rows):
         if innovation[a] == innovation[a]:
@@ -486,7 +486,7 @@ def _unwrap_innovation(
 
 
 @helper
-def _expected(E: Array, H: Array, dx: Array, a: int) -> float:
+def _by_attitude(E: Array, H: Array, dx: Array, a: int) -> float:
     """Component a of the innovation at a point dx away, by its attitude alone."""
     return E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
 
