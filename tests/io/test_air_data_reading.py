@@ -28,7 +28,9 @@ def sources(build, *sections):
 
 def test_airspeed_and_side_slip(build):
     airspeed, slip = sources(build, AIRSPEED + AIR, SLIP)
-    np.testing.assert_allclose(airspeed.y[:, 0], (40.0 + 0.01 * tables()[1].t) * 0.514444, rtol=1e-6)
+    np.testing.assert_allclose(
+        airspeed.y[:, 0], (40.0 + 0.01 * tables()[1].t) * 0.514444, rtol=1e-6
+    )
     np.testing.assert_allclose(airspeed.std, 2.0 * 0.514444, rtol=1e-6)
     np.testing.assert_allclose(airspeed.parameters, (98700.0, 304.15, 250.0))
     assert airspeed.estimate == {"scale": (0.05,)}
