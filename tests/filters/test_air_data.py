@@ -224,6 +224,57 @@ def test_air_data_hold_the_position_without_gnss(simulator):
     assert with_air < 0.5 * without
 
 
+def frozen(airspeed):
+    """From 40 s on."""
+    y = airspeed.y.copy()
+    y[airspeed.t > 40.0] = y[np.searchsorted(airspeed.t, 40.0)]
+    return replace(airspeed, y=y)
+
+
+FAULTS = {
+    "scale": lambda a: replace(a, y=1.1 * a.y),
+    "late": lambda a: replace(a, t=a.t + 0.2),
+    "frozen": frozen,
+    "sign": lambda a: replace(a, y=-a.y),
+    "knots": lambda a: replace(a, y=a.y / 0.514444),
+    "blocked": lambda a: replace(a, y=0.0 * a.y),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_wrong_airspeed_bends_little_but_the_wind(simulator, fault):
+    """Its gate is opened for the wind alone: position and heading stay within 1.5 times those
+    without air data, in three flights of a consumer IMU."""
+    squares = np.zeros((2, 2))
+    for seed in range(3):
+        recording, start = simulator.run("consumer", seed)
+        (airspeed, slip), _ = air_sources(
+            recording.reference, np.random.default_rng(seed), ("true-airspeed", "zero-side-slip")
+        )
+        wrong = tuple(replace(a, gate=None) for a in (FAULTS[fault](airspeed), slip))
+        for k, sources in enumerate(((), wrong)):
+            solution = sd.fuse(replace(recording, sources=recording.sources + sources), start=start)
+            e = sd.errors(solution, recording.reference)
+            late = e.t > 20.0
+            squares[k] += np.mean(e.position[late, :2] ** 2), np.mean(e.rph[late, 2] ** 2)
+    assert (squares[1] < 1.5**2 * squares[0]).all()
+
+
+@pytest.mark.parametrize("fault", ["sign", "blocked"])
+def test_a_wrong_airspeed_is_not_taken_for_the_only_aid(simulator, fault):
+    """In an outage nothing else contradicts it, and it stays left out."""
+    recording, start = simulator.run("consumer", 1)
+    air, _ = air_sources(recording.reference, np.random.default_rng(1), ("true-airspeed",))
+    hidden = (recording.sources[0].without([(85.0, 115.0)]),)
+    wrong = replace(FAULTS[fault](air[0]), gate=None)
+    worst = []
+    for sources in (hidden, (*hidden, wrong)):
+        solution = sd.fuse(replace(recording, sources=sources), start=start)
+        e = sd.errors(solution, recording.reference)
+        worst.append(np.hypot(*e.position[e.t < 115.0, :2].T).max())
+    assert worst[1] < 1.5 * worst[0]
+
+
 def test_a_scenario_blows_its_wind():
     """A simulated sensor of each kind sees the states that the scenario gives."""
     wind = (6.0, -4.0)
