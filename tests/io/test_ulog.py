@@ -381,6 +381,17 @@ def test_airspeed_is_that_of_a_sensor(flown, log, topic):
     assert np.all(found.std == 1.2)
 
 
+def test_a_log_whose_airspeed_is_of_no_sensor_has_none(flown, log):
+    t = written.microseconds(flown.imu.t[::10])
+    topics = written.topics_of(flown)
+    topics["airspeed_validated", 0] = {
+        "timestamp": ("uint64_t", t),
+        "true_airspeed_m_s": ("float", np.full(len(t), 20.0)),
+        "selected_airspeed_index": ("int32_t", np.where(np.arange(len(t)) % 2, 0, -1)),
+    }
+    assert "true-airspeed" not in {each.kind for each in sd.read(log(topics)).sources}
+
+
 def test_the_truth_is_the_reference_and_the_estimate_is_left(data_folder):
     path = sample(data_folder, SAMPLES[4])
     joined = join(open_logs([path]))

@@ -261,6 +261,8 @@ def others(log: ULog, dated: bool) -> list[Section]:
     ):
         own = setting(log, parameter)
         for instance, hz in sorted(instances(log, topic).items()):
+            if not len(topic_columns(log, topic, instance)[1]):
+                continue  # no airspeed of a sensor
             table = f"{topic} {instance}"
             keys = {"time": time_of(log, log.columns(topic, instance)), "columns": columns}
             sections.append(autopilot.other_section(role, table, keys, own, instance, hz, dated))
