@@ -1,5 +1,6 @@
 """Airspeeds against speeds over ground: unit, sign, scale, clock, frozen values, what they read at rest."""
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,6 +96,24 @@ def test_a_frozen_pitot_is_named_with_its_times(flight):
 
     (reason,) = bent(flight, freeze).reasons
     assert reason.cause == "repeated" and "from 100.0 to 159.8 s" in reason.seen
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda a: a.between(0.0, 0.0),
+        lambda a: a.between(100.0, 103.0),
+        lambda a: replace(a, y=np.full_like(a.y, np.nan)),
+        lambda a: replace(a, y=np.where(np.arange(len(a.t))[:, None] % 3, a.y, np.nan)),
+        lambda a: replace(a, t=np.full_like(a.t, 100.0)),
+    ],
+    ids=["empty", "a few", "nan", "gaps", "one time"],
+)
+def test_strange_airspeeds_end_in_a_word(flight, change):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = bent(flight, change)
+    assert not found.reasons and (found.facts or found.inconclusive)
 
 
 def test_without_turns_nothing_is_said_for_sure():

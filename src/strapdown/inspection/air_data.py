@@ -114,13 +114,14 @@ def _at_rest(source: Source, fixes: Moved) -> list[str]:
     stands = (speed < AT_REST) & np.isfinite(reading)
     if stands.sum() < MIN_REST or stands.all():
         return []
-    usual, zero = float(np.nanmedian(speed[speed > FLYING])), float(np.median(reading[stands]))
+    zero, moving = float(np.median(reading[stands])), speed[speed > FLYING]
     low, high = np.percentile(reading[stands], [1, 99])
-    inflight = f", an error of {abs(zero) * zero / (2 * usual):.2g} m/s at {usual:.0f} m/s"
-    return [
-        f"{label(source)} at rest: {zero:.1f} m/s ({low:.1f} to {high:.1f})"
-        f"{inflight if np.isfinite(usual) else ''}"
-    ]
+    said = f"{label(source)} at rest: {zero:.1f} m/s ({low:.1f} to {high:.1f})"
+    if not len(moving):
+        return [said]
+    usual = float(np.median(moving))
+    error = abs(zero) * zero / (2 * usual)
+    return [f"{said}, an error of {error:.2g} m/s at {usual:.0f} m/s"]
 
 
 def _silence(source: Source, fixes: Moved) -> list[Reason]:
