@@ -5,6 +5,8 @@ import pytest
 from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
 from strapdown.checks import DataError
+from strapdown.data.recording import Recording
+from strapdown.data.solution import Source
 from strapdown.io import read
 
 pytestmark = pytest.mark.short
@@ -58,3 +60,14 @@ def test_what_is_refused(build, section, words):
     with pytest.raises(DataError) as error:
         sources(build, section)
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("parameters", [(987.0, 31.0, 250.0), (98700.0,), (98700.0, 31.0)])
+def test_air_in_other_units_is_refused_in_arrays_too(parameters):
+    t = np.arange(0.0, 20.0, 0.1)
+    airspeed = Source(
+        "indicated-airspeed", t, np.full((len(t), 1), 20.0), np.ones((len(t), 1)), parameters
+    )
+    rest = np.zeros((len(t), 3))
+    with pytest.raises(DataError, match="indicated-airspeed: parameters are .* in Pa"):
+        Recording.from_arrays(t, rest, rest - [0, 0, 9.81], (airspeed,))
