@@ -30,6 +30,7 @@ import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
 import numpy as np  # noqa: E402
+import outages  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
 import report_pages  # noqa: E402
@@ -397,6 +398,7 @@ def recorded_figures(book):
         return [(claim["value"], "as strapdown reproduce recordings") for claim in claims]
 
     book.measure(RECORDED, measured)
+    book.measure(outages.AIR_DATA, outages.air_data)
 
 
 def study_pages(book):

@@ -20,6 +20,7 @@ import figures  # noqa: E402
 import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
+import outages  # noqa: E402
 import reproduced  # noqa: E402
 import smoothing  # noqa: E402
 import subject  # noqa: E402
@@ -42,7 +43,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 159
+    assert len(tables) == 167
     assert (
         tables["A closed loop time"]["target"] == 0.9
         and tables["B closed loop time"]["target"] == 1.0
@@ -126,6 +127,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(library, "in_python", lambda: 1.5)
     claims = [{"value": 0.45}] * 13
     monkeypatch.setattr(bench.recordings, "score_recordings", lambda *_: (claims, {}, []))
+    worth = [(0.05, "")] * len(outages.AIR_DATA)
+    monkeypatch.setattr(outages, "air_data", lambda: worth)
     monkeypatch.setattr(reproduced, "read", lambda study: [(9.0, "")] * len(study.figures))
     for name in ("calibrate_installation", "tune"):
         monkeypatch.setattr(bench.sd, name, lambda *_: SimpleNamespace(runs=3))

@@ -45,7 +45,8 @@ def kinds() -> str:
         kind = aiding.find(name)
         components = ", ".join(dict.fromkeys(kind.quantities))
         comes = "rows of a file" if kind.recorded else f"constraint {kind.when}".strip()
-        able = ", ".join((*kind.calibration_parameters, *kind.states)) or "–"
+        own = (f"{kind.shared} {each}".lstrip() for each in kind.states)
+        able = ", ".join((*kind.calibration_parameters, *own)) or "–"
         lines.append(f"| `{name}` | {components} | {comes} | {able} | {kind.reference or '–'} |")
     return "\n".join(lines)
 

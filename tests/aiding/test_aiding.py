@@ -62,6 +62,23 @@ def leaning(b):
     return -8.08e-9 * b.lla[2] * math.sin(2 * b.lla[0])
 
 
+AIR = (95e3, 290.0, 300.0)  # Pa, K, m: the air that a weather station tells
+MEAN_GAS = 287.05287
+
+
+def through_air(b):
+    """Velocity through the air in the body; the wind is the first two augmented states."""
+    return b.C_nb.T @ (b.v_n - np.r_[b.augmented[:2], 0])
+
+
+def thinned(b):
+    """Root of the air density over 1.225 kg/m^3, hydrostatic with the ICAO lapse rate."""
+    p, T, height = AIR
+    now = T - 0.0065 * (b.lla[2] - height)
+    pressure = p * (now / T) ** (9.80665 / (MEAN_GAS * 0.0065))
+    return math.sqrt(pressure / (MEAN_GAS * now) / 1.225)
+
+
 # name: parameters, and what the sensor would measure without error where the body is in the state
 # b; of a constraint, what must vanish
 SENSORS = {
@@ -82,6 +99,11 @@ SENSORS = {
         lambda b: atmosphere(antenna(b, ARM)[2] + b.augmented[0]),
     ),
     "pressure-altitude": (ARM, lambda b: antenna(b, ARM)[2] + b.augmented[0]),
+    "true-airspeed": ((), lambda b: np.linalg.norm(through_air(b))),
+    "indicated-airspeed": (AIR, lambda b: thinned(b) * np.linalg.norm(through_air(b))),
+    "side-slip": ((), lambda b: math.atan2(through_air(b)[1], through_air(b)[0])),
+    "angle-of-attack": ((), lambda b: math.atan2(through_air(b)[2], through_air(b)[0])),
+    "zero-side-slip": ((), lambda b: through_air(b)[1]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C_nb).as_euler("ZYX")[::-1]),
     "baseline": (ARM, lambda b: b.C_nb @ ARM),
@@ -147,6 +169,21 @@ def belief_at(name):
     )
 
 
+def belief_of(name, at):
+    """The belief at which a kind is tried: an aircraft flies forwards through the air."""
+    b = belief_at(at)
+    if aiding.find(name).shared != "wind":
+        return b
+    return b._replace(v_n=b.C_nb @ [40.0, 3.0, 2.0] + np.r_[b.augmented, 0])
+
+
+def steps_of(name):
+    """Steps of the states: those of a wind are small, as an airspeed is not linear in it."""
+    return STEPS * np.where(
+        (aiding.find(name).shared == "wind") & (np.arange(STATES) >= 15), 0.05, 1.0
+    )
+
+
 def moved(b, error):
     """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less
     the biases."""
@@ -191,7 +228,7 @@ def test_every_sensor_has_its_line():
 def test_innovation_is_measured_minus_expected(name, at):
     """Zero for what the body would measure; and where the truth is elsewhere, the part of its
     error that the sensor sees."""
-    b, model = belief_at(at), SENSORS[name][1]
+    b, model = belief_of(name, at), SENSORS[name][1]
     rows, innovation, H = observe(name, b, model(b))
     assert rows == len(aiding.find(name).quantities)  # the default gate counts on it
     if name in VANISHING:
@@ -201,7 +238,7 @@ def test_innovation_is_measured_minus_expected(name, at):
         np.testing.assert_allclose(innovation[:2], -vanishing[:2], atol=1e-6)
         return
     np.testing.assert_allclose(innovation[:rows], 0, atol=2e-5)
-    error = 0.1 * STEPS * np.sin(np.arange(1, STATES + 1))
+    error = 0.1 * steps_of(name) * np.sin(np.arange(1, STATES + 1))
     _, innovation, H = observe(name, b, model(moved(b, error)))
     np.testing.assert_allclose(innovation[:rows], H[:rows] @ error, atol=5e-5)
 
@@ -209,19 +246,62 @@ def test_innovation_is_measured_minus_expected(name, at):
 @pytest.mark.parametrize("at", BELIEFS)
 @pytest.mark.parametrize("name", SENSORS)
 def test_jacobian_is_the_derivative(name, at):
-    b = belief_at(at)
+    b = belief_of(name, at)
     y = SENSORS[name][1](b)
     rows, _, H = observe(name, b, y)
     assert (
         1 <= rows <= 3 and not H[rows:].any() and H[:, 15:].any() == bool(aiding.find(name).states)
     )
-    for state, step in enumerate(STEPS):
+    for state, step in enumerate(steps_of(name)):
         error = np.zeros(STATES)
         error[state] = step
         ahead, behind = (observe(name, moved(b, sign * error), y)[1][:rows] for sign in (1, -1))
         np.testing.assert_allclose(
             H[:rows, state], (behind - ahead) / (2 * step), rtol=1e-5, atol=2e-5
         )
+
+
+AIR_DATA = [name for name in SENSORS if aiding.find(name).shared == "wind"]
+
+
+@pytest.mark.parametrize("name", AIR_DATA)
+@pytest.mark.parametrize("ahead", [4.9, 0.0, -40.0])
+def test_a_slow_vehicle_or_air_from_behind_measures_nothing(name, ahead):
+    b = belief_at("banked, east")
+    b = b._replace(v_n=b.C_nb @ [ahead, 1.0, 0.5] + np.r_[b.augmented, 0])
+    rows, innovation, _ = observe(name, b, SENSORS[name][1](b))
+    assert rows == 1 and math.isnan(innovation[0])
+
+
+def test_without_a_station_the_air_is_that_of_icao():
+    """Densities of Doc 7488 at geopotential heights of 0, 5, 11 and 15 km, kg/m^3."""
+    kernel = aiding.find("indicated-airspeed").observe
+    compile_kernel(kernel)
+    for height, density in ((0, 1.2250), (5000, 0.73612), (11000, 0.36392), (15000, 0.19367)):
+        b = belief_of("indicated-airspeed", "banked, east")
+        b.lla[2] = height
+        b = FilterState(*(np.ascontiguousarray(part) for part in b))
+        innovation, H = np.full(3, np.nan), np.zeros((3, STATES))
+        kernel(b, np.zeros(3), new_source(first_state=15), innovation, H)
+        indicated = np.linalg.norm(through_air(b)) * math.sqrt(density / 1.225)
+        assert abs(innovation[0] + indicated) < 2e-4 * indicated
+
+
+@pytest.mark.parametrize("name", ["true-airspeed", "indicated-airspeed"])
+def test_the_scale_of_an_airspeed_is_a_state(name):
+    b, kernel = belief_of(name, "banked, east"), aiding.find(name).observe
+    compile_kernel(kernel)
+    source, found = new_source(first_state=15, scale_state=17), []
+    source.parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
+    for scale in (0.04, 0.0, 0.08):
+        belief = b._replace(P=np.eye(18), augmented=np.r_[b.augmented, scale])
+        innovation, H = np.full(3, np.nan), np.zeros((3, 18))
+        kernel(belief, np.full(3, 30.0), source, innovation, H)
+        found.append((innovation[0], H[0].copy()))
+    (at, row), (below, _), (above, _) = found
+    assert abs(row[17] - (below - above) / 0.08) < 1e-6
+    assert abs(at - (30.0 - 1.04 * SENSORS[name][1](b))) < 1e-5
+    np.testing.assert_allclose(row[3:5], -row[15:17])
 
 
 @pytest.mark.parametrize("at", BELIEFS)
@@ -237,7 +317,7 @@ def test_the_earths_rate_tells_the_attitude(at):
 
 @pytest.mark.parametrize("name", [name for name in SENSORS if aiding.find(name).recorded])
 def test_a_missing_component_is_a_nan_and_spares_the_others(name):
-    b = belief_at("banked, east")
+    b = belief_of(name, "banked, east")
     y = np.atleast_1d(SENSORS[name][1](b))
     whole = observe(name, b, y)[1]
     for missing in set(range(len(y))) - set(TOGETHER.get(name, ())):
@@ -255,7 +335,7 @@ def test_a_missing_component_is_a_nan_and_spares_the_others(name):
 @pytest.mark.parametrize("turns", [-2, -1, 1])
 @pytest.mark.parametrize("at", BELIEFS)
 def test_an_angle_is_wrapped(name, at, turns):
-    b = belief_at(at)
+    b = belief_of(name, at)
     near, (rows, innovation, _) = (
         observe(name, b, SENSORS[name][1](b) + 0.01 + k * 2 * math.pi) for k in (0, turns)
     )

@@ -32,6 +32,8 @@ def test_the_librarys_own_pass(name):
         ("states", "bias", "states is 'bias'; it must be a tuple of texts"),
         ("states", ("a [m]", "b [m]", "a [m]"), "two of its states have one name"),
         ("state_walk", -1e-9, "state_walk"),
+        ("shared", 3, "shared"),
+        ("shared", "wind", "no states to share"),
     ],
 )
 def test_a_field_that_cannot_be_is_named(field, value, said):

@@ -17,6 +17,7 @@ from strapdown.core.mathematics import solution_row
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 from strapdown.engine.run_batch import Keeper, RunBatch, why_alone
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sim.scenario import scenarios
 from strapdown.sim.synthesis import Simulator
 
@@ -131,6 +132,11 @@ def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
         pytest.skip(str(error))
     if both.why:
         pytest.skip(both.why)
+    assert compared_rows(both) > 100
+
+
+def compared_rows(both):
+    """Rows of lanes that have the bits of the runs alone, as all that are not left have."""
     kept, fix = both.lanes.out.kept, both.lanes.out.fix
     compared = 0
     for lane, left in enumerate(both.lanes.left):  # a lane is right until it must go alone
@@ -142,7 +148,22 @@ def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
         rows = rows[rows["t"] < left]
         np.testing.assert_array_equal(fix[: len(rows), lane_loop.NIS, lane], rows["nis"])
         np.testing.assert_array_equal(fix[: len(rows), lane_loop.USED, lane] > 0, rows["use"] > 0)
-    assert compared > 100
+    return compared
+
+
+def test_lanes_share_a_wind_as_the_one_loop_does():
+    sensors = [
+        Simulated(kind, 0.05, rate, states=(3.0, -2.0))
+        for kind, rate in (
+            ("true-airspeed", 5.0),
+            ("indicated-airspeed", 2.0),
+            ("side-slip", 2.5),
+            ("angle-of-attack", 1.0),
+        )
+    ]
+    both = Both(sd.scenario("demo").replace(duration=40.0, sensors=sensors), "closed-loop")
+    assert not both.why
+    assert compared_rows(both) > 7 * 400
 
 
 def test_most_filters_and_sensors_have_lanes():

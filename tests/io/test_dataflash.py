@@ -238,6 +238,18 @@ def test_magnetometer_and_barometer(flown, log):
     np.testing.assert_allclose(found["pressure"].y[:, 0], 95000 + np.arange(len(t)))
 
 
+def test_airspeed(flown, log):
+    t = written.microseconds(flown.imu.t[::20])
+    messages = written.messages_of(flown)
+    good, airspeed = np.arange(len(t)) % 5 > 0, 20.0 + np.arange(len(t)) / 8
+    messages["ARSP"] = "QBfB", {"TimeUS": t, "I": 0 * t, "Airspeed": airspeed, "H": good}
+    (found,) = (
+        each for each in sd.read(log(messages, EKF3)).sources if each.kind == "indicated-airspeed"
+    )
+    np.testing.assert_allclose(found.y[:, 0], airspeed[good])
+    assert np.all(found.std == 1.4)
+
+
 @pytest.mark.parametrize(
     "texts, parameters, vehicle",
     [

@@ -359,6 +359,40 @@ def test_magnetometer_and_barometer(flown, log):
     }
 
 
+@pytest.mark.parametrize("topic", ["airspeed", "airspeed_validated"])
+def test_airspeed_is_that_of_a_sensor(flown, log, topic):
+    """Not ground speed less wind, which PX4 puts in its place where a sensor fails."""
+    t = written.microseconds(flown.imu.t[::10])
+    airspeed, index = 20.0 + np.arange(len(t)) / 8, np.arange(len(t)) % 3
+    topics = written.topics_of(flown)
+    topics[topic, 0] = {
+        "timestamp": ("uint64_t", t),
+        "true_airspeed_m_s": ("float", airspeed),
+        "selected_airspeed_index": ("int32_t", index),
+    }
+    if topic == "airspeed":
+        del topics[topic, 0]["selected_airspeed_index"]
+        index = index + 1
+    (found,) = (
+        each
+        for each in sd.read(log(topics, {**EKF2, "EKF2_EAS_NOISE": 1.2})).sources
+        if each.kind == "true-airspeed"
+    )
+    np.testing.assert_allclose(found.y[:, 0], airspeed[index > 0])
+    assert np.all(found.std == 1.2)
+
+
+def test_a_log_whose_airspeed_is_of_no_sensor_has_none(flown, log):
+    t = written.microseconds(flown.imu.t[::10])
+    topics = written.topics_of(flown)
+    topics["airspeed_validated", 0] = {
+        "timestamp": ("uint64_t", t),
+        "true_airspeed_m_s": ("float", np.full(len(t), 20.0)),
+        "selected_airspeed_index": ("int32_t", np.where(np.arange(len(t)) % 2, 0, -1)),
+    }
+    assert "true-airspeed" not in {each.kind for each in sd.read(log(topics)).sources}
+
+
 def test_the_truth_is_the_reference_and_the_estimate_is_left(data_folder):
     path = sample(data_folder, SAMPLES[4])
     joined = join(open_logs([path]))

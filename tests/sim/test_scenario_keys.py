@@ -67,6 +67,7 @@ SENSOR = {
     "std": "2",
     "rate_hz": "4",
     "parameters": "[1, 0, 0]",
+    "states": "[80.0]",
     "name": '"wheel"',
 }
 TOP = {
@@ -123,7 +124,8 @@ def test_a_key_of_a_section_does_something(section, key, alone, tmp_path):
 
 @pytest.mark.parametrize("key", SENSOR_KEYS)
 def test_a_key_of_a_sensor_does_something(key, tmp_path):
-    base = {"kind": '"altitude"', "std": "1"}
+    # a barometer brings a bias along
+    base = {"kind": '"pressure-altitude"' if key == "states" else '"altitude"', "std": "1"}
     first, second = (
         ((), ["[[sensors]]", *(f"{name} = {value}" for name, value in each.items())])
         for each in (base, base | {key: SENSOR[key]})

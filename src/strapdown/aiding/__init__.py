@@ -7,12 +7,12 @@ from functools import cache
 from threading import Lock
 
 from .. import plugins
-from ..checks import DataError, check_choice, check_number, locate_errors
+from ..checks import DataError, check_choice, check_number, check_type, locate_errors
 from ..core.loop.contract import OBSERVE, Kind, MeasurementModel, Observe, compile_kernel
 from ..units import quantities
 from .trial import derivative_complaints
 
-PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "baseline")
+PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "baseline", "atmosphere")
 """Meanings that source.parameters[0:3] of a source can have."""
 
 
@@ -109,6 +109,9 @@ def check(sensor: MeasurementModel) -> None:
     check_choice(sensor.mean_of, what + "mean_of", ("", "gyro"))
     if len(set(sensor.states)) < len(sensor.states):
         raise DataError(f"{what}two of its states have one name: {', '.join(sensor.states)}")
+    check_type(sensor.shared, what + "shared", str, 'a text, as "wind"')
+    if sensor.shared and not sensor.states:
+        raise DataError(f"{what}shared is {sensor.shared!r}, and it has no states to share")
     if sensor.states:
         check_number(sensor.state_std, what + "state_std", above=0)
     check_number(sensor.state_walk, what + "state_walk", least=0)

@@ -26,6 +26,8 @@ TYPICAL = {
     "pressure": 97e3,
 }
 """A value of each quantity, SI; 1 of any other."""
+PARAMETERS = {"field": (2e-5, 1e-6, 4e-5), "atmosphere": (95e3, 290.0, 300.0)}
+"""Those of a source by their meaning; others are a lever arm."""
 PARTS = (
     ("position", "m", 10.0),
     ("velocity", "m/s", 1.0),
@@ -87,7 +89,7 @@ def _call_observation(
     innovation[:], H[:] = 0.0, 0.0
     y = np.r_[measured, np.full(3 - rows, np.nan)]
     source = new_source()
-    source.parameters[:3] = (2e-5, 1e-6, 4e-5) if sensor.parameters == "field" else (1.0, -0.5, 0.3)
+    source.parameters[:3] = PARAMETERS.get(sensor.parameters, (1.0, -0.5, 0.3))
     source.first_state = STATES if sensor.states else 0.0
     before = [part.copy() for part in belief]
     found = observe(belief, y, source, innovation, H)

@@ -74,6 +74,8 @@ MAX_OF_START = {
 """Generous bounds on the components of a start, and what is probably wrong beyond them."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
+OF_STATES = ("states", "state_std", "state_walk")
+"""Fields of a MeasurementModel in which kinds that share states agree."""
 MAX_SLIP = 0.1
 """rad per m/s^2: tyres on ice have less."""
 
@@ -149,15 +151,16 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
     ones in the order of `sources`. of_imu: what of the IMU is estimated."""
     count, states = len(sources), STATES
     table, kinds = records.rows(SourceRow, count), [a.kind for a in sources]
+    shared: dict[str | int, int] = {}
     for s, a in enumerate(sources):
         sensor, row = aiding.find(a.kind), table[s]
         row.kind, row.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:
-            row.walk, row.first_state = sensor.state_walk, states
-            row.states = len(sensor.states)
-            states += len(sensor.states)
+            row.walk, row.states = sensor.state_walk, len(sensor.states)
+            row.first_state = shared.setdefault(sensor.shared or s, states)
+            states += len(sensor.states) if row.first_state == states else 0
         row.slip = checked_slip(a, sensor)
         states += place_noise(row, a, states)
     installation.place(table, installation.parameters(sources, of_imu or {}), states)
@@ -218,9 +221,15 @@ def augmented_states(
     """Return the augmented states, in their order: those of these sources, then the estimated
     parameters of the installation. Raises DataError."""
     states: list[AugmentedState] = []
-    for a in sources:
+    shared: dict[str | int, MeasurementModel] = {}
+    for s, a in enumerate(sources):
         sensor, name = aiding.find(a.kind), a.name or a.kind
-        states += [AugmentedState(f"{name} {each}", sensor.state_std) for each in sensor.states]
+        if (sensor.shared or s) not in shared:
+            owner = sensor.shared or name
+            states += [
+                AugmentedState(f"{owner} {each}", sensor.state_std) for each in sensor.states
+            ]
+        _check_shared(sensor, shared.setdefault(sensor.shared or s, sensor))
         states += [
             AugmentedState(f"{name} correlated error{axis} [{unit}]", a.correlated.std[i], shown)
             for i in correlated_rows(a)
@@ -239,6 +248,15 @@ def augmented_states(
             "out, or estimate less"
         )
     return states
+
+
+def _check_shared(sensor: MeasurementModel, first: MeasurementModel) -> None:
+    """Raise DataError where two kinds have states in common and say different things of them."""
+    if any(getattr(sensor, each) != getattr(first, each) for each in OF_STATES):
+        raise DataError(
+            f"kinds {first.name} and {sensor.name} share the states {sensor.shared!r} and differ in "
+            f"{', '.join(OF_STATES)}; give both the same"
+        )
 
 
 def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...], list[str]]:

@@ -7,6 +7,7 @@ from ..data.recording import Recording
 from ..data.verdict import GRAVE, rank_reasons
 from ..preprocessing.receiver_classes import join_classes
 from . import (
+    air_data,
     baseline,
     carrier_claims,
     clock_offsets as clock,
@@ -33,6 +34,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     fix_noise.check,
     clock.check,
     heights.check,
+    air_data.check,
     repeats.check,
     roughness.check,
     resolution.check,

@@ -59,6 +59,7 @@ ROLES = {
     "gnss": "GNSS receiver",
     "magnetometer": "magnetometer",
     "barometer": "barometer",
+    "airspeed": "airspeed sensor",
     "speed": "speed sensor",
     "heading": "source of headings",
     "attitude": "source of attitudes",

@@ -40,6 +40,8 @@ PRESSURE_SLIPS = {
     1e5: "Pa read as bar",
 }
 """Factors of mistaken units in the pressure near the ground, and their messages."""
+AIR_PRESSURE, AIR_TEMPERATURE = (10e3, 110e3), (180.0, 340.0)
+"""Pa and K, of a weather station or aloft."""
 
 
 def clean_recording(
@@ -57,21 +59,34 @@ def clean_recording(
     return imu, checked, [*notes, *more]
 
 
+def _check_parameters(source: Source) -> None:
+    """Raise DataError where the parameters of a source are no field of the Earth or no air."""
+    meaning, given = find(source.kind).parameters, tuple(source.parameters)
+    if meaning == "field" and not 1e-6 <= np.linalg.norm(given) <= 100e-6:
+        raise DataError(
+            f"{source.name or source.kind}: parameters are {given}, where the Earth's field north, "
+            f"east, down in T is needed; geomagnetic_field gives it"
+        )
+    if meaning == "atmosphere" and any(given):
+        pressure, temperature, *_ = *given, 0.0, 0.0
+        if not (
+            AIR_PRESSURE[0] <= pressure <= AIR_PRESSURE[1]
+            and AIR_TEMPERATURE[0] <= temperature <= AIR_TEMPERATURE[1]
+        ):
+            raise DataError(
+                f"{source.name or source.kind}: parameters are {given}, where the pressure of the air "
+                f"in Pa, its temperature in K and the height in m are needed; leave them out for the "
+                f"ICAO atmosphere"
+            )
+
+
 def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, ...], list[str]]:
     """(sources, notes): each source cleaned and checked by its kind's MeasurementModel. Raises
     DataError."""
     done: list[Source] = []
     notes: list[str] = []
     for source in sources:
-        if (
-            find(source.kind).parameters == "field"
-            and not 1e-6 <= np.linalg.norm(source.parameters) <= 100e-6
-        ):
-            raise DataError(
-                f"{source.name or source.kind}: parameters are {tuple(source.parameters)}, but "
-                f"the Earth's field north, east, down "
-                "in T is needed; geomagnetic_field returns it"
-            )
+        _check_parameters(source)
         check_baseline(source)
         if source.kind == "attitude":
             possible_attitude(np.asarray(source.y, float), Origin(source.name or source.kind))

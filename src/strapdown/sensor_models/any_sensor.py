@@ -48,6 +48,8 @@ class Simulated:
     # as the kind has them: mostly the lever arm from the IMU, m, body; () are zeros
     parameters: tuple[float, ...] = ()
     name: str = ""  # of the source and of its random stream; the kind by default
+    # true values of the states that the kind brings along, such as the wind; () are zeros
+    states: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         measurement = self.measurement
@@ -72,9 +74,16 @@ class Simulated:
                 f"{own}: {len(parameters)} parameters; kind {self.kind} takes "
                 f"{f'three: {measurement.parameters}' if measurement.parameters else f'at most {PARAMETERS}'}"
             )
+        states = check_array(self.states, f"{own}: states", (None,))
+        if len(states) not in (0, len(measurement.states)):
+            raise DataError(
+                f"{own}: {len(states)} states; kind {self.kind} brings "
+                f"{', '.join(measurement.states) or 'none'}"
+            )
         for field, value in (
             ("std", tuple(deviations.tolist())),
             ("parameters", tuple(parameters.tolist())),
+            ("states", tuple(states.tolist())),
             ("name", own),
         ):
             object.__setattr__(self, field, value)
@@ -84,11 +93,15 @@ class Simulated:
         """The model of its kind. Raises DataError with the nearest name."""
         return find(self.kind)
 
+    def own_states(self) -> Array:
+        """The true values of the states of its kind, with zeros where none are given."""
+        return np.array(self.states or [0.0] * len(self.measurement.states))
+
     def plan(self, truth: Trajectory, ideal: Imu, gate: float | None = None) -> "SimulatedPlan":
         """Return the SimulatedPlan that all runs over one trajectory share. `ideal`: the samples of
         an IMU without errors on it; `gate`: that of the source. Raises DataError."""
         t = sample_times(truth, self.rate)
-        y, gain = _solve_values(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
+        y, gain = _solve_values(self, _beliefs(truth, ideal, t, self.own_states()))
         reads: Mask = np.asarray(np.isfinite(y).any(axis=1))
         t, y, gain = t[reads], y[reads], gain[reads]
         std = np.tile(self.std, (len(t), 1))
@@ -120,9 +133,9 @@ class SimulatedPlan(NamedTuple):
         return [said] if self.silent else []
 
 
-def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[FilterState]:
-    """Return the states of a filter without any error at times t (n,) s; rate and specific force
-    are those between the middles of two samples."""
+def _beliefs(truth: Trajectory, ideal: Imu, t: Array, own: Array) -> list[FilterState]:
+    """Return the states of a filter without any error at times t (n,) s, with `own` as its augmented
+    states; rate and specific force are those between the middles of two samples."""
     from scipy.interpolate import make_interp_spline
 
     at = interpolate_trajectory(truth, t)
@@ -130,7 +143,7 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Filte
     samples = np.c_[ideal.dtheta, ideal.dv] / ideal.dt[:, None]
     felt = make_interp_spline(ideal.t - ideal.dt / 2, samples, k=1)(t)  # on beyond the last middle
     attitude = np.ascontiguousarray(rotation_at(truth, t).as_matrix())
-    none, P, own = np.zeros(3), np.zeros((STATES + states,) * 2), np.zeros(states)
+    none, P = np.zeros(3), np.zeros((STATES + len(own),) * 2)
     return [
         FilterState(lla, v, C, none, none, P, now[:3], now[3:], np.zeros(1), own)
         for lla, v, C, now in zip(at.lla, at.v_n, attitude, felt)

@@ -151,6 +151,7 @@ SENSOR_KEYS = {
     "std": Key("std", _raw, ""),
     "rate_hz": Key("rate", number),
     "parameters": Key("parameters", list_of(number)),
+    "states": Key("states", list_of(number)),
     "name": Key("name", text),
 }
 TARGET_KEYS = {

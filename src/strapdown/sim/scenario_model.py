@@ -272,7 +272,7 @@ class Scenario:
             for name in OTHER_SENSORS
             if (other := getattr(self, name)) is not None
         }
-        values |= {"sensors": [asdict(sensor) for sensor in self.sensors]} if self.sensors else {}
+        values |= {"sensors": list(map(_fields_of, self.sensors))} if self.sensors else {}
         values |= {"date": self.date} if self.date is not None else {}
         values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
         identity = {
@@ -297,6 +297,12 @@ class Scenario:
             .astype("<i8")
             .tobytes()
         )
+
+
+def _fields_of(sensor: Simulated) -> dict[str, Any]:
+    """The fields of a sensor; without states where it has none, so that its fingerprint is that of
+    before there were any."""
+    return {key: value for key, value in asdict(sensor).items() if key != "states" or value}
 
 
 def start_deviations(std: Sequence[float | None], spec: ImuSpec) -> Array:

@@ -361,7 +361,8 @@ class MeasurementModel(NamedTuple):
     # "acceleration", "angular rate", "magnetic field", "pressure"
     quantities: tuple[str, ...]
     # what source.parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
-    # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body
+    # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body; "atmosphere":
+    # pressure, Pa, and temperature, K, at a height, m
     parameters: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
@@ -373,6 +374,9 @@ class MeasurementModel(NamedTuple):
     states: tuple[str, ...] = ()
     state_std: float = 0.0  # their initial standard deviation
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)
+    # a name for these states where all sources of the kinds that give it have them in common, as
+    # "wind"; "": each source has its own
+    shared: str = ""
     # parameters of the installation that its observation knows as states: names of `calibration_parameters`
     calibration_parameters: tuple[str, ...] = ()
     lanes: bool = False  # whether its kernel also compiles for eight runs at once

@@ -36,7 +36,7 @@ from .cursor import Limits
 from .integrity import HEARD, NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
 from .kernels import CORRECT, PREDICT
 from .loop import SAME_TIME
-from .measurement import LIFT_AFTER, REJECTED, walk
+from .measurement import LIFT_AFTER, REJECTED, share_states, walk
 from .tables import FIXES, Fixes
 
 IN_A_ROW, SINCE, BOOKS = range(3)
@@ -232,7 +232,11 @@ def _use_fix(
     s, t, row = fixes.source[k], fixes.t[k], out.fix[k]
     gate, innovation, books = fixes.sources[s].gate, cursor.work[SEEN], cursor.books[s]
     if fixes.sources[s].walk > 0:
-        walk(belief.P, fixes.sources[s], t - cursor.last[s])
+        last = cursor.last[s]
+        for i in range(fixes.sources.size):
+            if share_states(fixes.sources[s], fixes.sources[i]):
+                last = max(last, cursor.last[i])
+        walk(belief.P, fixes.sources[s], t - last)
     _look(fixes.y[k], fixes.std[k], fixes.sources[s], belief, t, cursor)
     cursor.last[s] = t
     for i in range(3, 12):

@@ -7,10 +7,11 @@ Rules of the gate (docs/reference/conventions.md):
   NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is
   added to the variances of position. Sources of neither position nor velocity are given LIFTS such
   uses, LIFT_AFTER seconds apart: one that nothing in the states explains, such as a field beside
-  iron, would let P explode. Of two heights that contradict each other one is left out instead
-  (stages/heights.py), and an altitude moves the height alone. Velocities in the body that nothing
-  else helps (stages/dead_reckoning.py) have their gates opened after LIFT_ALONE s, as often as it
-  takes: the filter shall not lose its only aid.
+  iron, would let P explode. An altitude moves the height alone, a source with states of its own, such
+  as wind, these alone. Of two heights that contradict each other one is left out instead
+  (stages/heights.py). Velocities over ground in the body that nothing else helps
+  (stages/dead_reckoning.py) have their gates opened after LIFT_ALONE s, as often as it takes: the
+  filter shall not lose its only aid.
 """
 
 import math
@@ -34,6 +35,7 @@ from .integrity import (
 from .kernels import Kernels, correct_at, observe_at
 from .log import Code, notify
 from .loop_tape import call_stage, save_step
+from .observation import observed_alone
 from .reacquisition import height_alone, make_room
 from .tables import Fixes, FixRow, Output, Status, Use
 
@@ -81,13 +83,24 @@ def _begin(belief: FilterState, fixes: Fixes, k: int, cursor: Cursor) -> None:
     work.nis, work.weight, work.gate = math.nan, 1.0, source.gate
     work.alone, work.withheld, work.lifted = 0, -1, 0
     if source.walk > 0:
-        walk(belief.P, source, fixes.t[k] - cursor.books[s].last)
+        last = cursor.books[s].last
+        for i in range(fixes.sources.size):
+            if share_states(source, fixes.sources[i]):
+                last = max(last, cursor.books[i].last)
+        walk(belief.P, source, fixes.t[k] - last)
+
+
+@helper
+def share_states(a: SourceRow, b: SourceRow) -> bool:
+    """True where two sources bring the same states along."""
+    return a.states > 0 and b.states > 0 and a.first_state == b.first_state
 
 
 @helper
 def walk(P: Array, source: SourceRow, seconds: float) -> None:
-    """Propagate the random walk of a source's augmented states; only its measurements observe them,
-    so that this can wait for one."""
+    """Propagate the random walk of a source's augmented states over the time since the last
+    measurement of any source that shares them: only these observe them, so that this can wait for
+    one."""
     for i in range(source.first_state, source.first_state + source.states):
         P[i, i] += source.walk * source.walk * seconds
 
@@ -161,6 +174,8 @@ def _lift(
             return False
     if books.lifted_at == 0:
         notify(cursor, Code.LIFTED, s, t, length(work.innovation))
+    if source.states > 0:
+        observed_alone(kernels, belief, fixes, k, cursor)
     make_room(belief.P, source, vertical, work)
     work.lifted, source.kept = 1, 1.0
     return True

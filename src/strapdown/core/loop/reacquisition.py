@@ -20,6 +20,8 @@ def make_room(P: Array, source: SourceRow, vertical: bool, work: Work) -> None:
         _of_height(P, source.kind, work.innovation)
     elif work.alone > 0:
         _of_velocity(P, work)
+    elif source.states > 0:
+        _of_own_states(P, source, work)
     else:
         _of_all(P, work.nis / source.gate, source.kind == Kind.POSITION, work.innovation)
 
@@ -39,6 +41,21 @@ def _of_all(P: Array, excess: float, position: bool, innovation: Array) -> None:
         for i in range(3):
             if not math.isnan(innovation[i]):
                 P[i, i] += innovation[i] * innovation[i]
+
+
+@helper
+def _of_own_states(P: Array, source: SourceRow, work: Work) -> None:
+    """Room for the states that a source brings along, such as wind or the bias of a barometer, with
+    the innovation and H in the work: they have jumped, and all else stays as it is."""
+    H = matrix(work.jacobian, 0, 3, P.shape[0])
+    first, end = source.first_state, source.first_state + source.states
+    for row in range(3):
+        e, square = work.innovation[row], 0.0
+        for i in range(first, end):
+            square += H[row, i] * H[row, i]
+        if square > 0 and not math.isnan(e):
+            for i in range(first, end):
+                P[i, i] += e * e / square
 
 
 @helper

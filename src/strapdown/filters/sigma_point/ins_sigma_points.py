@@ -403,6 +403,7 @@ def correct(
         for j in range(n):
             terms += H[a, j] * H[a, j] * belief.P[j, j]
         E[0, a], variance[a] = innovation[a], max(std[a] * std[a], MIN_NOISE * terms)
+    _linear_innovations(E, H, rows, factored, n, lanes, spread)
     for k in range(2 * n):
         j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):
@@ -435,6 +436,20 @@ def correct(
 
 
 @helper
+def _linear_innovations(
+    E: Array, H: Array, rows: int, factored: Array, n: int, lanes: int, spread: float
+) -> None:
+    """Rows of E of all points by the H (rows, n) of the centre. They stay where nothing can be
+    measured at a point, such as an airspeed at one that flies backwards."""
+    for j in range(n):
+        for a in range(rows):
+            slope = 0.0
+            for i in range(n):
+                slope += H[a, i] * factored[lanes * j + i]
+            E[1 + j, a], E[1 + n + j, a] = E[0, a] - spread * slope, E[0, a] + spread * slope
+
+
+@helper
 def _move_point(belief: FilterState, point: FilterState, dx: Array) -> None:
     """The point at an error dx from the belief, with the rate and specific force that its biases
     leave."""
@@ -452,17 +467,28 @@ def _unwrap_innovation(
     kind: int, rows: int, E: Array, row: int, dx: Array, H: Array, innovation: Array
 ) -> None:
     """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an
-    attitude on the branch that the Jacobian expects there."""
-    for a in range(rows):
-        E[row, a] = E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
+    attitude on the branch that the Jacobian expects there; as it is where there is none."""
     if kind == Kind.HEADING or kind == Kind.COURSE:
-        innovation[0] = E[row, 0] + wrap(innovation[0] - E[row, 0])
+        near = _by_attitude(E, H, dx, 0)
+        innovation[0] = near + wrap(innovation[0] - near)
     elif kind == Kind.ATTITUDE and innovation[2] == innovation[2]:
         innovation[0], innovation[1], innovation[2] = nearest_turn(
-            innovation[0], innovation[1], innovation[2], E[row, 0], E[row, 1], E[row, 2]
+            innovation[0],
+            innovation[1],
+            innovation[2],
+            _by_attitude(E, H, dx, 0),
+            _by_attitude(E, H, dx, 1),
+            _by_attitude(E, H, dx, 2),
         )
     for a in range(rows):
-        E[row, a] = innovation[a]
+        if innovation[a] == innovation[a]:
+            E[row, a] = innovation[a]
+
+
+@helper
+def _by_attitude(E: Array, H: Array, dx: Array, a: int) -> float:
+    """Component a of the innovation at a point dx away, by its attitude alone."""
+    return E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
 
 
 def repairs(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:

@@ -44,6 +44,7 @@ FORMS = {
 }
 """Forms of a velocity over ground, with the quantities of their columns."""
 Form = Literal["speed, course", "speed, course, down", "speed, course, up"]
+CELSIUS_ZERO = 273.15  # K
 COVARIANCE = 6
 """Entries of `std` in ECEF: x, y, z, then xy, yz and zx of a covariance."""
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
@@ -61,6 +62,19 @@ class CorrelatedPart(KeyPart):
     std: Annotated[Finite, Field(ge=0)] | list[Annotated[Finite, Field(ge=0)]]
     time: Annotated[Finite, Field(gt=0, le=MAX_TIME_CONSTANT)]
     states: bool = True
+
+
+class AtmospherePart(KeyPart):
+    """atmosphere: what a weather station says, of the air in which an airspeed is indicated."""
+
+    pressure: Annotated[Finite, Field(ge=100, le=1100)]  # hPa
+    temperature: Annotated[Finite, Field(ge=-90, le=60)]  # degC
+    height: Annotated[Finite, Field(ge=-500, le=9000)] = 0.0  # m above the ellipsoid
+
+    @property
+    def parameters(self) -> tuple[float, float, float]:
+        """Pressure, Pa, temperature, K, height, m."""
+        return 100 * self.pressure, CELSIUS_ZERO + self.temperature, self.height
 
 
 class SourcePart(KeyPart):
@@ -86,6 +100,7 @@ class SourcePart(KeyPart):
     declination: Declination | None = None
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
+    atmosphere: AtmospherePart | None = None
     estimate: Any = None
     slip_test: bool = True
     slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
@@ -313,6 +328,10 @@ class SourcePart(KeyPart):
                 self.level is not None and (sensor.recorded or sensor.quantities != ("length",)),
                 f"level: {sensor.name} takes none; it is the height of mean sea level, m above the "
                 f"ellipsoid",
+            ),
+            (
+                self.atmosphere is not None and sensor.parameters != "atmosphere",
+                f"atmosphere: {sensor.name} takes none; an indicated airspeed does",
             ),
             (
                 self.quaternion and not is_attitude,

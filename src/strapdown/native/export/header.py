@@ -27,6 +27,7 @@ PARAMETERS = {
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
     "baseline": "vector from the first to the second antenna, m, body (3)",
+    "atmosphere": "air pressure, Pa, and temperature, K, at a height, m (3); 0 is the ICAO atmosphere",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 

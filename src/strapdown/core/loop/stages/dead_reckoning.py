@@ -38,10 +38,14 @@ def alone(
 def _carries_alone(
     kernels: Kernels, belief: FilterState, fixes: Fixes, k: int, cursor: Cursor
 ) -> bool:
-    """True where measurement k is a velocity in the body, and the filter has used neither a
-    position nor a velocity for HEARD seconds."""
-    own, t = fixes.sources[fixes.source[k]].kind, fixes.t[k]
+    """True where measurement k is a velocity in the body over ground, and the filter has used
+    neither a position nor a velocity for HEARD seconds. Through air, whose own motion is a state,
+    a wrong one would be taken for wind."""
+    source, t = fixes.sources[fixes.source[k]], fixes.t[k]
+    own = source.kind
     if cursor.state[0].positioned == 0 or own == Kind.POSITION or own == Kind.VELOCITY:
+        return False
+    if source.states > 0:
         return False
     for s in range(fixes.sources.size):
         kind = fixes.sources[s].kind

@@ -33,14 +33,21 @@ HARDWARE = re.compile(r"u-blox (\d+) HW: (\w{4})")
 """The text that names the model of a u-blox receiver."""
 U_BLOX = dict.fromkeys(("0007", "0008", "0019", "000A"), 0.12)
 """s: delay in the driver of u-blox 7, M8, F9 with M9, and M10 (AP_GPS_UBLOX::get_lag)."""
-STD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
+STD = {
+    "POSNE_M_NSE": 0.5,
+    "VELNE_M_NSE": 0.3,
+    "MAG_M_NSE": 0.05,
+    "ALT_M_NSE": 2.0,
+    "EAS_M_NSE": 1.4,
+}
 """ArduPilot's own standard deviations where neither the receiver nor a parameter of the log states
-one: m, m/s, gauss, m."""
+one: m, m/s, gauss, m, m/s."""
 MESSAGES = {
     "imu": ("IMU", "IMU2", "IMU3"),
     "gnss": ("GPS", "GPS2"),
     "magnetometer": ("MAG", "MAG2", "MAG3"),
     "barometer": ("BARO", "BAR2", "BAR3"),
+    "airspeed": ("ARSP", "ASP2"),
 }
 """Messages of old logs by instance; in newer logs the first one has a column for the instance."""
 NEEDED = {
@@ -48,8 +55,11 @@ NEEDED = {
     "gnss": {"Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"},
     "magnetometer": {"MagX", "MagY", "MagZ"},
     "barometer": {"Press"},
+    "airspeed": {"Airspeed"},
 }
 """Columns without which a message is left out."""
+HEALTH = {"Health", "H"}
+"""Columns of a sensor that are 0 where it is in bad health."""
 
 
 def _since_boot(columns: Columns) -> Columns:
@@ -234,18 +244,20 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
 
 
 def others(log: DataFlash, dated: bool) -> dict[str, tuple[Columns, Section]]:
-    """{table: (its columns, section)} of magnetometers and barometers."""
+    """{table: (its columns, section)} of magnetometers, barometers and airspeeds."""
     made = {}
     time = {"column": "TimeUS", "unit": "us"}
-    in_thousandths = {"scale": 1e-3}
+    in_thousandths: dict[str, Any] = {"scale": 1e-3}
+    indicated: dict[str, Any] = {"kind": "indicated-airspeed"}
     for role, columns, setting, more in (
         ("magnetometer", ["MagX", "MagY", "MagZ"], "MAG_M_NSE", in_thousandths),
         ("barometer", ["Press"], "ALT_M_NSE", {}),
+        ("airspeed", ["Airspeed"], "EAS_M_NSE", indicated),
     ):
         own = _setting(log, setting)
         for instance, values in _instances(log, role).items():
-            if "Health" in values:
-                good = values["Health"] != 0
+            for health in HEALTH & values.keys():
+                good = values[health] != 0
                 values = {key: each[good] for key, each in values.items()}
             if not len(values["TimeUS"]):
                 continue

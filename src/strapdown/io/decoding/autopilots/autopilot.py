@@ -24,7 +24,11 @@ LATEST = 5e9  # s of GPS time, in 2138
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
 ESTIMATE = "the autopilot's own estimate from the same sensors"
 NO_DATE = "the geomagnetic model needs a date, and the log has none"
-OTHERS = {"magnetometer": ("magnetic-field", "gauss"), "barometer": ("pressure", "Pa")}
+OTHERS = {
+    "magnetometer": ("magnetic-field", "gauss"),
+    "barometer": ("pressure", "Pa"),
+    "airspeed": ("true-airspeed", "m/s"),
+}
 """Kind and unit of the sources by their roles."""
 Columns = Mapping[str, Any]
 UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
@@ -145,8 +149,8 @@ def other_section(
     dated: bool,
     **more: Any,
 ) -> Section:
-    """Return the section of a magnetometer or a barometer with `keys`, its time and columns;
-    `dated`: the log has a date."""
+    """Return the section of a magnetometer, a barometer or an airspeed with `keys`, its time and
+    columns; `dated`: the log has a date."""
     kind, unit = OTHERS[role]
     keys = {"kind": kind, "table": table, **keys, "unit": unit, **own.key, **more}
     left = "" if dated or role != "magnetometer" else NO_DATE

@@ -43,9 +43,10 @@ STD = {
     "EKF2_GPS_V_NOISE": 0.3,
     "EKF2_MAG_NOISE": 0.05,
     "EKF2_BARO_NOISE": 3.5,
+    "EKF2_EAS_NOISE": 1.4,
 }
 """PX4's own standard deviations where neither the receiver nor a parameter of the log states one:
-m, m/s, gauss, m."""
+m, m/s, gauss, m, m/s."""
 TRIPLE = ("[0]", "[1]", "[2]")
 FIX = {"fix_type", "time_utc_usec", "eph", "epv", "s_variance_m_s", "vel_ned_valid"}
 VELOCITY = {f"vel_{axis}_m_s" for axis in "ned"}
@@ -62,6 +63,8 @@ NEEDED: dict[str, list[set[str]]] = {
     "vehicle_gps_position": [OLD, NEW],
     "vehicle_magnetometer": [{f"magnetometer_ga{k}" for k in TRIPLE}],
     "vehicle_air_data": [{"baro_pressure_pa"}],
+    "airspeed": [{"true_airspeed_m_s"}],
+    "airspeed_validated": [{"true_airspeed_m_s", "selected_airspeed_index"}],
 }
 """Fields that a topic must have, with the alternatives."""
 EQUAL = (
@@ -72,12 +75,16 @@ EQUAL = (
 
 def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
     """(columns, their rows in the log) of a topic, with times as signed numbers. A receiver keeps
-    only fixes with a height; increments get mean rates as well."""
+    only fixes with a height, an airspeed only rows of a sensor, not those of ground speed and wind;
+    increments get mean rates as well."""
     found = {
         key: values.astype(np.int64) if key.startswith("timestamp") else values
         for key, values in log.columns(name, instance).items()
     }
     rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
+    if "selected_airspeed_index" in found:
+        rows = np.flatnonzero(found["selected_airspeed_index"] > 0)
+        found = {key: values[rows] for key, values in found.items()}
     if "fix_type" in found:
         rows = np.flatnonzero(np.isin(found["fix_type"], FIX_3D))
         found = {key: values[rows] for key, values in found.items()}
@@ -241,8 +248,9 @@ def setting(log: ULog, parameter: str) -> autopilot.Deviation:
 
 
 def others(log: ULog, dated: bool) -> list[Section]:
-    """Magnetometers and barometers."""
+    """Magnetometers, barometers and airspeeds: those of the sensors, else that which PX4 validated."""
     sections = []
+    airspeed = "airspeed" if instances(log, "airspeed") else "airspeed_validated"
     for role, topic, columns, parameter in (
         (
             "magnetometer",
@@ -251,9 +259,12 @@ def others(log: ULog, dated: bool) -> list[Section]:
             "EKF2_MAG_NOISE",
         ),
         ("barometer", "vehicle_air_data", ["baro_pressure_pa"], "EKF2_BARO_NOISE"),
+        ("airspeed", airspeed, ["true_airspeed_m_s"], "EKF2_EAS_NOISE"),
     ):
         own = setting(log, parameter)
         for instance, hz in sorted(instances(log, topic).items()):
+            if not len(topic_columns(log, topic, instance)[1]):
+                continue  # no airspeed of a sensor
             table = f"{topic} {instance}"
             keys = {"time": time_of(log, log.columns(topic, instance)), "columns": columns}
             sections.append(autopilot.other_section(role, table, keys, own, instance, hz, dated))
