@@ -35,6 +35,7 @@ import peers  # noqa: E402
 import processes  # noqa: E402
 import report_pages  # noqa: E402
 import reproduced  # noqa: E402
+import sensors  # noqa: E402
 import smoothing  # noqa: E402
 import studies  # noqa: E402
 import subject  # noqa: E402
@@ -366,6 +367,11 @@ def exogenous_figures(book):
     book.measure(exogenous.COMPARED, exogenous.compared)
 
 
+def sensor_figures(book):
+    """Of sensors that need no calibration run."""
+    book.measure(sensors.IRON, sensors.iron)
+
+
 def airborne_figures(book):
     """Of the sigma-point and particle filters and of the aircraft in the loop."""
     book.measure(airborne.UKF, lambda: airborne.ukf(alternating, 5))
@@ -507,6 +513,7 @@ PARTS = {
     "files": ("Logs and tables", file_figures),
     "pages": ("Pages of a solution", page_figures),
     "recorded": ("Recorded flight and drive", recorded_figures),
+    "sensors": ("Sensors and their worth", sensor_figures),
     "tools": ("Calibration and tuning of a log", tool_figures),
     "attitude": ("Attitude alone", attitude_figures),
     "navigation": ("Other filters, smoothing", navigation_figures),

@@ -69,7 +69,8 @@ def run(tmp_path):
 
 
 def installed(folder: Path, name: str, **modules: str) -> str:
-    """A package as pip leaves it in `folder`, whose modules are plugins; the path to import from."""
+    """A package as pip leaves it in `folder`, whose modules are plugins; the path to import
+    from."""
     about = folder / "site" / f"{name}-1.0.dist-info"
     about.mkdir(parents=True)
     (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -419,7 +420,7 @@ sd.register(CLOSED_LOOP._replace(name="typed"))
 sd.Study(("demo",), ("typed",), runs=1).run(workers=2)
 """
     code, _, err = run("-c", session)
-    assert code == 1 and "write it into a file" in err.splitlines()[-1], err
+    assert code == 1 and "write the plugin into a file" in err.splitlines()[-1], err
 
 
 def test_two_packages_may_call_their_entry_points_alike(run):

@@ -106,6 +106,7 @@ SENSORS = {
     "zero-side-slip": ((), lambda b: through_air(b)[1]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C_nb).as_euler("ZYX")[::-1]),
+    "baseline": (ARM, lambda b: b.C_nb @ ARM),
 }
 TOGETHER = {"attitude": (0, 1)}  # components that are measured together or not at all
 

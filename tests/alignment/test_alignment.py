@@ -178,7 +178,7 @@ def test_without_a_position_there_is_no_start():
     recording = sd.simulate(static((DEG * 50, DEG * 10, 100.0)), 6.0, SPEC, 2, 20.0)
     with pytest.raises(DataError, match="no position fix"):
         sd.align(replace(recording, sources=recording.sources[1:]), SPEC)
-    with pytest.raises(DataError, match="no position fix .* or choose a filter of attitude alone"):
+    with pytest.raises(DataError, match="no position fix .* or choose an attitude filter"):
         sd.fuse(Recording(Imu(*recording.imu)), imu=SPEC)
 
 

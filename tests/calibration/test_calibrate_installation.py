@@ -1,5 +1,5 @@
-"""An installation that is wrong in a known way: found, confirmed, written, and right after that; what
-is not sure is not written."""
+"""An installation that is wrong in a known way: found, confirmed, written, and right after that;
+what is not sure is not written."""
 
 from dataclasses import replace
 from functools import cache
@@ -300,7 +300,7 @@ def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
     made = replace(calibrated(), given=read)
     text = drive.read_text()
     for old, new, said in (
-        ("offset = 0.0", "offset = 0.5", "time offset is 0.5, and 0 where the recording was read"),
+        ("offset = 0.0", "offset = 0.5", "time offset is 0.5, but the recording was read with 0"),
         (
             "[0.5, 0.2, -1.5]      #",
             "[0.0, 0.2, -1.5]      #",
@@ -324,7 +324,9 @@ def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
     # what was changed after reading, and what was read otherwise
     known = constants(read.sources)
     for other in (apply_constants(read, known, np.full(len(known), 0.01)), replace(read, meta={})):
-        with pytest.raises(DataError, match="was not read as a recording.toml has it; read that"):
+        with pytest.raises(
+            DataError, match="was not read from a recording.toml, or was changed since; read that"
+        ):
             replace(made, given=other).write(drive)
     assert drive.read_text() == text
 

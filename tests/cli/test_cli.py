@@ -235,7 +235,10 @@ def test_fuse_writes_further_files_with_utc(good, command, flight):
     for words, said in (
         (["--origin", "47.63,9.35,400"], "only track.tum has positions from it; add --also tum"),
         (["--also", "tum", "--origin", "here"], "write latitude,longitude,height in deg and m"),
-        (["--also", "tum", "--origin", "147,9,0"], "latitude goes to 1.571 rad (90 deg)"),
+        (
+            ["--also", "tum", "--origin", "147,9,0"],
+            "the limit of the latitude is 1.571 rad (90 deg)",
+        ),
         (["--utc"], "--utc: the recording has no absolute clock"),
         (["--also", "gpz"], "did you mean 'gpx'?"),
         (["--write", "b.toml"], "is a recording already"),
@@ -384,7 +387,7 @@ def change(old, new):
 FUSE = ["fuse", "recording.toml", "--out", "result/deep"]
 BAD = [
     (["fuse", "nothing.toml", "--out", "result"], TOML, "nothing.toml: cannot be read"),
-    (["fuse", ".", "--out", "result"], TOML, "is a folder in which no reader finds"),
+    (["fuse", ".", "--out", "result"], TOML, "is a folder without files that a reader recognises"),
     (["fuse", "imu.csv"], TOML, "no position fix to start from"),
     (["inspect", "imu.csv", "--imu", "tactical"], TOML, "a grade into a draft; add --write FILE"),
     (["allan", "imu.csv", "--imu", "tactical"], TOML, "allan finds the noise itself"),

@@ -86,7 +86,7 @@ def test_what_cannot_be_written_is_said_in_one_line(late, drive, command, tmp_pa
     code, out, err = command("calibrate", "installation", plain, "--write")
     assert code == 2 and "  [[source]] 1 (GNSS position) time: add +0." in out
     assert err == [
-        f"strapdown: {plain}: only a recording.toml can be changed; change what it was made from"
+        f"strapdown: {plain}: only a recording.toml can be changed; change the file that it was made from"
     ]
     drive.chmod(0o444)
     code, out, err = command("calibrate", "installation", drive, "--write")

@@ -190,7 +190,7 @@ LISTED = ("flight.nc", "--outages", "8:11")
         ((*LISTED, "--from", "30"), "30"),
         (("nothing.nc",), "nothing.nc"),
         ((*LISTED, "--filters", "direct-ahrs", "--ahrs", "closed-loop"), "closed-loop"),
-        ((*LISTED, "--filters", "closed-loop", "--ahrs", "nope"), "'nope', which is no AHRS"),
+        ((*LISTED, "--filters", "closed-loop", "--ahrs", "nope"), "'nope', which is not an AHRS"),
         ((*LISTED, "--filters", "mekf,mekf:"), "twice"),
         (("flight.nc", "--outages", "1e-8/2e-8"), "more than 5000 windows"),
     ],

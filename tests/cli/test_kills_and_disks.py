@@ -71,6 +71,8 @@ def out_of(name, folder):
     return ("--out", str(folder / "report.html" if name == "demo" else folder))
 
 
+OF_STUDY = {"manifest.json", "lock", "summary.csv", "runs.csv"}
+
 ON_A_DISK = """
 mount -t tmpfs -o size={room} tmpfs {disk} && echo old > {disk}/report.html
 mount -o remount,{mode} {disk} && "$@"
@@ -116,8 +118,9 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_there(name, files, disk):
         code, shown, left = on_a_disk(name, files, disk, room)
         assert code == 2 and len(shown) == 1 and shown[0].startswith(f"strapdown: {disk}/"), shown
         assert "cannot be written (No space left on device); choose another folder" in shown[0]
-        # a study's finished chunks are kept, and what says of which study they are
-        mine = {at for at in left if at in ("manifest.json", "lock") or at.startswith("chunks/")}
+        # a study's finished chunks and whole tables are kept, and what says of which study they are;
+        # the same command adds what is missing
+        mine = {at for at in left if at in OF_STUDY or at.startswith("chunks/")}
         assert {*left} - mine == {"report.html"} and left["report.html"] == PAGE
 
 

@@ -329,7 +329,7 @@ def test_a_rate_without_an_ahrs_is_refused():
             "^no AHRS is called 'mahonny'; did you mean 'mahony'\\? there are: attitude-mekf, mahony, vru$",
         ),
         ("closed-loop", "attitude-mek", "did you mean 'attitude-mekf'"),
-        ("closed-loop", "open-loop", "open-loop is no AHRS, .* attitude-mekf, mahony, vru"),
+        ("closed-loop", "open-loop", "open-loop is not an AHRS, .* attitude-mekf, mahony, vru"),
         ("mahony", "attitude-mekf", "mahony does not use the attitude of an AHRS"),
     ],
 )
@@ -463,7 +463,7 @@ def test_command(command, file, tmp_path):
 @pytest.mark.parametrize(
     "words, text",
     [
-        (("--ahrs", "closed-loop"), "closed-loop is no AHRS"),
+        (("--ahrs", "closed-loop"), "closed-loop is not an AHRS"),
         (("--ahrs", "x"), "no AHRS is called 'x'"),
         (("--ahrs", "mahony", "--ahrs-rate", "0"), "ahrs_rate is 0.0 Hz"),
         (("--ahrs-rate", "nan"), "ahrs_rate is nan Hz"),

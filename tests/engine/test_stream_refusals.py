@@ -95,9 +95,13 @@ def test_a_latitude_in_degrees_is_named_so(latitude):
 @pytest.mark.parametrize(
     "kind, y, text",
     [
-        ("pressure", (1013.0,), "pressure is 1013 Pa, where air has 5000 to 200000: hPa or mbar"),
-        ("attitude", (10.0, 2.0, 1.0), "roll is 572.958 deg, at most 360"),
-        ("attitude", (0.1, 1.7, 1.0), "pitch is 97.4028 deg, at most 90"),
+        (
+            "pressure",
+            (1013.0,),
+            "pressure is 1013 Pa, but that of air is 5000 to 200000: hPa or mbar",
+        ),
+        ("attitude", (10.0, 2.0, 1.0), "roll is 572.958 deg, but at most 360"),
+        ("attitude", (0.1, 1.7, 1.0), "pitch is 97.4028 deg, but at most 90"),
         ("magnetic-field", (45.0, 0.0, 0.0), "magnetic field is 45 T; the Earth's is 22 to 67 uT"),
     ],
 )
@@ -161,7 +165,7 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
         ({"imu": None}, "give imu=, one of .*, or a file that describes it$"),
         ({"vehicle": {}}, "vehicle: it has no limit; give some of speed, acceleration, lowest, hi"),
         ({"ahrs_rate": 5.0}, "ahrs_rate is 5 Hz, but no AHRS runs"),
-        ({"ahrs": "closed-loop"}, "closed-loop is no AHRS"),
+        ({"ahrs": "closed-loop"}, "closed-loop is not an AHRS"),
         ({"vehicle": "tram"}, "vehicle is 'tram'"),
         ({"start": 3.0}, "start is 3.0; it must be an InitialState"),
         (

@@ -1,4 +1,5 @@
-"""Labels of filters: options, parameters of the installation, and the text that they come back to."""
+"""Labels of filters: options, parameters of the installation, and the text that they come back
+to."""
 
 import pytest
 
@@ -38,8 +39,8 @@ def test_a_list_of_names_is_what_their_text_is():
     [
         ("closed-loop:estimate=", "estimate is ''"),
         ("closed-loop:estimate=clock+", "estimate is ''"),
-        ("closed-loop:estimate=3", "names with + between"),
-        ("closed-loop:estimate=clock=0.05", "a label takes names alone, priors stand in estimate="),
+        ("closed-loop:estimate=3", "names joined by +"),
+        ("closed-loop:estimate=clock=0.05", "a label takes only names: give priors in estimate="),
         ("mekf:estimate=leverarm", "did you mean 'lever-arm'"),
         ("fixed-gain:estimate=clock", "fixed-gain cannot estimate clock; these can: "),
     ],

@@ -1,5 +1,5 @@
-"""Parameters of the installation as states, in every filter that can have them: found, alike, smoothed;
-and a clock that runs away."""
+"""Parameters of the installation as states, in every filter that can have them: found, alike,
+smoothed; and a clock that runs away."""
 
 from dataclasses import replace
 
@@ -149,8 +149,8 @@ def test_a_clock_that_runs_away_is_said(tau):
     assert np.isfinite(run.out.nav).all() and np.isfinite(run.out.fix.innovation).all()
     said = [text for _, text in run.events.all]
     assert any(
-        text.startswith("the clock of position is estimated ")
-        and " s off, more than the filter can look back, until " in text
+        text.startswith("the clock error of position is estimated as ")
+        and " s, which exceeds the filter's buffer of past states, until " in text
         and text.endswith("set time.offset")
         for text in said
     ), said

@@ -210,7 +210,7 @@ def test_the_same_words_in_a_reference(build):
         Rotation.from_quat(reference.q_nb[known][:, [1, 2, 3, 0]]) * TRUE[known].inv()
     ).magnitude().max() < 1e-9
     for change, words in (
-        ('quaternion = "xyzw", ', "of a quaternion say the order"),
+        ('quaternion = "xyzw", ', "for a quaternion give the order"),
         ('axes = "FLU to ENU"', 'unit = "deg"'),
         ('"FLU to ENU"', '"ENU"'),
     ):
@@ -230,13 +230,13 @@ def test_the_same_words_in_a_reference(build):
         (columns(["roll", "pitch", "yaw"]), "column 'yaw' is missing"),
         (
             columns(["roll", "heading"]),
-            "'heading' is named like a heading; two columns are roll and pitch",
+            "'heading' has the name of a heading, but two columns are roll and pitch",
         ),
         (
             columns(["roll"]),
             "columns: 1 given; attitude is roll, pitch, heading, or roll and pitch alone",
         ),
-        (columns(["roll", "pitch", "heading", "t"]), "of a quaternion say the order"),
+        (columns(["roll", "pitch", "heading", "t"]), "for a quaternion give the order"),
         (
             columns(["roll", "pitch", "heading"], quaternion="wxyz"),
             r"3 given, a quaternion \(wxyz\) has 4",
@@ -289,9 +289,9 @@ def with_row(frame, **values):
         (
             with_row(angles(), heading=400.0),
             lambda s: s,
-            "line 9: heading is 400 deg, at most 360.*wrap angles",
+            "line 9: heading is 400 deg, but at most 360.*wrap angles",
         ),
-        (with_row(angles(), pitch=91.0), lambda s: s, "line 9: pitch is 91 deg, at most 90"),
+        (with_row(angles(), pitch=91.0), lambda s: s, "line 9: pitch is 91 deg, but at most 90"),
         (angles(), lambda s: s.replace('"deg"', '"rad"'), "line 2: roll is .*deg read as rad"),
         (
             angles(),
@@ -465,7 +465,7 @@ def mixed(gyro_axes):
         ),
         (
             mixed([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
-            "it turns as a gyro with the axes '+y +x -z' would",
+            "it turns like a gyro with the axes '+y +x -z'",
         ),
         (
             angles().assign(
@@ -473,7 +473,7 @@ def mixed(gyro_axes):
                 roll=lambda f: f.roll / 4,
                 heading=lambda f: f.heading / 4,
             ),
-            "times as much as the gyro: a wrong unit or scale",
+            "times as much as the gyro: an incorrect unit or scale",
         ),
         (
             angles()

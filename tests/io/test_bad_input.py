@@ -191,7 +191,7 @@ TOMLS = {
         "[[source]] 2 (velocity) gate: input should be a valid number, not '9'",
     ),
     "lever arm of two": (line('axes = "FRD"', "lever_arm = [0.0, 1.0]"), "[imu] lever_arm"),
-    "no date": (line("2024-05-01", "yesterday"), "date: 'yesterday' is no date"),
+    "no date": (line("2024-05-01", "yesterday"), "date: 'yesterday' is not a date"),
     "no TOML": (line("[imu]", "[imu"), "is not TOML"),
     "other variable": (line("imu.csv", "${HOME}/imu.csv"), "only ${STRAPDOWN_DATA} is replaced"),
     "no such table": (
@@ -199,7 +199,7 @@ TOMLS = {
         "imu2.csv: cannot be read (No such file or directory); check the path",
     ),
     "a folder": (line('"imu.csv"', '"."'), "is a folder"),
-    "column by a wrong number": (line('"gx", "gy", "gz"', '"gx", 0, "gz"'), "0 is no column"),
+    "column by a wrong number": (line('"gx", "gy", "gz"', '"gx", 0, "gz"'), "0 is not a column"),
     "constraint with a file": (
         line('kind = "velocity"', 'kind = "zero-velocity"'),
         "file: zero-velocity takes none; it is a constraint of the vehicle",
@@ -399,5 +399,5 @@ def test_an_archive_without_a_file_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a\0b.csv"])
 def test_what_can_be_no_path_is_refused(name):
-    with pytest.raises(DataError, match="is no path"):
+    with pytest.raises(DataError, match="is not a path"):
         read(name)

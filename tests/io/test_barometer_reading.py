@@ -33,7 +33,7 @@ def test_pressure(build):
         (
             955.0,
             "Pa",
-            "line 2: pressure is 955 Pa, where air has 5000 to 200000: hPa or mbar read as Pa?",
+            "line 2: pressure is 955 Pa, but that of air is 5000 to 200000: hPa or mbar read as Pa?",
         ),
         (95.5, "Pa", "kPa read as Pa?"),
         (1014.5, "Pa", "hPa or mbar read as Pa?"),
@@ -83,7 +83,7 @@ def test_arrays_need_the_field_too(parameters):
     t = 0.01 * np.arange(1, 101)
     mag = Source("magnetic-field", t, np.full((100, 3), 2e-5), np.full((100, 3), 1e-6), parameters)
     with pytest.raises(
-        DataError, match="magnetic-field: parameters are .* geomagnetic_field gives it"
+        DataError, match="magnetic-field: parameters are .* geomagnetic_field returns it"
     ):
         Recording.from_arrays(t, np.zeros((100, 3)), np.tile([0, 0, -9.8], (100, 1)), (mag,))
 

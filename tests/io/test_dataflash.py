@@ -112,7 +112,7 @@ def test_the_delay_that_the_driver_knows(flown, log, text, delay):
     found = sd.read(path)
     np.testing.assert_allclose(found.sources[0].t, flown.sources[0].t, atol=1e-3)
     read = " ".join(found.meta["read"])
-    assert ("own for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
+    assert ("own value for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
 
 
 def test_the_undulation_of_the_receiver_makes_heights_ellipsoidal(flown, log):
@@ -167,7 +167,7 @@ def test_what_the_log_does_not_say_is_assumed(flown, log):
     assert np.all(position.std == 0.5) and np.all(velocity.std == 0.4)
     np.testing.assert_allclose(position.t, flown.sources[0].t - 0.2, atol=1e-3)
     read = " ".join(found.meta["read"])
-    assert "the default of EK3_POSNE_M_NSE" in read and "ArduPilot's own default" in read
+    assert "the default of EK3_POSNE_M_NSE" in read and "ArduPilot's default" in read
 
 
 def test_the_older_filter_states_the_delay(flown, log):

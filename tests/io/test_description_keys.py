@@ -17,6 +17,7 @@ SOURCES = {
     "altitude": 'columns = ["a"]\nunit = "m"\nstd = 1.0\n',
     "heading": 'columns = ["a"]\nunit = "rad"\nstd = 0.1\n',
     "attitude": 'columns = ["a", "b", "c"]\nunit = "rad"\nstd = 0.1\n',
+    "baseline": 'columns = ["a", "b", "c"]\nunit = "m"\nstd = 0.1\nbaseline = [1.0, 0.0, 0.0]\n',
     "zero-velocity": "rate = 10\nstd = 0.1\n",
     "zero-lateral-velocity": "rate = 10\nstd = 0.1\n",
 }
@@ -41,6 +42,8 @@ VALUES = {
     "robust": "true",
     "adaptive": "60.0",
     "gate": "5.0",
+    "baseline": "[0.0, 1.0, 0.0]",
+    "receiver": '"GNSS"',
     "name": '"mine"',
 }
 GIVEN = {"kind", "file", "time", "columns", "unit", "std"}
@@ -72,6 +75,7 @@ def folder(tmp_path_factory):
         ("altitude", truth.lla[at, 2:]),
         ("heading", truth.rph[at, 2:]),
         ("attitude", truth.rph[at]),
+        ("baseline", truth.rotation.as_matrix()[at, :, 0]),
     ):
         names = ["t", *"abc"[: values.shape[1]]]
         pd.DataFrame(np.c_[t, values], columns=names).to_csv(folder / f"{kind}.csv", index=False)
@@ -84,6 +88,8 @@ def read(folder, kind, more=""):
     lines = SOURCES[kind]
     if more.startswith("rate") and "rate" in lines:
         lines = lines.replace("rate = 10\n", "")
+    if more.startswith("baseline"):
+        lines = lines.replace("baseline = [1.0, 0.0, 0.0]\n", "")
     source = f'[[source]]\nkind = "{kind}"\n{"" if kind.startswith("zero") else own}{lines}{more}\n'
     path = folder / "keys.toml"
     path.write_text(TOML.partition("[[source]]")[0] + source)

@@ -146,7 +146,7 @@ def test_every_description_of_the_page_reads(tables, number):
     recording = read(tables / "recording.toml")
     assert len(recording.imu.t) == 3000 and recording.meta["notes"] in (
         [],
-        ["zero-velocity: no rest was found, so it never holds"],
+        ["zero-velocity: no rest was found, so it never applies"],
     )
     assert len(recording.sources) == text.count("[[source]]") and (
         recording.reference is not None

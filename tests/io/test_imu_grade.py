@@ -123,5 +123,5 @@ def test_a_mark_of_no_key_is_refused_and_a_grade_that_is_tuned_loses_its_mark(pa
     text = rewrite_text(path, [edit], ["position", "velocity"], "today", change_noise)
     assert 'grade = "tuned.toml"' in text and "assumed = []" in text
     path.write_text(path.read_text().replace('assumed = ["grade"', 'assumed = ["mounting"'))
-    with pytest.raises(sd.DataError, match="'mounting' is no key of this section; take it out"):
+    with pytest.raises(sd.DataError, match="'mounting' is not a key of this section; remove it"):
         sd.read(path)

@@ -78,10 +78,10 @@ def test_facts_of_a_good_recording(build, tmp_path):
         "gaps: 1, the longest 5.000 s after 15.000 s",
         "median magnitude 9.80",
         "seems at rest, by the IMU alone, for 15.0 s",
-        "z is negative, as it must be",
+        "z is negative, as required",
         "angular rate [1.0",
         "position: 20 fixes, 10.500 to 29.500 s, every 1 s",
-        "19.0 s of it with the IMU",
+        "19.0 s of them within the IMU record",
         "note: ",
         "no mistakes found",
     ):
@@ -96,7 +96,7 @@ def test_facts_of_a_good_recording(build, tmp_path):
     "changes, words",
     [
         (dict(), None),
-        (dict(gyro=57.3), "gyro.unit: the gyro claims tilting"),
+        (dict(gyro=57.3), "gyro.unit: the gyro shows tilting"),
         (
             dict(gyro=1 / 57.3),
             "times as much as the course of velocity: rad/s read as deg/s",
@@ -195,7 +195,7 @@ def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
         ),
         (
             frame([1, 1, 1], ["gx", "gy", "gz"], ["az", "ax", "ay"]),
-            ['axes = "+x -z +y?"', "gravity lies on y"],
+            ['axes = "+x -z +y?"', "gravity is along y"],
         ),
     ],
 )
@@ -287,7 +287,7 @@ def test_tables_that_cannot_be_guessed(tmp_path):
     with pytest.raises(DataError, match="no header line"):
         draft(path)
     path.write_text("a,b\n1,2\n3,4\n")
-    assert "no column is named like a time" in inspect(path).problems[0]
+    assert "no column has the name or the content of a time" in inspect(path).problems[0]
     with pytest.raises(DataError, match="cannot be read"):
         inspect(tmp_path / "nothing.csv")
 
@@ -312,7 +312,7 @@ def test_reasons_and_what_was_not_checked(drive):
 
 def test_a_time_zone_is_named(drive):
     (problem,) = inspect(drive(offset=-7200.0)).problems
-    assert "+7200 s added to its time bring it there (a time zone, +2 h?)" in problem
+    assert "+7200 s added to its time make it overlap (a time zone, +2 h?)" in problem
 
 
 def test_jitter_is_one_line(drive, tmp_path):

@@ -102,7 +102,7 @@ def test_field_given(build):
         recording.sources[0].parameters == pytest.approx((21e-6, 1.5e-6, 43e-6))
         and recording.meta["notes"] == []
     )
-    assert "its median strength is 48.2 uT, that of the Earth's field 28.6 uT" in " ".join(
+    assert "its median strength is 48.2 uT, but that of the Earth's field is 28.6 uT" in " ".join(
         read(
             build(toml=added('field = { north = 200, east = 0, down = 205, unit = "mgauss" }'))
         ).meta["notes"]
@@ -130,8 +130,8 @@ def test_field_of_the_record(build, line, angle, words):
 
 def test_what_the_field_needs(build):
     for key, words in (
-        ("date", 'the geomagnetic model needs the date: write date = "2012-10-10"'),
-        ("place", "needs the place: write place = {"),
+        ("date", 'the geomagnetic model needs the date: add date = "2012-10-10"'),
+        ("place", "needs the place: add place = {"),
     ):
         with pytest.raises(
             DataError, match=r"\[\[source\]\] 1 \(magnetic-field\) field: is missing, and "
@@ -156,11 +156,11 @@ REFUSED = {
     "lever arm": (added("lever_arm = [1.0, 0.0, 0.0]"), "lever_arm: magnetic-field takes none"),
     "field without unit": (
         added("field = { north = 20.0, east = 1.0, down = 43.0 }"),
-        "field: write { north = 17.6",
+        "field: give { north = 17.6",
     ),
     "field in gauss said to be T": (
         added('field = { north = 0.2, east = 0.0, down = 0.4, unit = "T" }'),
-        "its strength is 4.472e+05 uT, where the Earth's is 22 to 67",
+        "its strength is 4.472e+05 uT, but the Earth's is 22 to 67 uT",
     ),
     "declination of the model": (
         added('declination = { value = 3.0, unit = "deg" }'),
@@ -172,7 +172,7 @@ REFUSED = {
     ),
     "field without a horizontal part": (
         added('field = { north = 0.0, east = 0.0, down = 48.0, unit = "uT" }'),
-        "field: it has nothing horizontal and so gives no heading",
+        "field: it has no horizontal part and so gives no heading",
     ),
     "unit spelt G": (
         lambda s: s.replace('"uT"', '"G"'),
@@ -238,7 +238,7 @@ def test_an_uncalibrated_one_is_said(build):
         path
     ) and "calibrate it (`strapdown calibrate`)" in notes(path)
     assert any("calibrate it" in problem for problem in inspect(path).problems)
-    assert "that of the Earth's field 48.2 uT: check the unit" in notes(
+    assert "that of the Earth's field is 48.2 uT: check the unit" in notes(
         build(toml=added("scale = 0.3"))
     )
 
@@ -249,12 +249,12 @@ def test_an_uncalibrated_one_is_said(build):
         (
             1.0,
             "nT",
-            "its median strength is 0.0482 uT, that of the Earth's field 48.2 uT: is the unit uT, not nT?",
+            "its median strength is 0.0482 uT, but that of the Earth's field 48.2 uT: is the unit uT, not nT?",
         ),
         (
             0.01,
             "uT",
-            "median strength is 0.482 uT, that of the Earth's field 48.2 uT: is the unit gauss, not uT?",
+            "median strength is 0.482 uT, but that of the Earth's field 48.2 uT: is the unit gauss, not uT?",
         ),
         (10.0, "uT", "is the unit mgauss, not uT?"),
         (0.1, "uT", "check unit, scale, columns and calibration"),
@@ -375,7 +375,7 @@ def test_a_held_value_at_rest_is_not_called_stuck(build):
     path = build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=43.5), imu=still)
     assert len(
         read(path).sources[0].t
-    ) == 1000 and "it never changes; nothing here shows that the sensor works" in notes(path)
+    ) == 1000 and "it never changes; check that the sensor works" in notes(path)
 
 
 def test_saturated_samples_are_dropped_and_counted(build):
@@ -393,7 +393,8 @@ def test_saturated_samples_are_dropped_and_counted(build):
 def test_inspect_names_the_axes_that_fit(build):
     good = inspect(build(mag=turned(np.diag([1.0, -1.0, -1.0])), toml=added('axes = "+x -y -z"')))
     assert not good.problems and any(
-        "magnetic-field: dip 63." in fact and "rms difference 0." in fact for fact in good.facts
+        "magnetic-field: mean dip 63." in fact and "rms difference 0." in fact
+        for fact in good.facts
     )
     for C, axes in (
         (np.diag([1.0, -1.0, -1.0]), "+x -y -z"),
@@ -427,7 +428,9 @@ def test_the_axes_that_fit_are_those_of_the_columns(build):
 
 def test_inspect_sees_a_left_handed_sensor(build, tmp_path):
     (problem,) = inspect(build(mag=lambda f: f.assign(my=-f.my))).problems
-    assert "with '+x -y +z' by 0: they are left-handed, so one column has the wrong sign" in problem
+    assert (
+        "with '+x -y +z' by 0: they are left-handed, so one column has the opposite sign" in problem
+    )
     write_recording(read(tmp_path / "recording.toml"), tmp_path / "recording.nc")
     assert any("left-handed" in text for text in inspect(tmp_path / "recording.nc").problems)
     assert read(tmp_path / "recording.nc").meta["place"] == pytest.approx(PLACE)

@@ -150,9 +150,9 @@ def test_other_messages_than_those_of_ros_are_refused(tmp_path):
         channel = writer.register_channel("/fix", "protobuf", schema)
         writer.add_message(channel, 1, b"\0" * 30, 1)
         writer.finish()
-    assert "its messages are protobuf, not of ROS" in asked(tmp_path / "a.mcap")
+    assert "its messages have the encoding protobuf, not that of ROS" in asked(tmp_path / "a.mcap")
     (tmp_path / "a.mcap").write_bytes(b"no such file at all")
-    assert "no MCAP file" in asked(tmp_path / "a.mcap")
+    assert "not an MCAP file" in asked(tmp_path / "a.mcap")
 
 
 def test_damaged_bytes_end_in_one_line_at_most(tmp_path):
@@ -172,7 +172,9 @@ def test_damaged_bytes_end_in_one_line_at_most(tmp_path):
         try:
             sd.read(other)
         except DataError as error:
-            assert len(str(error).splitlines()) == 1 and "its author should know" not in str(error)
+            assert len(str(error).splitlines()) == 1 and "report this to its author" not in str(
+                error
+            )
 
 
 def test_a_whole_file_packed_by_any_writer_of_zstd(tmp_path):

@@ -138,9 +138,9 @@ def test_damaged_and_foreign_files(build, tmp_path):
 
     for said in ("another", np.zeros(0), np.zeros((2, 2))):
         xr.Dataset({"a": 1.0}, attrs={"format": said}).to_netcdf(path, engine="h5netcdf")
-        with pytest.raises(DataError, match="is no recording"):
+        with pytest.raises(DataError, match="is not a recording"):
             read(path)
-        with pytest.raises(DataError, match="is no solution"):
+        with pytest.raises(DataError, match="is not a solution"):
             read_solution(path)
 
 
@@ -151,7 +151,7 @@ def test_samples_of_a_file_are_checked(build, tmp_path):
         write_recording(replace(recording, imu=imu._replace(dv=imu.dv[:-1])), path)
     assert not path.exists()
     for wrong, words in (
-        (imu._replace(t=imu.t[::-1]), "rising time"),
+        (imu._replace(t=imu.t[::-1]), "must increase"),
         (imu._replace(dv=-imu.dv), "must read -9.8"),
     ):
         write_recording(replace(recording, imu=wrong), path)

@@ -124,7 +124,7 @@ def test_days_turn_at_midnight_also_where_only_some_sentences_have_dates(written
     log = written("".join(lines[1:]))
     assert (np.diff(log.tables["GGA"].frame["day_ms"]) == 500).all()
     assert log.sections[0].keys["time"] == {"column": "day_ms", "unit": "ms"}
-    assert any("no RMC or ZDA says one" in line for line in log.left)
+    assert any("no RMC or ZDA has one" in line for line in log.left)
     zda = sentence("GPZDA,235958.00,28,02,2024,00,00")
     empty = sentence("GPZDA,235958,,,,00,")
     found = written(zda + empty + "".join(lines[1:])).tables["GGA"].frame
@@ -188,7 +188,7 @@ def test_heights_without_separation_get_that_of_the_model(written):
     t = moments(4)
     log = written("".join(gga(m, 45, 7, 100, None) for m in t))
     position = log.sections[0]
-    assert position.keys["geoid"] == "EGM96" and "do not say" in position.assumed["geoid"]
+    assert position.keys["geoid"] == "EGM96" and "do not state" in position.assumed["geoid"]
     assert (
         "4 m for quality 1"
         in written("".join(gga(m, 45, 7, 1, quality=1) for m in t)).sections[0].assumed["std"]
@@ -232,8 +232,8 @@ def test_deviations_of_zero_are_none(written):
     std_ned = log.tables["GGA"].frame[["std_n", "std_e", "std_d"]].to_numpy().tolist()
     assert std_ned == [[0.01, 0.012, 0.04], [0.02] * 3, [0.1] * 3, [0.5, 0.5, 1.0]]
     why = log.sections[0].assumed["std"]
-    assert "where GST tells none: 0.02 m for quality 4, 0.5 m for quality 5" in why
-    assert "raised to at least 0.01 m for quality 4, else 0.1 m" in why
+    assert "where GST has none: 0.02 m for quality 4, 0.5 m for quality 5" in why
+    assert "the std of GST, at least 0.01 m for quality 4, else 0.1 m" in why
 
 
 def test_headings_of_two_antennas(written):

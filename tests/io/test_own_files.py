@@ -1,5 +1,5 @@
-"""Files that strapdown writes and reads again: a changed bit is noticed, and what contradicts their format
-is one line that names the field."""
+"""Files that strapdown writes and reads again: a changed bit is noticed, and what contradicts their
+format is one line that names the field."""
 
 import json
 
@@ -74,12 +74,12 @@ def test_a_file_of_another_version_says_so_and_how_to_make_it_again(made, tmp_pa
     with pytest.raises(DataError) as refused:
         READ[name](tmp_path / name)
     again = {
-        "recording": "read what it was made of, and write it again with write_recording",
+        "recording": "read the original files, and write it again with write_recording",
         "solution": "fuse the recording again, and write its solution with write_solution",
     }
     assert str(refused.value) == (
         f"{tmp_path / name}: is a {what} of another version of strapdown (its format attribute is "
-        f"'strapdown {what} 2', this version reads 'strapdown {what} 1'); {again[what]}"
+        f"'strapdown {what} 2', but this version reads 'strapdown {what} 1'); {again[what]}"
     )
 
 
@@ -121,7 +121,7 @@ def huge(file):
 
 
 RECORDING = {
-    "imu: t must be in rising time": put("imu/t", 5, 0.0),
+    "imu: t must increase": put("imu/t", 5, 0.0),
     "imu: dt is 0 at": put("imu/dt", 5, 0.0),
     "imu: dv is nan at": put("imu/dv", (5, 1), np.nan),
     "imu: dtheta is missing": remove("imu/dtheta"),
@@ -132,7 +132,7 @@ RECORDING = {
     "source_1: no aiding is of kind": notify("source_1", "kind", "nothing"),
     "source_1: name: string should have at most": notify("source_1", "name", "x" * 2000),
     "source_1: y is missing": remove("source_1/y"),
-    "meta: is no JSON": text("meta", '{"name": '),
+    "meta: is not JSON": text("meta", '{"name": '),
     "meta: input should be a valid dictionary": text("meta", "[]"),
     "meta: epoch: .* is no time": text("meta", '{"epoch": "yesterday"}'),
     "meta: notes: input should be a valid list": text("meta", '{"notes": "one"}'),
@@ -150,19 +150,19 @@ def test_a_recording_that_contradicts_its_format_is_refused(made, tmp_path, word
 
 
 SOLUTION = {
-    "time must be in rising time": put("time", 3, 0.0),
+    "time must increase": put("time", 3, 0.0),
     "lat is 91 at": put("lat", 3, 91.0),
     "std_VN is -1 at": put("std_VN", 3, -1.0),
     "status is 9 at": put("status", 3, 9),
     "quaternion has the norm": put("q_w", 3, 2.0),
     "q_x is missing": remove("q_x"),
     "roll is in 'rad'": notify("roll", "units", "rad"),
-    "and a fix of source 5": put("fix_source", 17, 5),
+    "but a fix of source 5": put("fix_source", 17, 5),
     "gates: 0: input should be": text("gates", '["a", 1.0]'),
     "sources: input should be a valid list": text("sources", '{"a": 1}'),
     "events: 0": text("events", "[[1.0]]"),
     "meta: start.t": text("meta", '{"start": {"t": "now", "std": []}}'),
-    "meta: is no JSON": text("meta", "[" * 100_000),
+    "meta: is not JSON": text("meta", "[" * 100_000),
 }
 
 
@@ -175,13 +175,13 @@ def test_a_solution_that_contradicts_its_format_is_refused(made, tmp_path, words
 
 
 CSV = {
-    "line 7: is no row of a solution": lambda lines: [*lines[:6], "# note", *lines[6:]],
-    "line 6: t .s. is 0, which no solution": lambda lines: [
+    "line 7: is not a row of a solution": lambda lines: [*lines[:6], "# note", *lines[6:]],
+    "line 6: t .s. is 0, which is impossible": lambda lines: [
         *lines[:5],
         "0," + lines[5].partition(",")[2],
         *lines[6:],
     ],
-    "has 40 rows and its first line says 50": lambda lines: lines[:42],
+    "has 40 rows, but its first line states 50": lambda lines: lines[:42],
     "line 52: status is nan": lambda lines: [*lines[:51], lines[51][: len(lines[51]) // 2]],
     "line 1: rows: ": lambda lines: [lines[0].replace('"rows": 50', '"rows": -1'), *lines[1:]],
 }

@@ -138,7 +138,7 @@ def test_phyphox_in_every_way_it_writes(tmp_path, walk, separator, decimal):
     assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
     assert recording.imu.t[-1] == pytest.approx(0.25 + walk.t[-1], abs=1e-5)
     lines = recording.meta["read"]
-    assert any("1 fixes whose accuracy is worse than 100 m" in line for line in lines)
+    assert any("1 fixes with an accuracy worse than 100 m" in line for line in lines)
     assert any("Linear Accelerometer: acceleration without gravity" in line for line in lines)
     velocity = next(each for each in recording.sources if each.kind == "velocity")
     assert len(velocity.t) == len(walk.fix_t) - 2  # and the second says -1
@@ -176,7 +176,7 @@ def test_the_file_that_is_missing_is_named(tmp_path, walk, name, words):
     with pytest.raises(DataError, match=words):
         sd.read(path)
     (problem,) = inspect(path).problems
-    assert "name the file that has it beside" in problem
+    assert "name the file that has it too" in problem
 
 
 def test_a_table_with_other_columns_than_its_head_is_left(tmp_path, walk):
@@ -205,7 +205,7 @@ def test_gnsslogger(tmp_path, walk):
     assert any(f"{len(walk.fix_t)} of the provider FLP" in line for line in lines)
     assert any("+0.477 s off" in fact for fact in inspect(path).facts)
     # the gyro is read 1.3 ms after the accelerometer, which is interpolated to it
-    assert any("have times of their own" in note for note in recording.meta["notes"])
+    assert any("have different times" in note for note in recording.meta["notes"])
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_gnsslogger(tmp_path, walk):
         (lambda files: files.pop("TotalAcceleration.csv"), None),
         (
             lambda files: [files.pop(f"{each}.csv") for each in ("TotalAcceleration", "Gravity")],
-            r"Accelerometer\.csv is without gravity \(its median is 0\.\d+ m/s\^2\), .* record Gravity",
+            r"Accelerometer\.csv does not contain gravity \(its median is 0\.\d+ m/s\^2\), .* record Gravity",
         ),
         (
             lambda files: files.pop("Gyroscope.csv"),
@@ -222,7 +222,7 @@ def test_gnsslogger(tmp_path, walk):
         ),
         (
             lambda files: [files.pop(name) for name in list(files) if "cc" in name or "G" in name],
-            "no IMU in it; name its file beside",
+            "no IMU in it; name its file too",
         ),
         (
             lambda files: files.update({"Gyroscope.csv": b"time,seconds_elapsed,z,y,x\n"}),
@@ -267,7 +267,9 @@ def test_folders_that_no_reader_knows(tmp_path, command):
         path.mkdir()
         make(path)
         for run in (sd.read, inspect):
-            with pytest.raises(DataError, match="is a folder in which no reader finds") as error:
+            with pytest.raises(
+                DataError, match="is a folder without files that a reader recognises"
+            ) as error:
                 run(path)
             assert "\n" not in str(error.value)
     code, _, err = command("fuse", str(path))
@@ -301,7 +303,7 @@ def test_the_samples(data_folder):
     (position,) = walk.sources
     assert len(position.t) == 33 and np.all(position.std[:, 0] <= 100)
     for name in ("sensorlogger_10s", "sensorlogger_tracker_24s"):
-        with pytest.raises(DataError, match=r"Accelerometer\.csv is without gravity"):
+        with pytest.raises(DataError, match=r"Accelerometer\.csv does not contain gravity"):
             sd.read(phones / name)
     log = data_folder / NATIVE / "gnsslogger" / "pixel7_gnsslogger_v3.txt.xz"
     with pytest.raises(DataError, match="UncalGyro .*: 0.0177 Hz is too slow"):
@@ -336,14 +338,15 @@ def test_the_least_rate_is_that_of_other_logs(tmp_path, walk, kind):
         b"\n".join(line for k, line in enumerate(lines) if not line.startswith(kind) or k % 20 == 0)
     )
     with pytest.raises(
-        DataError, match="Hz is too slow for samples of an IMU: 20 Hz are needed"
+        DataError, match="Hz is too slow for samples of an IMU: at least 20 Hz are needed"
     ) as error:
         sd.read(path)
     assert "takes it" not in str(error.value)
 
 
 def test_a_folder_is_looked_at_twice_and_no_more(tmp_path, walk, monkeypatch):
-    """Whose it is is asked once by what is called and once where it is opened, not for each table."""
+    """Whose it is is asked once by what is called and once where it is opened, not for each
+    table."""
     asked = []
     real = registry._takes
     monkeypatch.setattr(

@@ -74,10 +74,10 @@ def test_a_filter_can_start_from_the_header(tmp_path):
         ("-2 0 3", "-2 1_0 3", "line 8: '-2 1_0 3 4 5 220' is not six numbers"),
         ("34.246048 108", "34.2_46048 108", "line 5: .* is not six numbers"),
         ("-2 0 3", "-2 x 3", "line 8: '-2 x 3 4 5 220' is not six numbers"),
-        ("-2 0 3", "-2 nan 3", "line 8: a count is no finite number"),
+        ("-2 0 3", "-2 nan 3", "line 8: a count is not a finite number"),
         ("34.246048 108", "134.246048 108", "line 5: latitude, longitude"),
         (" 10.0 9.78", " 0.0 9.78", "line 5: latitude, longitude"),
-        ("0.1 0.2 0.3", "0.1 0.0 0.3", "line 6: what a count is worth"),
+        ("0.1 0.2 0.3", "0.1 0.0 0.3", "line 6: the size of a count"),
         (
             "0.1 0.2 0.3",
             "0.1 0.2 0.3 1",

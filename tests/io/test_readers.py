@@ -90,7 +90,7 @@ def test_a_file_finds_its_reader(name, expected):
 
 
 def test_a_reader_from_outside_is_known_everywhere(log, command):
-    with pytest.raises(DataError, match=r"type '\.mine' are not read; supported are .*\.imu, "):
+    with pytest.raises(DataError, match=r"type '\.mine' cannot be read; supported are .*\.imu, "):
         sd.read(log)
     add(MINE)
     add(MINE)
@@ -120,8 +120,8 @@ def test_a_reader_from_outside_is_known_everywhere(log, command):
         ({"suffixes": (".mine", ".imu")}, r"end in \.imu are read by 'psins'; give it a sniff"),
         ({"suffixes": ".mine"}, "suffixes is '.mine'; it must be a tuple"),
         ({"suffixes": ("mine",)}, "it must be a tuple of endings"),
-        ({"suffixes": (".Mine",)}, "it must be a tuple of endings in small letters"),
-        ({"suffixes": ()}, "empty only beside a sniff"),
+        ({"suffixes": (".Mine",)}, "it must be a tuple of endings in lower case"),
+        ({"suffixes": ()}, "empty only with a sniff"),
         ({"summary": "two\nlines"}, "it must be one line of text"),
         ({"read": None}, "read is None; it must be a function"),
         ({"read": "read"}, "read is 'read'; it must be a function"),
@@ -145,7 +145,7 @@ def test_what_is_no_reader_is_refused():
 def test_two_readers_that_claim_a_file_alike_are_refused(log):
     add(MINE)
     add(MINE._replace(name="other", suffixes=(".mine",)))
-    with pytest.raises(DataError, match="the readers 'mine' and 'other' both take it for theirs"):
+    with pytest.raises(DataError, match="the readers 'mine' and 'other' both claim it"):
         sd.read(log)
 
 
@@ -224,26 +224,38 @@ def test_a_content_that_nobody_knows_is_no_table(tmp_path, command):
     (tmp_path / "flight.bin").write_bytes(bytes(range(256)) * 20)
     for name in ("fuse", "inspect"):
         code, _, err = command(name, str(tmp_path / "flight.bin"))
-        assert code == 2 and "ends as files of dataflash do, and its content is none" in err[0]
+        assert code == 2 and "its suffix is that of dataflash, but its content is not" in err[0]
 
 
 @pytest.mark.parametrize(
     "name, content, words",
     [
-        ("a.ulg", b"", "is no ULog: it is empty; copy it again"),
-        ("a.ulg", b"ULog\x01", "is no ULog: it ends after 5 bytes, within its header"),
-        ("a.ulg", b"ULog\x01\x12\x35\x01", "is no ULog: it ends after 8 bytes, within its header"),
-        ("a.ulg", b"t,x\n0,1\n", "is no ULog: it begins with other bytes; is it the file of"),
-        ("a.bag", b"", "is no bag of ROS 1 of format 2.0: it is empty"),
-        ("a.bag", b"#ROSBAG V1.2\n" + bytes(9), "`rosbag migrate` brings one of 1.2 there"),
-        ("a.mcap", b"\x89MC", "is no MCAP file of version 0: it ends after 3 bytes"),
+        ("a.ulg", b"", "is not a ULog: it is empty; copy it again"),
+        ("a.ulg", b"ULog\x01", "is not a ULog: it ends after 5 bytes, within its header"),
+        (
+            "a.ulg",
+            b"ULog\x01\x12\x35\x01",
+            "is not a ULog: it ends after 8 bytes, within its header",
+        ),
+        (
+            "a.ulg",
+            b"t,x\n0,1\n",
+            "is not a ULog: it begins with other bytes; give the complete file",
+        ),
+        ("a.bag", b"", "is not a bag of ROS 1 in format 2.0: it is empty"),
+        ("a.bag", b"#ROSBAG V1.2\n" + bytes(9), "`rosbag migrate` converts format 1.2"),
+        ("a.mcap", b"\x89MC", "is not an MCAP file of version 0: it ends after 3 bytes"),
         ("a.BIN", b"", "a.BIN: is empty; copy it again"),
         (
             "a.db3",
             b"SQLite format 3\0" + bytes(50),
             "`sqlite3 FILE.db3 .recover | sqlite3 whole.db3`",
         ),
-        ("a.csv", b"t,x\n" + b"0,1\n" * 9 + b"0,1,2\n", "line 11 has 3 cells, those before it 2"),
+        (
+            "a.csv",
+            b"t,x\n" + b"0,1\n" * 9 + b"0,1,2\n",
+            "line 11 has 3 cells, but the lines before it at most 2",
+        ),
     ],
 )
 def test_what_is_no_file_of_its_format_is_told_in_words(tmp_path, name, content, words):
@@ -267,7 +279,9 @@ def test_a_zip_of_one_file_is_read_as_that_file(tmp_path):
     assert zipped({"logs/a.csv": "t,x\n0,1\n", "__MACOSX/logs/._a.csv": "x"}).name == "table"
     assert zipped({"drive.bag": b"cut"}).name == "rosbag1"
     assert zipped({"a.ulg": ulog, "b.ulg": ulog}) is None
-    with pytest.raises(DataError, match="holds 2 files that are no recording together; unpack it"):
+    with pytest.raises(
+        DataError, match="holds 2 files that are not a recording together; unpack it"
+    ):
         readers.taker(tmp_path / "q.zip")
 
 
@@ -283,14 +297,14 @@ def needs_more(path):
     "changes, words",
     [
         ({"read": needs_more}, "'mine' needs a package that is not installed (No module named"),
-        ({"read": fails}, "the reader 'mine' fails at it in `read` (KeyError: "),
-        ({"inspect": fails}, "the reader 'mine' fails at it in `inspect` (KeyError: "),
-        ({"sniff": fails}, "the reader 'mine' fails at it in `sniff` (KeyError: "),
+        ({"read": fails}, "the reader 'mine' fails in `read` (KeyError: "),
+        ({"inspect": fails}, "the reader 'mine' fails in `inspect` (KeyError: "),
+        ({"sniff": fails}, "the reader 'mine' fails in `sniff` (KeyError: "),
         ({"read": lambda path: path.read_text() + 1}, "in `read` (TypeError: "),
-        ({"read": lambda path: {}}, "the reader 'mine' gives no Recording but a dict"),
+        ({"read": lambda path: {}}, "the reader 'mine' returns a dict instead of a Recording"),
         (
             {"inspect": lambda path: ["fact"]},
-            "the reader 'mine' gives no facts and problems but a list",
+            "the reader 'mine' returns a list instead of facts and problems",
         ),
     ],
 )
@@ -302,7 +316,7 @@ def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
 
 
 def test_the_kind_of_a_packed_file_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"files of type '\.xyz\.xz' are not read"):
+    with pytest.raises(DataError, match=r"files of type '\.xyz\.xz' cannot be read"):
         sd.read(tmp_path / "a.b.xyz.xz")
 
 

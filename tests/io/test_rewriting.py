@@ -186,14 +186,14 @@ def test_each_file_that_was_replaced_is_kept(path):
     [
         (
             TEXT.replace('kind = "velocity"', 'kind = "position"'),
-            "has [imu] and 3 [[source]] (position, position, speed), where the recording has "
-            "position, velocity, speed; name the file from which it was read",
+            "has [imu] and 3 [[source]] (position, position, speed), but the recording has "
+            "position, velocity, speed; give the file from which it was read",
         ),
-        (TEXT.replace("[imu]", "[other]"), "has no [imu] (position, velocity, speed), where"),
+        (TEXT.replace("[imu]", "[other]"), "has no [imu] (position, velocity, speed), but"),
         (
             'source = [{ kind = "position", time = { column = "t" } }, { kind = "velocity" }, '
             '{ kind = "speed" }]\n[imu]\nfile = "x"\n',
-            "is written in a way that cannot be changed in place; change it by hand",
+            "its layout cannot be changed in place; change it by hand",
         ),
         (TEXT + "[imu]\n", "is not TOML: "),
     ],
@@ -235,7 +235,7 @@ def test_a_clock_of_two_tables_is_left_to_the_user(path):
     own = 'accel = { columns = ["x", "y", "z"], time = { column = "t", unit = "s" } }\n'
     path.write_text(TEXT.replace("# the receiver", own))
     edit = Edit(None, CLOCK, (0.25,), (0.01,))
-    with pytest.raises(DataError, match=r"\[imu\] accel has a time of its own; add \+0.25 s"):
+    with pytest.raises(DataError, match=r"\[imu\] accel has its own time; add \+0.25 s"):
         rewrite_text(path, [edit], KINDS, MARK)
 
 

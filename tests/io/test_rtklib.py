@@ -14,6 +14,7 @@ from strapdown.checks import DataError
 from strapdown.geometry.geodesy import displacement, ned_axes, to_ecef
 from strapdown.io.description.logs import join
 from strapdown.io.readers.rtklib import open_pos
+from strapdown.preprocessing.receiver_classes import join_classes
 
 pytestmark = pytest.mark.short
 START = np.datetime64("2024-06-01T23:59:50.000", "ms")
@@ -192,7 +193,8 @@ def test_the_drive_is_the_one_of_its_csv(data_folder, tmp_path):
     )
     (tmp_path / "recording.toml").write_text(text)
     found, wanted = sd.read(tmp_path / "recording.toml"), sd.read(EXAMPLES / "drive0708.toml")
-    for one, other, late in zip(found.sources, wanted.sources, (0, 0.125)):
+    assert [len(a.t) for a in found.sources] == [2189, 8, 2197]  # fixed, float, velocities
+    for one, other, late in zip(join_classes(found.sources), wanted.sources, (0, 0.125)):
         assert np.allclose(one.t, other.t + late, atol=2e-6) and len(one.t) == 2197
         assert np.allclose(one.y, other.y, atol=1e-12)
     assert np.allclose(found.imu.t, wanted.imu.t)

@@ -37,7 +37,7 @@ def test_the_level_is_what_the_heave_is_about(build, tmp_path):
         (with_more(SEA + "level = 500000.0\n"), r"zero-sea-level\) level: .*12000"),
         (
             with_more(SEA.replace("2.0", "1e6", 1)),
-            r"zero-sea-level\) rate: 1e\+06 Hz is more than 10 times that of the IMU; give 1000 Hz or less",
+            r"zero-sea-level\) rate: 1e\+06 Hz is more than 10 times the rate of the IMU; give 1000 Hz or less",
         ),
         (
             with_more('\n[[source]]\nkind = "gravity"\nrate = 2.0\nstd = 0.3\nlevel = 45.0\n'),
@@ -61,7 +61,7 @@ def test_a_level_far_from_the_height_of_the_place_is_said(build):
         read(build(toml=lambda toml: place + toml + SEA + f"level = {level}\n")).meta["notes"]
     )
     assert (
-        "zero-sea-level: its level is 0 m and the height of place 45 m, 56 of its standard deviations apart"
+        "zero-sea-level: its level is 0 m, but the height of place is 45 m, 56 standard deviations apart"
         in notes(0.0)
     )
     assert "its level" not in notes(44.0)

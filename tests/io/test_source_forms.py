@@ -83,7 +83,7 @@ def test_a_speed_without_course(fixes):
     np.testing.assert_allclose(source.std[~stands], 0.2 * KNOT)
     said = " ".join(recording.meta["notes"])
     assert "2 rows without a course, of which 1 at a standstill" in said
-    assert "1 row with a speed below zero" in said and "line 7" in said
+    assert "1 row with a negative speed" in said and "line 7" in said
 
 
 def test_a_reference_of_speed_and_course(fixes):
@@ -103,7 +103,7 @@ velocity = { columns = ["s", "c"], unit = ["knot", "deg"], form = "speed, course
         np.c_[speed * np.cos(course), speed * np.sin(course)],
         atol=1e-12,
     )
-    assert any("1 row with a speed below zero" in note for note in found.meta["notes"])
+    assert any("1 row with a negative speed" in note for note in found.meta["notes"])
 
 
 def geocentric(gnss):
@@ -167,7 +167,7 @@ def test_a_velocity_in_ecef_is_turned_where_the_vehicle_is(fixes):
         np.testing.assert_allclose(source.y, expected.y, rtol=0, atol=1e-6)
         np.testing.assert_allclose(source.std, 0.1)
     with pytest.raises(
-        DataError, match=r"\[\[source\]\] 1 \(velocity\): nothing says where it is; add"
+        DataError, match=r"\[\[source\]\] 1 \(velocity\): its position is unknown; add"
     ):
         fixes(section, gnss=geocentric)
 
@@ -269,7 +269,7 @@ def test_rows_that_do_not_count(fixes, where, left):
 
     recording = fixes(POSITION + f"where = {where}\n", gnss=change)
     assert np.array_equal(recording.sources[0].t, 10.5 + np.array(list(left)))
-    assert any("of 20 left out, which do not have" in note for note in recording.meta["notes"])
+    assert any("of 20 left out, without" in note for note in recording.meta["notes"])
 
 
 def test_where_that_leaves_nothing_is_refused(fixes):
@@ -333,7 +333,7 @@ def test_gaps_of_the_accelerometer(tmp_path, build):
         (lambda frame: frame[:1], "accel.csv: 1 usable IMU sample; at least 2 are needed"),
         (
             lambda frame: frame.assign(t=frame.t * 1000),
-            "samples are .* s apart; is the unit of time",
+            "samples are .* s apart, but .* check the unit of time",
         ),
     ],
 )
@@ -350,7 +350,7 @@ WRONG = {
     ),
     "form and axes": (
         entry("velocity", axes='"ENU"', std="1", **COURSE),
-        "axes: a course is told from north",
+        "axes: a course is measured from north",
     ),
     "an unknown form": (
         entry("velocity", **(COURSE | dict(form='"course"')), std="1"),
@@ -386,11 +386,11 @@ WRONG = {
     ),
     "an altitude in ECEF": (
         entry("altitude", columns='["alt"]', unit='"m"', std="1", axes='"ECEF"'),
-        "axes: altitude is no vector",
+        "axes: altitude is not a vector",
     ),
     "tilt in ECEF": (
         entry("attitude", columns='["a", "b"]', unit='"deg"', std="1", axes='"FRD to ECEF"'),
-        "axes: roll and pitch alone say nothing in ECEF",
+        "axes: roll and pitch alone do not determine an attitude in ECEF",
     ),
     "no centimetres": (
         entry("position", std="1", **(ECEF | dict(unit='"cm"'))),
@@ -403,7 +403,7 @@ WRONG = {
     "a geoid of a velocity": (VELOCITY + 'geoid = "EGM96"', "geoid: only heights take it"),
     "an unknown geoid": (
         POSITION + 'geoid = "EGM08"',
-        "geoid: 'EGM08' is no geoid; give \"EGM96\"",
+        "geoid: 'EGM08' is not a geoid; give \"EGM96\"",
     ),
     "a geoid without unit": (
         POSITION + "geoid = { value = 46.3 }",
@@ -419,7 +419,7 @@ WRONG = {
     ),
     "an altitude nowhere": (
         entry("altitude", columns='["alt"]', unit='"m"', std="1", geoid='"EGM96"'),
-        "nothing says where it is; add a source of positions",
+        "its position is unknown; add a source of positions",
     ),
     "where without a rule": (
         POSITION + 'where = { column = "fix" }',

@@ -105,7 +105,7 @@ def test_parquet(tmp_path):
     recording = sd.read(path)
     assert recording.meta["epoch"] == "2024-05-01T00:00:00Z" and len(recording.imu.t) == len(T)
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(DataError, match="log.parquet: is no Parquet file"):
+    with pytest.raises(DataError, match="log.parquet: is not a Parquet file"):
         tables_of(path)
 
 
@@ -134,7 +134,9 @@ def test_what_is_no_array_in_a_matlab_file_ends_in_one_line(tmp_path, name):
             file[name] = np.dtype("f8")
         else:
             h5py.h5g.create(file.id, name)
-    with pytest.raises(DataError, match="a.mat: (holds no numeric arrays|is no whole MATLAB)"):
+    with pytest.raises(
+        DataError, match="a.mat: (holds no numeric arrays|is not a complete MATLAB)"
+    ):
         tables_of(path)
 
 
@@ -143,5 +145,5 @@ def test_numbers_of_a_type_that_numpy_has_not_end_in_one_line(tmp_path):
     wide.set_ebias(2**20)
     with h5py.File(tmp_path / "a.mat", "w") as file:
         h5py.h5d.create(file.id, b"x", wide, h5py.h5s.create_simple((3,)))
-    with pytest.raises(DataError, match="a.mat: is no whole MATLAB file"):
+    with pytest.raises(DataError, match="a.mat: is not a complete MATLAB file"):
         tables_of(tmp_path / "a.mat")

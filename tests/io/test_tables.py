@@ -142,7 +142,7 @@ def test_other_encodings_and_binary_files(tmp_path):
     path.write_bytes(b"t,a\xb0\n1,2\n3,4\n")
     assert list(read_table(path).frame.columns) == ["t", "a°"]
     path.write_bytes(bytes(range(256)) * 20)
-    with pytest.raises(DataError, match="is no table of text"):
+    with pytest.raises(DataError, match="is not a text table"):
         read_table(path)
 
 

@@ -1,4 +1,5 @@
-"""Times of a description: every way to write them means the same recording, by Python's own calendar."""
+"""Times of a description: every way to write them means the same recording, by Python's own
+calendar."""
 
 from datetime import UTC, datetime, timedelta, timezone
 
@@ -197,13 +198,13 @@ def test_a_cell_that_is_no_time_is_named_by_line(build):
     [
         ('column = "t"', "unit is missing"),
         ('column = "t", format = "iso", unit = "s"', "leave it out"),
-        ('column = "t", format = "%H:%Q"', "'%Q' is none of"),
+        ('column = "t", format = "%H:%Q"', "'%Q' is not one of"),
         ('column = "t", format = "%M:%S"', "neither a day nor an hour"),
         ('column = "t", format = "%d.%m.%Y", date = "day"', "one blank"),
         ('column = "t", format = "%d.%m.%Y %H:%M", date = "2024-05-01"', "leave one of them out"),
-        ('column = "t", unit = "s", date = "day"', "say how both are written"),
-        ('column = "t", format = "%H:%M:%S", clock = "gps"', "only with its `date`"),
-        ('column = "t", format = "iso", clock = "gps", week = 3', "week: it belongs to"),
+        ('column = "t", unit = "s", date = "day"', "give the format of both"),
+        ('column = "t", format = "%H:%M:%S", clock = "gps"', "needs a `date`"),
+        ('column = "t", format = "iso", clock = "gps", week = 3', "week: only clock"),
     ],
 )
 def test_what_makes_no_sense_is_refused(build, keys, said):
@@ -214,7 +215,7 @@ def test_what_makes_no_sense_is_refused(build, keys, said):
 def test_one_clock_for_all(build):
     change = as_text("%Y-%m-%dT%H:%M:%S.%fZ")
     keys = 'time = { column = "p0", format = "iso" }'
-    with pytest.raises(DataError, match="has no absolute clock and that of"):
+    with pytest.raises(DataError, match="has no absolute clock, but that of"):
         read(build(change, None, lambda text: text.replace(PLAIN, keys, 1)))
     path = build(change, change, lambda text: text.replace(PLAIN, keys))
     assert pd.read_csv(path.parent / "imu.csv")["p0"][0].endswith("Z")

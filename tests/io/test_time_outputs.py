@@ -198,7 +198,7 @@ def test_tum_as_evo_reads_it(made, undated, tmp_path, dated):
 
 def test_tum_needs_an_attitude(made, tmp_path):
     bare = replace(made, trajectory=replace(made.trajectory, q_nb=None))
-    with pytest.raises(DataError, match="has no attitude"):
+    with pytest.raises(DataError, match="TUM needs an attitude"):
         write_solution(bare, tmp_path / "a.tum")
 
 
@@ -246,7 +246,11 @@ def test_tum_from_a_stated_origin(made, tmp_path):
     [
         ("a.kml", (0.8, 0.1, 0.0), "origin: positions in .kml are geodetic; leave origin out, or"),
         ("a.csv", (0.8, 0.1, 0.0), "origin: positions in .csv are geodetic"),
-        ("a.tum", (47.6, 9.3, 400.0), "latitude goes to 1.571 rad .90 deg.: is it in deg"),
+        (
+            "a.tum",
+            (47.6, 9.3, 400.0),
+            "the limit of the latitude is 1.571 rad .90 deg.: is it in deg",
+        ),
         ("a.tum", (0.8, 0.1), "origin"),
         ("a.tum", (0.8, np.nan, 0.0), "origin"),
         ("a.tum", "here", "origin"),
@@ -260,7 +264,7 @@ def test_an_origin_that_fits_no_file_is_refused_in_a_line(made, tmp_path, name, 
 
 def test_the_origin_of_other_files_is_refused_in_a_line(tmp_path):
     (tmp_path / "other.tum").write_text("0.0 0 0 0 0 0 0 1\n")
-    with pytest.raises(DataError, match="other.tum: no line says its origin"):
+    with pytest.raises(DataError, match="other.tum: no line has its origin"):
         read_origin(tmp_path / "other.tum")
     with pytest.raises(DataError, match="none.tum: cannot be read"):
         read_origin(tmp_path / "none.tum")

@@ -388,3 +388,38 @@ def test_an_imu_with_two_tables_and_no_date(written, tmp_path):
     (position,) = recording.sources
     assert np.allclose(position.t, tow / 1e3) and abs(recording.imu.t[0] - tow[0] / 1e3) < 0.2
     assert len(recording.imu.t) > n - 5
+
+
+def test_a_baseline_is_left_until_asked_for(tmp_path):
+    """Vectors to an antenna that moves along are those that were written, to 0.1 mm; those to a fixed
+    base, or without a carrier solution, are counted."""
+    data, *_, moments, _ = drive()
+    rng = np.random.default_rng(4)
+    vectors = rng.integers(-9000, 9000, (len(moments), 3))
+    flags = np.full(len(moments), 0x137)
+    flags[:2], flags[2:5] = 0x117, 0x127  # a fixed base; no carrier solution
+    path = tmp_path / "a.ubx"
+    path.write_bytes(data + ubx.relposned(moments, vectors, flags).tobytes())
+    log = open_ubx(path)
+    frame = log.tables["NAV-RELPOSNED"].frame
+    assert np.array_equal(frame["gps_ms"], moments[5:])
+    for axis, values in zip("NED", vectors[5:].T):
+        assert np.allclose(frame[f"relPos{axis}"], values / 1e4, atol=1e-9)
+        assert (frame[f"acc{axis}"] == 0.006).all()
+    assert any("5 NAV-RELPOSNED without a carrier solution" in line for line in log.left)
+    (section,) = (each for each in log.sections if each.keys.get("kind") == "baseline")
+    assert "--take baseline=0" in section.left and "baseline" in section.assumed
+
+
+def test_a_baseline_that_is_taken_points_forward(tmp_path):
+    moments = GPS + 200 * np.arange(40)
+    vectors = np.tile([8000, -6000, 300], (40, 1))
+    data = ubx.pvt(moments).tobytes() + ubx.relposned(moments, vectors).tobytes()
+    unix = "unix_s", GPS / 1e3 + 315964800 - 18 + 0.01 * np.arange(900)
+    paths = beside_imu(tmp_path, unix, data)
+    assert [a.kind for a in sd.read(*paths).sources] == ["position", "velocity"]
+    joined = join(open_logs(paths), {"baseline": 0})
+    (tmp_path / "recording.toml").write_text(joined.text(tmp_path))
+    source = sd.read(tmp_path / "recording.toml").sources[-1]
+    assert source.kind == "baseline" and np.allclose(source.y, [0.8, -0.6, 0.03])
+    assert source.parameters == (1.0, 0.0, 0.0) and np.allclose(source.std, 0.006)

@@ -252,16 +252,16 @@ def test_what_cannot_be_moved_is_refused():
     for call, message in (
         (
             lambda: gnss_at(Source("heading", fixes.t, fixes.y[:, :1], fixes.std[:, :1]), truth),
-            "fixes of kind 'heading' stay",
+            "fixes of kind 'heading' cannot",
         ),
         (
             lambda: gnss_at(fixes, (truth.t[:100], truth.rph[:100])),
-            r"17 of 21 fixes are outside the attitude's 0.000 to 1.980 s",
+            r"17 of 21 fixes are outside the attitude record \(0.000 to 1.980 s",
         ),
         (lambda: gnss_at(velocity, truth), "give imu="),
         (
             lambda: gnss_at(velocity, truth, Imu(*(column[:99] for column in imu))),
-            "fixes are outside the IMU's",
+            "fixes are outside the IMU record",
         ),
         (lambda: gnss_at(fixes, truth, lever_arm=(1.0, np.nan, 0.0)), "3 finite numbers"),
         (lambda: imu_at(imu, (1.0, 2.0)), "3 finite numbers"),

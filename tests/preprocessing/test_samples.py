@@ -114,8 +114,11 @@ def coarse(t, gyro, accel):
             lambda t, g, a: (t * np.nan, g, a),
             "0 usable IMU samples; at least 2 are needed; IMU: 400 samples with NaN",
         ),
-        (lambda t, g, a: (t * 1000, g, a), "IMU samples are 10 s apart; is the unit of time right"),
-        (lambda t, g, a: (t * 1e-3, g, a), "is the unit of time right"),
+        (
+            lambda t, g, a: (t * 1000, g, a),
+            "IMU samples are 10 s apart, but",
+        ),
+        (lambda t, g, a: (t * 1e-3, g, a), "check the unit of time"),
         (lambda t, g, a: (t, g[:, :2], a), "they must be (n,), (n, 3) and (n, 3)"),
         (coarse, "the time stamps are too coarse"),
         (lambda t, g, a: (t, np.degrees(g + 0.02), a), "check the unit: deg/s read as rad/s?"),

@@ -118,7 +118,7 @@ def test_a_wheel_speed_that_always_contradicts_is_kept_and_said():
     imu, speed = driven()
     bad = replace(speed, y=10 * np.sin(2 * speed.t)[:, None])
     kept, [note] = without_slip(bad, imu)
-    assert kept is bad and "which is no slip" in note and "clock" in note
+    assert kept is bad and "too many for wheel slip" in note and "clock" in note
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2])

@@ -151,7 +151,7 @@ def test_the_quick_run_writes_its_files(tmp_path, short_car):
     }
     assert json.loads((tmp_path / "claims.json").read_text()) == claims
     assert summary.TARGETS["robust outliers"].text in {c["claim"] for c in claims}
-    assert "### Position errors that last" in (tmp_path / "table.md").read_text()
+    assert "### Time-correlated position errors" in (tmp_path / "table.md").read_text()
 
 
 @pytest.mark.short

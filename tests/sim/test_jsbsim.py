@@ -213,7 +213,7 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch, tmp_path, command):
                 "start": (0.8, 0.1, 30.0),
                 "targets": (JsbsimTarget(0.0, height=-500.0, throttle=0.0),),
             },
-            "met the ground",
+            "hit the ground",
         ),
     ],
 )

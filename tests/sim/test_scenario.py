@@ -216,7 +216,7 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
             "turn = 90",
             r"legs 2, legs 1: unknown key 'turn' .did you mean 'turn_deg'",
         ),
-        ("latitude_deg = 47", "latitude_deg = 470", "is no position"),
+        ("latitude_deg = 47", "latitude_deg = 470", "is not a position"),
         (", height_m = 900", "", "height_m is missing"),
         ("interval_s = 0.5", "interval_s = 0", "interval between fixes"),
         ("outages_s = [[10, 20]]", "outages_s = [10, 20]", "square brackets"),

@@ -325,7 +325,7 @@ def test_impossible_scenarios_are_refused():
         with pytest.raises(DataError, match=words):
             FLIGHT.replace(**change)
     for build, change, words in (
-        (hand_held, {"turning": 2.0}, "pitches over the vertical"),
+        (hand_held, {"turning": 2.0}, "pitches beyond the vertical"),
         (hand_held, {"rest": -1.0}, "rest is -1.0 s; it must be a finite number, 0 or more"),
         (
             moored_vessel,

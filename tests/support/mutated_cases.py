@@ -131,7 +131,9 @@ def rtklib_case(_: Path) -> Case:
 def ubx_case(_: Path) -> Case:
     moments = receiver()[0]
     gps = moments.astype(np.int64) - 315_964_800_000 + 18_000
-    frames = written_ubx.pvt(gps)
+    carrier = 1 | np.arange(len(gps)) % 3 << 6
+    baselines = written_ubx.relposned(gps, np.tile([9000, 700, -30], (len(gps), 1)))
+    frames = np.concatenate([written_ubx.pvt(gps, flags=carrier), baselines], axis=1)
     return beside("ubx", "gnss.ubx", frames.tobytes())
 
 

@@ -58,6 +58,27 @@ def pvt(gps_ms, **fields):
     return frames(0x0107, rows(pvt_records(gps_ms, **fields)))
 
 
+RELPOSNED = np.dtype(
+    "u1,u1,<u2,<u4,<i4,<i4,<i4,<i4,<i4,<u4,i1,i1,i1,i1,<u4,<u4,<u4,<u4,<u4,<u4,<u4"
+)
+RELPOSNED.names = (
+    "version reserved0 refStationId iTOW relPosN relPosE relPosD relPosLength relPosHeading reserved1 "
+    "relPosHPN relPosHPE relPosHPD relPosHPLength accN accE accD accLength accHeading reserved2 flags"
+).split()
+
+
+def relposned(gps_ms, vectors, flags=0x137, acc=60):
+    """NAV-RELPOSNED of vectors (n, 3) in 0.1 mm with an accuracy in 0.1 mm: carrier solution fixed, base
+    moving, where `flags` do not say otherwise."""
+    records = np.zeros(len(gps_ms), RELPOSNED)
+    records["version"], records["iTOW"], records["flags"] = 1, np.asarray(gps_ms) % WEEK, flags
+    for axis, values in zip("NED", np.asarray(vectors).T):
+        records[f"relPos{axis}"] = np.trunc(values / 100)
+        records[f"relPosHP{axis}"] = values - 100 * records[f"relPos{axis}"]
+        records[f"acc{axis}"] = acc
+    return frames(0x013C, rows(records))
+
+
 def esf_raw(tag, gyro, accel, samples=1):
     """ESF-RAW of counts gyro (n, 3) and accel (n, 3) at tags (n,), some samples in each frame."""
     kinds = np.array([14, 13, 5, 16, 17, 18])

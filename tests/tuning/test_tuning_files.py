@@ -91,7 +91,7 @@ def test_a_recording_toml_is_changed_once(read):
         found.change(path)
     path.with_name("recording-imu.toml").unlink()
     with pytest.raises(
-        sd.DataError, match=r"std is .* where the recording was read; read that file"
+        sd.DataError, match=r"std is .* but the recording was read with .*; read that file"
     ):
         found.change(path)
     assert path.read_text() == text
@@ -103,7 +103,7 @@ def test_other_formats_and_other_files_are_refused(read, tmp_path):
     with pytest.raises(sd.DataError, match=r"a.nc: only a recording.toml can be changed"):
         found.change(tmp_path / "a.nc")
     bare = replace(found, recording=replace(found.recording, meta={"name": "recording"}))
-    with pytest.raises(sd.DataError, match="was not read as a recording.toml has it"):
+    with pytest.raises(sd.DataError, match="was not read from a recording.toml"):
         bare.change(path)
     path.chmod(0o444)
     with pytest.raises(sd.DataError, match="is read-only"):

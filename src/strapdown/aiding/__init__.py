@@ -12,7 +12,7 @@ from ..core.loop.contract import OBSERVE, Kind, MeasurementModel, Observe, compi
 from ..units import quantities
 from .trial import derivative_complaints
 
-PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "atmosphere")
+PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "baseline", "atmosphere")
 """Meanings that source.parameters[0:3] of a source can have."""
 
 

@@ -1,1 +1,1 @@
-"""From the first seconds of a recording to a filter's start."""
+"""Initial alignment: the first seconds of a recording give a filter's initial state."""

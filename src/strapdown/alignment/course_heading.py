@@ -1,9 +1,9 @@
-"""The course over ground as a heading: where fixes say that a vehicle goes, as far as they are sure
-that it goes anywhere.
+"""The course over ground as a heading: the direction of the velocity that fixes measure, where that
+velocity is significantly above its noise.
 
-The forward axis is taken to point where the vehicle goes. That is wrong by the sideslip, by the
-drift in wind and current, by half a turn in reverse, and by anything for what is carried in a hand;
-the standard deviation allows for the first two.
+The forward axis is assumed to point along the velocity. The error of this assumption is the
+sideslip, the drift in wind or current, half a turn in reverse, and any angle for a device carried
+by hand. The standard deviation covers the first two.
 """
 
 from typing import NamedTuple
@@ -19,27 +19,28 @@ from ..typing import Array
 from .first_fixes import velocities
 from .initial_heading import UNKNOWN_STD, HeadingFound
 
-COURSE_STD = np.radians(15.0)  # sideslip, and the crab of what is fast against the wind
+COURSE_STD = np.radians(15.0)  # sideslip, and the crab angle of a fast vehicle in wind
 DRIFT = 0.5  # m/s across the forward axis: wind, current, a step aside
 SURE = 5.0
-"""Standard deviations that a speed must exceed to have a course: of noise one in 3e5 does."""
+"""Standard deviations that a speed must exceed to have a course; noise alone exceeds them once in
+3e5 cases."""
 SURE_AT_REST = 15.0
-"""The same where the IMU feels no motion: smooth travel does, and so do fixes that are worse than
-their standard deviations say."""
-MOVING = 5.0  # m/s: a course that is worth waiting for
-WAIT = 300.0  # s for it, from the first course on
-ENOUGH = 0.06  # rad of noise: no more fixes are asked
+"""The same where the IMU measures no motion. Two cases look alike then: smooth travel, and fixes
+whose errors exceed their standard deviations."""
+MOVING = 5.0  # m/s: speed of a course that the start waits for
+WAIT = 300.0  # s that it waits, from the first course on
+ENOUGH = 0.06  # rad of noise: no more fixes are averaged
 MAX_SPAN = 10.0  # s that the fixes of one course may span
-UNSEEN_TURN = 1e3  # rad: a turn in a gap of samples, of which nothing is known
+UNSEEN_TURN = 1e3  # rad: stands for an unknown turn in a gap between samples
 
 
 class Courses(NamedTuple):
-    """Mean velocities up to each fix, over as many fixes as make the course sure."""
+    """Mean velocities up to each fix, over as many fixes as the course needs to be significant."""
 
     t: Array  # (n,) s
     v: Array  # (n, 2) m/s, north and east
     std: Array  # (n,) m/s, of either
-    turned: Array  # (n,) rad: by how much the body turned meanwhile
+    turned: Array  # (n,) rad: rotation of the body during these fixes
 
     @property
     def speed(self) -> Array:
@@ -48,13 +49,13 @@ class Courses(NamedTuple):
 
     @property
     def noise(self) -> Array:
-        """(n,) rad: standard deviation of the course as the heading at its fix, but for drift."""
+        """(n,) rad: standard deviation of the course as the heading at its fix, without drift."""
         return np.hypot(self.std / np.maximum(self.speed, 1e-9), 0.5 * self.turned)
 
 
 def courses(imu: Imu, position: Source, velocity: Source | None) -> Courses:
-    """The Courses of a velocity source, else of displacements between positions: each over 1, 2, 4,
-    ... intervals within `MAX_SPAN` seconds."""
+    """Return the Courses of a velocity source, or without one of displacements between positions.
+    Each is a mean over 1, 2, 4, ... intervals within `MAX_SPAN` seconds."""
     t, v, std = velocities(position, velocity)
     angle = np.cumsum(_turns(imu, t), axis=0)
     best = Courses(t.copy(), v[:, :2].copy(), _rms(std), np.zeros(len(t)))
@@ -77,8 +78,8 @@ def courses(imu: Imu, position: Source, velocity: Source | None) -> Courses:
 
 
 def _mean(velocity: Source, several: int, span: Array) -> tuple[Array, Array]:
-    """Return means (k, 2) of `several` velocities in a row, over `span` (s), and their std (k,).
-    Those of one second count as one: their errors are alike."""
+    """Return means (k, 2) of `several` consecutive velocities, over `span` (s), and their std (k,).
+    All velocities within one second count as one, because their errors are correlated."""
     v = np.cumsum(np.vstack([np.zeros(2), velocity.y[:, :2]]), axis=0)
     variance = np.cumsum(np.r_[0.0, _rms(velocity.std) ** 2])
     independent = np.clip(span + 1.0, 1.0, several)
@@ -89,7 +90,8 @@ def _mean(velocity: Source, several: int, span: Array) -> tuple[Array, Array]:
 
 
 def _displacement_rate(position: Source, several: int) -> tuple[Array, Array]:
-    """Return displacements (k, 2) over `several` intervals by their time, m/s, and std (k,)."""
+    """Return displacements over `several` intervals divided by their duration, m/s (k, 2), and
+    their std (k,)."""
     seconds = position.t[several:] - position.t[:-several]
     moved = displacement(position.y[several:], position.y[:-several])[:, :2]
     return moved / seconds[:, None], np.hypot(
@@ -102,7 +104,7 @@ def _rms(std: Array) -> Array:
 
 
 def _turns(imu: Imu, t: Array) -> Array:
-    """(n, 3) rad: what the gyros sum up to before each of these times since the one before."""
+    """(n, 3) rad: the integrated gyro rate between each of these times and the one before."""
     rows = np.minimum(np.searchsorted(imu.t, t, side="right"), len(imu.t) - 1)
     dtheta = imu.dtheta.copy()
     dtheta[unbroken_stretches(imu)[1:, 0], 2] += UNSEEN_TURN
@@ -112,7 +114,8 @@ def _turns(imu: Imu, t: Array) -> Array:
 
 
 def heading_of(courses: Courses, imu: Imu, t: float) -> HeadingFound | None:
-    """The HeadingFound at t, by the courses before and after; None where neither is sure."""
+    """Return the HeadingFound at t from the courses before and after; None where neither is
+    significant."""
     after = int(np.searchsorted(courses.t, t))
     near = [
         k
@@ -139,7 +142,7 @@ def heading_of(courses: Courses, imu: Imu, t: float) -> HeadingFound | None:
 
 
 def is_sure(courses: Courses, imu: Imu, k: int) -> bool:
-    """True where velocity k has a course: its speed stands out from its noise."""
+    """True where velocity k has a course: its speed is significantly above its noise."""
     if not courses.speed[k] > SURE * courses.std[k]:
         return False
     return bool(courses.speed[k] > SURE_AT_REST * courses.std[k]) or not _still(imu, courses.t[k])
@@ -155,8 +158,8 @@ def _still(imu: Imu, t: float) -> bool:
 
 
 def best_instant(courses: Courses, imu: Imu) -> int | None:
-    """The place of the course to start at: the first faster than `MOVING` where one comes within
-    `WAIT` seconds of the first, else the first; None without any."""
+    """Return the index of the course to start at: the first one faster than `MOVING` if it comes
+    within `WAIT` seconds of the first course, else the first course; None without any."""
     first = None
     for k in np.flatnonzero(courses.speed > SURE * courses.std):
         if first is not None and courses.t[k] > courses.t[first] + WAIT:

@@ -1,4 +1,4 @@
-"""Measurements of a recording for an alignment: complete ones, and velocities from them."""
+"""Complete measurements of a recording for alignment, and velocities from them."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -8,11 +8,14 @@ import numpy as np
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..geometry.geodesy import displacement
+from ..preprocessing.receiver_classes import join_classes
 from ..typing import Array
 from .location import has_location
 
-UNKNOWN_SPEED = 10.0  # m/s: standard deviation of a velocity of which nothing is known
-UNKNOWN_CHANGE = 0.5  # m/s: what a mean velocity between two fixes differs by from that at the last
+UNKNOWN_SPEED = 10.0  # m/s: standard deviation of an unknown velocity
+UNKNOWN_CHANGE = (
+    0.5  # m/s: difference of the mean velocity between two fixes and that at the second
+)
 HORIZONTAL = slice(0, 2)
 
 
@@ -25,9 +28,9 @@ class Velocities(NamedTuple):
 
 
 def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Source | None:
-    """The first source of that kind with a fix within the IMU's time whose `needed` components
-    are all there, those fixes only; or None."""
-    for a in recording.sources:
+    """Return the first source of that kind that has fixes within the IMU record with all `needed`
+    components, reduced to these fixes; None without one."""
+    for a in join_classes(recording.sources):
         usable = (
             np.isfinite(a.y[:, needed]).all(axis=1)
             & has_location(a)
@@ -42,8 +45,8 @@ def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Sour
 
 
 def position_and_velocity(recording: Recording) -> tuple[Source | None, Source | None]:
-    """The `source` of positions, and that of velocities from the first position on, whose vertical
-    part is the climb of the positions where it was not measured."""
+    """Return the `source` of positions and that of velocities from the first position on. Where the
+    vertical velocity was not measured, the climb of the positions replaces it."""
     position, velocity = source(recording, "position"), source(recording, "velocity", HORIZONTAL)
     if velocity is not None and position is not None:
         later = velocity.t >= position.t[0] - 0.5
@@ -62,7 +65,7 @@ def position_and_velocity(recording: Recording) -> tuple[Source | None, Source |
 
 
 def velocities(position: Source, velocity: Source | None) -> Velocities:
-    """Return the velocities of the velocity source, else differences of positions."""
+    """Return the velocities of the velocity source, or without one differences of positions."""
     if velocity is not None:
         return Velocities(velocity.t, velocity.y, velocity.std)
     _, first = np.unique(position.t, return_index=True)  # two fixes of one time have no velocity

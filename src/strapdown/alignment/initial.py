@@ -1,10 +1,10 @@
-"""From the first seconds of a Recording to a filter's InitialState: position and velocity from fixes,
-level from specific force, heading from what there is.
+"""A filter's InitialState from the first seconds of a Recording: position and velocity from fixes,
+roll and pitch from specific force, heading from the best source available.
 
-The start is the first position fix; where the heading can only come from the course, the fix that is
-best for that (course_heading.py). A filter of attitude alone needs no fix and starts with the record. Everything
-found is stated in `InitialState.note` and can be overridden with `InitialState._replace`. Source: Groves (2013)
-section 5.6.
+The start is the first position fix. Where the heading can only come from the course, it is the fix
+with the best course (course_heading.py). An attitude filter needs no fix and starts with the
+record. `InitialState.note` states how each part was found, and `InitialState._replace` overrides
+it. Source: Groves (2013) section 5.6.
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,6 +33,7 @@ from .initial_heading import (
     UNKNOWN_STD,
     HeadingFound,
     MeanForce,
+    baseline_heading,
     earth_rate_heading,
     magnetic_heading,
     mean_force,
@@ -42,15 +43,15 @@ from .rest import gyro_bias, moves, rests, unsteadiness
 from .static_attitude import body_to_navigation, level
 
 LEVEL_STD_GUESSED = np.radians(15.0)
-UNKNOWN_ACCELERATION = 3.0  # m/s^2: what a velocity may change by between fixes
-RECORD_AGE = 1.0  # s that a record of the attitude may be away from the start
-REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
-EARTH_RADIUS = 6.4e6  # m: standard deviation of a place that is not known
-GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
-SWAYING = 0.01  # rad/s: mean rates of single seconds that scatter by more are those of no rest
-MIN_LINE = 0.25  # s: noise makes a slope of a shorter line, 8 times that over half a second
-UNFELT = 0.5  # m/s^2: steady acceleration that smooth motion hides
-WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
+UNKNOWN_ACCELERATION = 3.0  # m/s^2: acceleration that is possible between fixes
+RECORD_AGE = 1.0  # s: largest distance of an attitude record from the start
+REST_AGE = 30.0  # s for which the gyros propagate the level found at a rest
+EARTH_RADIUS = 6.4e6  # m: standard deviation of an unknown position
+GYRO_SCALE = 0.01  # of the angle turned: scale and misalignment error of a MEMS gyro
+SWAYING = 0.01  # rad/s: at rest, the mean rates of single seconds scatter by less
+MIN_LINE = 0.25  # s: the slope of a shorter line is noise, 8 times that over half a second
+UNFELT = 0.5  # m/s^2: steady acceleration that the samples of smooth motion do not show
+WEIGHTLESS = 0.8  # of gravity: a mean specific force that differs by more gives no level
 
 Level: TypeAlias = tuple[float, float, float | Array, str]
 """Roll and pitch (rad), their standard deviation (rad; one, or about north and east), a note."""
@@ -71,12 +72,13 @@ def align(
     Parameters
     ----------
     recording : Recording
-        Of an IMU and, unless `position` is False, fixes of the position.
+        IMU samples and, unless `position` is False, position fixes.
     imu : ImuSpec, str, path or dict, optional
-        Errors of its IMU, or the name of its grade, as for `imu`; default: those that the recording
-        names.
+        Errors of its IMU, or the name of its grade, as for `imu`; default: the IMU that the
+        recording names.
     heading, heading_std : float
-        rad, clockwise from true north, if you know it; otherwise it is found from the recording.
+        rad, clockwise from true north, if you know it; otherwise `align` finds it from the
+        recording.
     at : float, optional
         Time of the start, s; default: the first suitable one. The nearest fixes are used.
     position : bool
@@ -128,7 +130,7 @@ def align(
     if fixes is None:
         raise DataError(
             "no position fix to start from: add a source of positions, or give start= (in Python), "
-            "or choose a filter of attitude alone (attitude-mekf, mahony, vru)"
+            "or choose an attitude filter (attitude-mekf, mahony, vru)"
         )
     if at is None:
         first = _first_felt(recording, fixes.t)
@@ -142,23 +144,23 @@ def align(
 def starts_around(
     recording: Recording, imu: ImuSpec, t: float, headings: Iterable[HeadingFound]
 ) -> list[InitialState]:
-    """Starts at t (s), one for each of these headings."""
+    """Return initial states at t (s), one for each of these headings."""
     fixes, velocity = position_and_velocity(recording)
-    assert fixes is not None  # whoever tries headings has an InitialState, and so a fix
+    assert fixes is not None  # the caller has an InitialState, and so a fix
     moment = _moment(recording, imu, fixes, velocity, t)
     return [_start_heading(recording, moment, heading) for heading in headings]
 
 
 class _Felt(NamedTuple):
-    """Means around an instant, of the same seconds."""
+    """Means over the same seconds around an instant."""
 
-    f: Array  # (3,) specific force, m/s^2, in the body as it is then
-    acceleration: Array  # (3,) m/s^2, NED, by the fixes
-    std: float  # rad, of the level that both tell
+    f: Array  # (3,) specific force, m/s^2, in the body axes of that instant
+    acceleration: Array  # (3,) m/s^2, NED, from the fixes
+    std: float  # rad, of the level that both give
 
 
 class _Moment(NamedTuple):
-    """The data of an instant that its heading and its level are found from."""
+    """Data of an instant that give its heading and its level."""
 
     t: float  # s
     fixes: Source  # positions
@@ -173,7 +175,7 @@ class _Moment(NamedTuple):
     b_g: Array  # rad/s, gyro bias
     bias_std: Array  # m/s^2 and rad/s, of both biases
     force: MeanForce | None
-    felt: _Felt | None  # None where a rest tells the level, or fixes are too few
+    felt: _Felt | None  # None where a rest gives the level, or fixes are too few
     note: str  # on the gyro bias
 
     def gives_level(self, imu: Imu) -> bool:
@@ -221,7 +223,7 @@ def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound)
     v = moment.v - swing
     lla = displace_lla(fixes.y[k], v * (t - fixes.t[k]) - arm)
     attitude_std = np.r_[np.broadcast_to(level_std, 2), heading.std]
-    # what an error of the attitude, and of the rate, does to the lever arms
+    # effect of attitude and rate errors through the lever arms
     v_std = np.hypot(
         lever_arm_std(moment.v_std, swing, attitude_std),
         np.linalg.norm(moment.bias_std[3:]) * np.linalg.norm(swinging),
@@ -276,8 +278,8 @@ def _start(
 def _attitude_start(
     recording: Recording, imu: ImuSpec, given: HeadingFound | None, t: float
 ) -> InitialState:
-    """An InitialState for a filter of attitude alone: level from rest or else the mean specific force;
-    place and velocity as far as they are known."""
+    """Return an InitialState for an attitude filter: level from a rest or else the mean specific
+    force; position and velocity where they are known."""
     fixes, velocity = position_and_velocity(recording)
     lla, lla_std, place_note = _place(recording, fixes, t)
     v, v_std = np.zeros(3), np.full(3, UNKNOWN_SPEED)
@@ -299,7 +301,7 @@ def _attitude_start(
         raise DataError(
             f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} "
             f"m/s^2, far from gravity; "
-            "start elsewhere, or give start= (in Python)"
+            "start at another time, or give start= (in Python)"
         )
     levelled: Level
     if record:
@@ -335,8 +337,8 @@ def _levels_in_motion(
     b_a_std: float,
     b_g: Array,
 ) -> list[tuple[float, float, float, str]]:
-    """[(roll, pitch, std, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it
-    and the gyros, whose scale errs."""
+    """Return [(roll, pitch, std, note)] from the MeanForce and, where a rest ended `age` (s) ago,
+    from that rest and the gyros with their scale error."""
     found = [
         (
             *level(force.f),
@@ -363,8 +365,8 @@ class AlignmentRecord(NamedTuple):
 
 
 def _recorded_attitude(recording: Recording, t: float, b_g: Array) -> AlignmentRecord | None:
-    """The AlignmentRecord of the attitude nearest to t, carried there by the gyros less their bias b_g
-    (rad/s); None without one within `RECORD_AGE`."""
+    """Return the AlignmentRecord of the attitude nearest to t, propagated to t with the gyro rate
+    less the bias b_g (rad/s); None without one within `RECORD_AGE`."""
     imu = recording.imu
     for a in recording.sources:
         near: Ints = (
@@ -388,8 +390,8 @@ def _recorded_attitude(recording: Recording, t: float, b_g: Array) -> AlignmentR
 def _rotate_attitude(
     rph: tuple[float, float, float], dtheta: Array, back: bool
 ) -> tuple[float, float, float]:
-    """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad,
-    or before them."""
+    """Return roll, pitch, heading (rad; a NaN stays NaN) after the rotation increments dtheta (n,
+    3), rad, or before them."""
     turn = running_matrices(np.vstack([np.zeros(3), dtheta]))[-1]
     C = body_to_navigation(rph[0], rph[1], np.nan_to_num(rph[2])) @ (turn.T if back else turn)
     roll, pitch, heading = matrix_to_euler(C)
@@ -397,8 +399,8 @@ def _rotate_attitude(
 
 
 def _level_recorded(record: AlignmentRecord, psi: float) -> tuple[float, float, Array, str]:
-    """Roll, pitch, their standard deviations about north and east, and a note: from an AlignmentRecord, at the heading psi
-    (rad)."""
+    """Return roll, pitch, their standard deviations about north and east, and a note, from an
+    AlignmentRecord at the heading psi (rad)."""
     c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.std
     return (
         *record.rph[:2],
@@ -408,8 +410,8 @@ def _level_recorded(record: AlignmentRecord, psi: float) -> tuple[float, float, 
 
 
 def _place(recording: Recording, fixes: Source | None, t: float) -> tuple[Array, Array, str]:
-    """Position (rad, rad, m), its standard deviation (m) and a note: the recording's place, else the fix nearest
-    to t, else the equator with an infinite std."""
+    """Return the position (rad, rad, m), its standard deviation (m) and a note: the recording's
+    place, else the fix nearest to t, else the equator with an infinite std."""
     found = place_of(recording.meta, [fixes] if fixes is not None else [], t)
     return found or (
         np.zeros(3),
@@ -424,9 +426,12 @@ def _arm(source: Source | None) -> Array:
 
 
 def _rates(recording: Recording, t: float, b_g: Array) -> tuple[Array, Array, Array]:
-    """Angular rate (rad/s, less the gyro bias) at t, of a straight line through half a second before
-    and after without a gap, mean specific force (m/s^2) over these, and the slope of the line (rad/s^2),
-    which is 0 where samples of less than `MIN_LINE` tell it."""
+    """Return the angular rate at t (rad/s, less the gyro bias), the mean specific force (m/s^2) and
+    the angular acceleration (rad/s^2).
+
+    A straight line is fitted to the rates of half a second before and after t without a gap. Its
+    slope is the angular acceleration, or 0 where the samples span less than `MIN_LINE`.
+    """
     imu, (near, _) = recording.imu, nearest_felt(recording.imu, t)
     rows = slice(
         *np.clip(
@@ -444,33 +449,35 @@ def _rates(recording: Recording, t: float, b_g: Array) -> tuple[Array, Array, Ar
 
 
 def _instant(recording: Recording, position: Source, velocity: Source | None) -> float:
-    """When to start where the heading can only come from the course: where that is best, else
-    with the first fix."""
+    """Return the time to start at where the heading can only come from the course: that of the best
+    course, else that of the first fix."""
     found = courses(recording.imu, position, velocity)
     best = best_instant(found, recording.imu) if not _by_thrust(recording) else None
     return _first_felt(recording, found.t if best is None else found.t[best:])
 
 
 def _first_felt(recording: Recording, t: Array) -> float:
-    """The first of the times t of fixes that lies in no gap of the samples; where all do, the time
-    with samples that is nearest to the first."""
+    """Return the first of the fix times t that lies outside all gaps of the samples; where none
+    does, the time with samples nearest to the first."""
     inside = t[is_covered(recording.imu, t)]
     return float(inside[0]) if len(inside) else nearest_felt(recording.imu, float(t[0]))[1]
 
 
 def _age(imu: Imu, rest: list[Ints], t: float) -> float:
-    """s from the end of the last rest to t, inf without one or where samples are missing between."""
+    """s from the end of the last rest to t; inf without a rest or with missing samples in
+    between."""
     end = float(imu.t[rest[-1][-1]]) if rest else t
     return t - end if rest and is_unbroken(imu, end, t) else np.inf
 
 
 def _by_thrust(recording: Recording) -> bool:
-    """True where the course of the vehicle is no heading."""
+    """True where the vehicle's course is not its heading, as for a multicopter."""
     return find_vehicle(recording.meta.get("vehicle")).by_thrust
 
 
 def _velocity(position: Source, velocity: Source | None, at: float) -> tuple[Array, Array]:
-    """Velocity (m/s) and its standard deviation at an instant: between fixes interpolated."""
+    """Return the velocity (m/s) at an instant, interpolated between fixes, and its standard
+    deviation."""
     t, v, std = velocities(position, velocity)
     k = int(np.argmin(np.abs(t - at)))
     return (
@@ -487,8 +494,8 @@ def _heading(
     b_g: Array,
     place: Sequence[float] | Array | None,
 ) -> HeadingFound:
-    """The HeadingFound at t without asking the course: given, recorded with the attitude,
-    measured, else the surer one of field and Earth's rate."""
+    """Return the HeadingFound at t without the course: given, from an attitude record, measured, or
+    from the magnetic field or the Earth's rate, whichever has the smaller standard deviation."""
     if given is not None:
         return given
     record = _recorded_attitude(recording, t, b_g)
@@ -501,6 +508,10 @@ def _heading(
         return HeadingFound(
             float(compass.y[k, 0]), float(np.hypot(compass.std[k, 0], away)), "heading measured"
         )
+    pair = source(recording, "baseline")
+    by_antennas = baseline_heading(recording, pair, t, b_g, LEVEL_STD_MOVING)
+    if by_antennas is not None and by_antennas.known:
+        return by_antennas
     field, b_a_std = source(recording, "magnetic-field"), imu.bias_std()[0]
     rest = rests(recording, t).before if field is not None else []
     tilt_std = LEVEL_STD_REST if _age(recording.imu, rest, t) < 1.0 else LEVEL_STD_MOVING
@@ -522,8 +533,8 @@ def _or_course(
     velocity: Source | None,
     t: float,
 ) -> HeadingFound:
-    """The HeadingFound, else the course, else an unknown one; they say what kept the other from
-    being found."""
+    """Return the HeadingFound, else the heading from the course, else an unknown heading. The note
+    gives the reason why an earlier one is missing."""
     if found.known:
         return found
     why = found.note and f" ({found.note})"
@@ -540,8 +551,8 @@ def _or_course(
 
 
 def _level(recording: Recording, moment: _Moment, heading: HeadingFound) -> Level:
-    """Roll, pitch, their standard deviation and a note: from the last rest, carried to t by the gyros; else from
-    specific force less the acceleration."""
+    """Return roll, pitch, their standard deviation and a note: from the last rest, propagated to t
+    with the gyros, else from specific force less the acceleration."""
     v, psi, felt = moment.v, heading.heading, moment.felt
     if moment.gives_level(recording.imu):
         return _level_from_rest(recording, moment.t, moment.rest, moment.b_g, moment.bias_std[0])
@@ -559,8 +570,8 @@ def _level(recording: Recording, moment: _Moment, heading: HeadingFound) -> Leve
 
 
 def _mean_force(recording: Recording, moment: _Moment) -> _Felt | None:
-    """Return the mean force and acceleration by the velocity fixes around, else by positions; None
-    where a rest gives the level, or there are too few fixes."""
+    """Return the mean force and acceleration from the surrounding velocity fixes, or without them
+    from positions; None where a rest gives the level or there are too few fixes."""
     if moment.gives_level(recording.imu):
         return None
     velocity = moment.velocity
@@ -578,8 +589,8 @@ def _mean_force(recording: Recording, moment: _Moment) -> _Felt | None:
 
 
 def _felt_by_positions(recording: Recording, moment: _Moment) -> _Felt | None:
-    """Return the mean force and acceleration by the second difference of three positions around, at
-    the spacing that suits their noise and the gyros best; None without."""
+    """Return the mean force and acceleration from the second difference of three surrounding
+    positions; their spacing balances position noise against gyro errors. None without three."""
     found = []
     for apart in (1.0, 2.0, 4.0):
         if (rows := _three(moment.fixes.t, moment.t, apart)) is None:
@@ -602,8 +613,8 @@ def _felt_by_positions(recording: Recording, moment: _Moment) -> _Felt | None:
 
 
 def _three(t: Array, at: float, apart: float) -> Ints | None:
-    """Places of three of these times (n,) that hold an instant and are so far apart (s), not much
-    further; None without."""
+    """Return the indices of three of these times (n,) around an instant, at least `apart` s from
+    each other and not much more; None without them."""
     first = max(int(np.searchsorted(t, at - apart, side="right")) - 1, 0)
     middle = int(np.searchsorted(t, t[first] + apart - 1e-6))
     last = int(np.searchsorted(t, t[min(middle, len(t) - 1)] + apart - 1e-6))
@@ -612,8 +623,8 @@ def _three(t: Array, at: float, apart: float) -> Ints | None:
 
 
 def _around(t: Array, at: float) -> tuple[int, int] | None:
-    """Places of two of these times (n,) that hold an instant and are a second apart, at most two;
-    None without."""
+    """Return the indices of two of these times (n,) around an instant, one to two seconds apart;
+    None without them."""
     if len(t) < 2:
         return None
     first = int(np.clip(np.searchsorted(t, at - 0.5, side="right") - 1, 0, len(t) - 2))
@@ -625,8 +636,8 @@ def _around(t: Array, at: float) -> tuple[int, int] | None:
 def _level_from_rest(
     recording: Recording, t: float, rest: list[Ints], b_g: Array, b_a_std: float
 ) -> tuple[float, float, float, str]:
-    """Roll, pitch, their standard deviation and a note: from the last rest, carried to t by the gyros less their
-    bias b_g (rad/s)."""
+    """Return roll, pitch, their standard deviation and a note from the last rest, propagated to t
+    with the gyro rate less the bias b_g (rad/s)."""
     imu, last = recording.imu, rest[-1]
     roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
     since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
@@ -643,8 +654,9 @@ def _level_from_rest(
 def _level_at_rest(
     force: MeanForce, b_a_std: float, sways: bool
 ) -> tuple[float, float, float, str]:
-    """Roll, pitch, their standard deviation and a note from the MeanForce of a body at rest; which grows with
-    what its size differs by from gravity, and where the body `sways`."""
+    """Return roll, pitch, their standard deviation and a note from the MeanForce of a body at rest.
+    The standard deviation grows with the difference of the force from gravity, and where the body
+    `sways`."""
     unfelt = UNFELT / GRAVITY_EQUATOR if sways else 0.0
     return (
         *level(force.f),
@@ -654,12 +666,12 @@ def _level_at_rest(
 
 
 def _sways(imu: Imu, rest: list[Ints]) -> bool:
-    """True where a body that seems at rest rotates to and fro, as in smooth flight or on water."""
+    """True where a body that seems at rest rocks, as in smooth flight or on water."""
     return bool(rest) and bool(np.linalg.norm(unsteadiness(imu, rest)) > SWAYING)
 
 
 def _carry_level(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:
-    """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction
-    of specific force in the body."""
+    """Return roll and pitch after the rotation increments dtheta (n, 3), rad, which rotate the
+    direction of specific force in the body."""
     turn = running_matrices(np.vstack([np.zeros(3), dtheta]))[-1]
     return level(turn.T @ body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR])

@@ -1,5 +1,5 @@
-"""Where a vehicle heads at one instant of a Recording: by the magnetic field, by the Earth's
-rate; each with an honest standard deviation."""
+"""Heading of a vehicle at one instant of a Recording, from the magnetic field or from the Earth's
+rate, each with a standard deviation that covers its errors."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -8,10 +8,12 @@ import numpy as np
 
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
+from ..data.calibration_parameters import HARD_IRON
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..geometry.geodesy import wrap
 from ..geometry.rotation_products import running_matrices
+from ..preprocessing.baseline_length import without_wrong_lengths
 from ..preprocessing.stationary import motionless
 from ..preprocessing.unbroken import nearest_felt
 from ..sensor_models.imu import ImuSpec
@@ -20,13 +22,13 @@ from .static_attitude import PARALLEL, gyrocompass, level, level_vector
 
 LEVEL_STD_REST, LEVEL_STD_MOVING = np.radians(0.5), np.radians(5.0)
 UNKNOWN_STD = np.radians(104.0)  # uniform over the circle
-# of a magnetic heading at best: iron around, what calibration and field model leave
+# smallest std of a magnetic heading: nearby iron, and errors of calibration and field model
 MAGNETIC_STD = np.radians(5.0)
-MAGNETIC_STD_LIMIT = np.radians(60.0)  # deviation from which on a magnetic heading is none
-GYROCOMPASS_STD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
+MAGNETIC_STD_LIMIT = np.radians(60.0)  # a magnetic heading with a larger std is not used
+GYROCOMPASS_STD = np.radians(5.0)  # a heading from the Earth's rate with a larger std is not used
 MIN_FELT = 0.8
-"""Share of a window between fixes that samples must cover: 3 m/s^2 in the rest of it tilt the level by
-3.5 deg, which is less than `LEVEL_STD_MOVING`."""
+"""Share of a window between fixes that samples must cover. An acceleration of 3 m/s^2 in the rest
+of the window tilts the level by 3.5 deg, less than `LEVEL_STD_MOVING`."""
 
 
 class HeadingFound(NamedTuple):
@@ -35,27 +37,31 @@ class HeadingFound(NamedTuple):
     heading: float
     std: float
     note: str
-    at_rest: bool = False  # whether finding it needed a rest
+    at_rest: bool = False  # True for a method that needs a rest
 
     @property
     def known(self) -> bool:
-        """True where the heading has information: its standard deviation is below that of an unknown heading."""
+        """True where the standard deviation is below that of an unknown heading."""
         return self.std < UNKNOWN_STD
 
 
 def magnetic_heading(
     recording: Recording, source: Source | None, t: float, b_g: Array, level_std: float
 ) -> HeadingFound | None:
-    """The HeadingFound at t by the field of the Source `source`, levelled by the mean specific
-    force; None without a source.
+    """Return the HeadingFound at t from the magnetic field of `source`, levelled with the mean
+    specific force; None without a source.
 
-    b_g: gyro bias, rad/s; level_std: rad, of that level. The deviation holds the noise, the level's
-    error times tan(dip), `MAGNETIC_STD`, and what horizontal and vertical part differ by from the
-    reference: what disturbs the field is about as large crosswise, where it turns the heading.
-    Declination is that of the source's reference field.
+    b_g: gyro bias, rad/s; level_std: rad, of that level. The standard deviation combines the noise,
+    the level error times tan(dip), `MAGNETIC_STD`, and the differences of horizontal and vertical
+    field from the reference. A disturbance is about as large across the field, where it rotates the
+    heading. The declination is that of the source's reference field.
     """
     if source is None:
         return None
+    if HARD_IRON.name in source.estimate:  # the filter finds it together with the heading
+        return HeadingFound(
+            0.0, UNKNOWN_STD, "the hard iron of the magnetometer is not estimated yet"
+        )
     force = mean_force(recording, t, b_g)
     if force is None:
         return HeadingFound(0.0, UNKNOWN_STD, "no IMU sample there")
@@ -97,14 +103,46 @@ def magnetic_heading(
     )
 
 
+def baseline_heading(
+    recording: Recording, source: Source | None, t: float, b_g: Array, level_std: float
+) -> HeadingFound | None:
+    """The HeadingFound at t by the vector between two antennas of the fix nearest to it, levelled by
+    the mean specific force; None without a source, or where the antennas stand above each other.
+
+    b_g: gyro bias, rad/s; level_std: rad, of that level.
+    """
+    if source is not None:
+        source, _ = without_wrong_lengths(source)
+    if source is None or not len(source.t):
+        return None
+    k = int(np.argmin(np.abs(source.t - t)))
+    at = float(source.t[k])
+    force = mean_force(recording, at, b_g)
+    if force is None or not np.isfinite(source.y[k]).all():
+        return None
+    flat = level_vector(np.array(source.parameters[:3]), *level(force.f))
+    length = float(np.hypot(flat[0], flat[1]))
+    if not length > 0.5 * np.linalg.norm(flat):
+        return None
+    rows = slice(*np.searchsorted(recording.imu.t, sorted((at, t)), side="right"))
+    turned = np.linalg.norm(
+        (recording.imu.dtheta[rows] - b_g * recording.imu.dt[rows, None]).sum(0)
+    )
+    north, east, _ = source.y[k]
+    tilt = abs(flat[2]) / length * np.hypot(level_std, force.off)
+    std = np.linalg.norm([source.std[k][:2].max() / length, tilt, turned])
+    heading = np.arctan2(east, north) - np.arctan2(flat[1], flat[0])
+    return HeadingFound(float(wrap(heading)), float(std), "heading from two antennas")
+
+
 class MeanForce(NamedTuple):
     """Specific force over a second, and how the body turned in it."""
 
-    f: Array  # (3,) m/s^2, in the body as it is at the instant
-    off: float  # by how much of gravity its size differs from gravity
+    f: Array  # (3,) m/s^2, in the body axes of the instant
+    off: float  # difference of its magnitude from gravity, as a fraction of gravity
     begin: float  # s
     end: float  # s
-    # times within it (m,) -> (m, 3, 3) from the body then to the body at the instant
+    # times within it (m,) -> (m, 3, 3) from the body at those times to the body at the instant
     turns: Callable[[Array], Array]
 
 
@@ -115,13 +153,15 @@ def mean_force(
     window: tuple[float, float] | None = None,
     peak: float | None = None,
 ) -> MeanForce | None:
-    """The MeanForce at t: over the `window` (begin and end, s), else over half a second before and
-    after it, or over a second after or before it where the record, or a stretch of it without a gap,
-    begins or ends there; None where samples cover less than `MIN_FELT` of a given window, or none
-    of another one; weighted by a triangle over the window where its `peak` (s) is given, as a second difference weights.
+    """Return the MeanForce at t over the `window` (begin and end, s).
 
-    Every sample is turned by the gyros, less their bias b_g (rad/s), to the body as it is at t: a
-    rotation does not blur the mean.
+    Without a window, it is the mean over half a second before and after t, or over the second after
+    or before t where a stretch without a gap begins or ends there. None where samples cover less
+    than `MIN_FELT` of a given window, or where there are none. With `peak` (s), a triangle over the
+    window weights the samples, as in a second difference.
+
+    Every sample is rotated to the body axes at t with the gyro rate less the bias b_g (rad/s), so
+    that rotation does not blur the mean.
     """
     imu = recording.imu
     begin, end = window or _second_around(imu, t)
@@ -155,7 +195,7 @@ def mean_force(
 
 
 def _second_around(imu: Imu, t: float) -> tuple[float, float]:
-    """Half a second before and after t, s, moved into the stretch of samples without a gap."""
+    """Half a second before and after t, s, shifted into the stretch of samples without a gap."""
     rows, _ = nearest_felt(imu, t)
     first, last = imu.t[rows][0] - imu.dt[rows][0], imu.t[rows][-1]
     begin = min(max(t - 0.5, float(first)), float(last) - 1.0)
@@ -163,7 +203,7 @@ def _second_around(imu: Imu, t: float) -> tuple[float, float]:
 
 
 def _body_rotations(dtheta: Array) -> Array:
-    """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body
+    """(2 n + 1, 3, 3): from the body at the alternating edges and middles of n samples to the body
     at the first edge."""
     return running_matrices(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))
 
@@ -175,13 +215,13 @@ def earth_rate_heading(
     place: Sequence[float] | Array | None,
     moves: Callable[[Array], Mask],
 ) -> HeadingFound | None:
-    """The HeadingFound by the Earth's rate over the long rest that holds t; None where there is
-    none or its deviation exceeds `GYROCOMPASS_STD`.
+    """Return the HeadingFound from the Earth's rate over the long rest around t; None without such
+    a rest or where its standard deviation exceeds `GYROCOMPASS_STD`.
 
-    place: (latitude rad, longitude, height), or None where it is not known; moves:
-    times -> whether fixes say it moves then. The deviation holds the gyro's bias, the scatter of
-    the rate, the level's error, and what the rate differs by from the Earth's: at a known place
-    each part of it, elsewhere its size.
+    place: (latitude rad, longitude, height), or None where it is unknown; moves: function of times
+    that returns whether fixes show motion then. The standard deviation combines the gyro bias, the
+    scatter of the rate, the level error, and the difference of the rate from the Earth's: by
+    component at a known place, in magnitude elsewhere.
     """
     b_a_std, b_g_std = imu.bias_std()
     still = motionless(recording.imu, t) if b_g_std < GYROCOMPASS_STD * RATE else None

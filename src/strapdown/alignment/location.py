@@ -1,4 +1,4 @@
-"""Where a recording was taken: what its meta says, else a fix."""
+"""The place of a recording: from its metadata, or without it from a fix."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.solution import Source
+from ..preprocessing.receiver_classes import join_classes
 from ..typing import Array, Ints, Mask
 
 GIVEN_STD = 10.0
-"""m: standard deviation of a place that was given; it is one for all of the recording."""
+"""m: standard deviation of a given place, which holds for the whole recording."""
 
 
 class KnownPlace(NamedTuple):
@@ -17,17 +18,17 @@ class KnownPlace(NamedTuple):
 
     lla: Array  # (3,) latitude, longitude (rad), ellipsoidal height (m)
     std: Array  # (3,) m
-    note: str  # where it is from
+    note: str  # its origin
 
 
 def place_of(
     meta: Mapping[str, Any], sources: Iterable[Source], t: float = -np.inf
 ) -> KnownPlace | None:
-    """The KnownPlace of a recording at t (s): `place` of its meta, else the nearest complete position
-    fix (the first by default); None without either."""
+    """Return the KnownPlace of a recording at t (s): `place` of its metadata, else the nearest
+    complete position fix (the first by default); None without either."""
     if meta.get("place") is not None:
         return KnownPlace(np.array(meta["place"], float), np.full(3, GIVEN_STD), "place given")
-    for source in sources:
+    for source in join_classes(sources):
         whole: Ints = (
             np.flatnonzero(np.isfinite(source.y).all(axis=1) & has_location(source))
             if source.kind == "position"
@@ -40,8 +41,8 @@ def place_of(
 
 
 def has_location(source: Source) -> Mask:
-    """Which fixes (m,) of a source are some: latitude 0 with longitude 0 is what receivers write
-    that know no position."""
+    """Return True for the fixes (m,) of a source that have a position; a receiver without one
+    writes latitude 0 and longitude 0."""
     if source.kind != "position":
         return np.ones(len(source.t), bool)
     return (source.y[:, :2] != 0).any(axis=1)

@@ -1,4 +1,4 @@
-"""An InitialState of which only parts are known: what it leaves open is found as `align` finds it."""
+"""Complete a partly given InitialState: the missing fields are found as in `align`."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ from .location import GIVEN_STD
 from .rest import rests
 
 PARTS = {"lla": 3, "v_n": 3, "rph": 3, "b_a": 3, "b_g": 3, "std": 15}
-"""Fields of an InitialState that may be left open, and their length."""
-MAX_HEADING = 4 * np.pi  # rad: more is in degrees
+"""Fields of an InitialState that may be missing, and their length."""
+MAX_HEADING = 4 * np.pi  # rad: a larger value is probably in degrees
 GIVEN_SPEED_STD = 0.5  # m/s, of a velocity that was given without its standard deviation
 GIVEN_ANGLE_STD = np.radians(2.0)  # the same of roll, pitch and heading
-REST_SPEED_STD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
+REST_SPEED_STD = 0.1  # m/s, where no fix measures the velocity and the IMU shows rest
 
 
 def missing_fields(start: InitialState) -> list[str]:
@@ -29,7 +29,7 @@ def _is_given(start: InitialState, name: str) -> bool:
 
 
 def _heading_alone(name: str, values: object) -> bool:
-    """True where `rph` has a heading alone: NaN, NaN and a number; other values are refused
+    """True where `rph` has only a heading: NaN, NaN and a number. Other values are refused
     elsewhere."""
     try:
         rph = np.asarray(values, float)
@@ -44,11 +44,11 @@ def _heading_alone(name: str, values: object) -> bool:
 def fill_missing(
     start: InitialState, recording: Recording, imu: ImuSpec, position: bool = True
 ) -> InitialState:
-    """`start` with what it leaves open, `()` or roll and pitch NaN, found from what `recording`
-    holds around its time; position: False for a filter that estimates attitude alone.
+    """Return `start` with its missing fields (`()`, or roll and pitch NaN) found from the data of
+    `recording` around its time; position: False for an attitude filter.
 
-    A part given without standard deviations gets those that such knowledge usually has. Raises
-    DataError where something can neither be found.
+    A field given without standard deviations gets typical ones. Raises DataError where a field
+    cannot be found.
     """
     missing = missing_fields(start)
     if not missing:

@@ -14,25 +14,26 @@ from ..typing import Array, Ints, Mask
 from ..units.constants import REST_SPEED
 from .first_fixes import position_and_velocity, velocities
 
-REST_TIME = 2.0  # s: shortest rest that is worth averaging
-SURELY = 4.0  # standard deviations of a component: one in 3000 is as fast by noise
-TURNING = 4.0  # standard deviations of the gyro bias that the mean rate of a rest must not exceed
-REST_SEARCH = 600.0  # s before and after an instant in which rest is looked for
+REST_TIME = 2.0  # s: shortest rest that is averaged
+SURELY = 4.0  # standard deviations of a component; noise exceeds them once in 3000 cases
+TURNING = 4.0  # largest mean rate at rest, in standard deviations of the gyro bias
+REST_SEARCH = 600.0  # s before and after an instant in which rests are searched
 
 
 class Rests(NamedTuple):
     """The rests that lasted `REST_TIME`, as arrays of rows, in order."""
 
-    before: list[Ints]  # that begin before the instant; the last may hold it
+    before: list[Ints]  # that begin before the instant; the last may contain it
     after: list[Ints]
 
     def until(self, imu: Imu, t: float) -> float:
-        """s: when the rest ends that holds t; t itself where none does."""
+        """s: end of the rest that contains t; t itself where none does."""
         return max(t, float(imu.t[self.before[-1][-1]])) if self.before else t
 
 
 def rests(recording: Recording, t: float) -> Rests:
-    """The Rests within `REST_SEARCH` seconds of t, by the IMU and by the fixes around."""
+    """Return the Rests within `REST_SEARCH` seconds of t, from the IMU and the surrounding
+    fixes."""
     imu = recording.imu
     first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + REST_SEARCH])
     if n - first < 2:
@@ -53,8 +54,8 @@ def rests(recording: Recording, t: float) -> Rests:
 
 
 def moves(recording: Recording, t: Array) -> Mask:
-    """Where the fixes around the times t say that the vehicle moves: smooth flight feels like
-    rest to an IMU."""
+    """Return True where fixes around the times t show that the vehicle moves; to an IMU, smooth
+    flight looks like rest."""
     position, velocity = position_and_velocity(recording)
     if position is None:
         return np.zeros(len(t), bool)
@@ -67,12 +68,12 @@ def moves(recording: Recording, t: Array) -> Mask:
 
 
 def gyro_bias(samples: Imu, imu: ImuSpec, t: float, found: Rests) -> tuple[Array, Array, str]:
-    """Gyro bias at t (rad/s), its standard deviation and a note: from the Rests up to t, else from the first after
-    it, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from
-    it.
+    """Return the gyro bias at t (rad/s), its standard deviation and a note, from the Rests up to t,
+    else from the first one after t. At rest the Earth's rate cannot be separated from the bias, so
+    rests are used only for an IMU whose turn-on bias is larger than the Earth's rate.
 
-    The std holds the noise, the Earth's rate, how unsteady the rate was, and what the bias wanders
-    by in between.
+    The std combines the noise, the Earth's rate, the unsteadiness of the rate, and the drift of the
+    bias in between.
     """
     b_g_std = imu.bias_std()[1]
     used = found.before or found.after[:1]
@@ -87,7 +88,7 @@ def gyro_bias(samples: Imu, imu: ImuSpec, t: float, found: Rests) -> tuple[Array
     noise = samples.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
     age = max(0.0, t - samples.t[used[-1][-1]], samples.t[used[0][0]] - t)
     mean = samples.dtheta[rows].sum(axis=0) / T
-    # a bias that this IMU should not have, or no rest: it steadily turns
+    # the rate exceeds this IMU's bias: the body turns steadily, so this is no rest
     turning = np.where(np.abs(mean) > TURNING * b_g_std + RATE, np.abs(mean), 0.0)
     std = np.linalg.norm(
         [
@@ -108,7 +109,7 @@ def gyro_bias(samples: Imu, imu: ImuSpec, t: float, found: Rests) -> tuple[Array
 
 
 def _wander(imu: ImuSpec, seconds: float) -> float:
-    """rad/s: by what the gyro bias differs after so long, by the IMU's description."""
+    """rad/s: change of the gyro bias after so many seconds, from the IMU's description."""
     noise = imu.noise()
     decay = noise.gyro_decay
     effective = -np.expm1(-2 * decay * seconds) / (2 * decay) if decay else seconds
@@ -116,8 +117,8 @@ def _wander(imu: ImuSpec, seconds: float) -> float:
 
 
 def unsteadiness(imu: Imu, rest: list[Ints]) -> Array:
-    """(3,) rad/s: scatter of the mean rates of single seconds of these rests, as far as it is more
-    than the noise of the samples makes. A hand that turns slowly feels like rest."""
+    """(3,) rad/s: scatter of the mean rates of single seconds of these rests in excess of the
+    sample noise. A hand that turns slowly looks like rest."""
     seconds = [
         (imu.dtheta[part].sum(axis=0) / imu.dt[part].sum(), len(part))
         for run in rest
@@ -125,7 +126,7 @@ def unsteadiness(imu: Imu, rest: list[Ints]) -> Array:
     ]
     rows = np.concatenate(rest)
     rate = imu.dtheta[rows] / imu.dt[rows, None]
-    # differences of neighbours: what is slow is not in them
+    # differences of neighbours contain no slow motion
     white = 0.5 * np.mean(np.diff(rate, axis=0) ** 2, axis=0)
     scatter = np.var([mean for mean, _ in seconds], axis=0)
     allowed = 2.5 * white / np.mean([count for _, count in seconds])

@@ -2,8 +2,8 @@
 or from the Earth's rate.
 
 Body axes FRD, navigation frame NED, SI and radians; every function takes one triple or rows of
-them. Source: Fossen (2021) section 14.1, in all quadrants and with the sign of heading that NED
-asks for; Groves (2013) section 5.6.
+them. Source: Fossen (2021) section 14.1, extended to all quadrants and with the sign of heading
+that NED requires; Groves (2013) section 5.6.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from ..typing import Array, ArrayLike
 PARALLEL = 1e-6
 """Sine of the angle to the vertical below which a direction has no azimuth."""
 Angle: TypeAlias = Any
-"""rad: a number where one triple was given, (n,) where n rows of them were; no type tells which."""
+"""rad: a number for one triple, (n,) for n rows of them; the type does not distinguish the two."""
 
 
 def static_attitude(
@@ -30,9 +30,9 @@ def static_attitude(
         roll = atan2(-f_y, -f_z)    pitch = atan2(f_x, hypot(f_y, f_z))
         heading = atan2(-m_y', m_x') + declination, in [0, 2 pi)
 
-    with m' the field turned by pitch and roll into the level. At a pitch of +-90 deg roll and heading
-    are not separate: roll is 0 there. Acceleration tilts the result: by atan(a/g) for a horizontal
-    acceleration a.
+    with m' the field rotated by pitch and roll into the horizontal. At a pitch of +-90 deg roll and
+    heading cannot be separated: roll is 0 there. A horizontal acceleration a tilts the result by
+    atan(a/g).
 
     Parameters
     ----------
@@ -78,13 +78,13 @@ def static_attitude(
 
 
 def _vectors(value: ArrayLike, name: str) -> Array:
-    """Vectors as an array. Raises DataError."""
+    """Return vectors as an array. Raises DataError."""
     return check_array(value, name, (3,) if np.ndim(value) == 1 else (None, 3), finite=False)
 
 
 def _azimuth(vector: Array, declination: ArrayLike = 0.0) -> Array:
-    """Heading (rad) in [0, 2 pi) of a body whose levelled axes see this vector (..., 3), which
-    points north but for the declination."""
+    """Heading (rad) in [0, 2 pi) of a body that measures this vector (..., 3) in its levelled axes;
+    the vector points north plus the declination."""
     horizontal, size = np.hypot(vector[..., 0], vector[..., 1]), np.linalg.norm(vector, axis=-1)
     with np.errstate(invalid="ignore"):
         known = np.isfinite(size) & (horizontal > PARALLEL * size)
@@ -95,8 +95,8 @@ def _azimuth(vector: Array, declination: ArrayLike = 0.0) -> Array:
 
 
 def level_vector(vector: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> Array:
-    """Ry(pitch) Rx(roll) vector: a body vector (..., 3) in axes that are level and keep the
-    body's heading; angles in rad."""
+    """Ry(pitch) Rx(roll) vector: a body vector (..., 3) in level axes with the body's heading;
+    angles in rad."""
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     across = sr * y + cr * z
@@ -108,12 +108,12 @@ def level_vector(vector: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> Array:
 def level(
     f_b: ArrayLike, a_n: ArrayLike = (0.0, 0.0, 0.0), heading: ArrayLike = 0.0
 ) -> tuple[Angle, Angle]:
-    """Roll and pitch (rad, upright branch) from specific force f_b (m/s^2) of a body that
-    accelerates by a_n (m/s^2, NED) at a known heading.
+    """Return roll and pitch (rad, upright branch) from the specific force f_b (m/s^2) of a body
+    with acceleration a_n (m/s^2, NED) at a known heading.
 
     Solves Ry(pitch) Rx(roll) f_b = Rz(heading)' (a_n - g); without acceleration roll = atan2(-f_y,
-    -f_z), pitch = atan2(f_x, hypot(f_y, f_z)). f_b, a_n: (3,) or (n, 3). A force along x leaves the
-    roll open, whatever comes out.
+    -f_z), pitch = atan2(f_x, hypot(f_y, f_z)). f_b, a_n: (3,) or (n, 3). A force along x does not
+    determine the roll; the returned value is then arbitrary.
     """
     f_b, a_n = np.asarray(f_b, float), np.asarray(a_n, float)
     size = np.linalg.norm(f_b, axis=-1)
@@ -149,7 +149,7 @@ class Gyrocompass(NamedTuple):
     heading_std: float
     horizontal: float  # the Earth's rate as measured, north component
     vertical: float  # and upward component, negative south of the equator
-    # of a place where its vertical component is the measured one; NaN where no place has it
+    # latitude at which the Earth's rate has this vertical component; NaN where none does
     latitude: float
 
     @property
@@ -172,9 +172,10 @@ def gyrocompass(
 
         heading_std = hypot(rate_std / (w cos(latitude)), tan(latitude) level_std)
 
-    since a gyro bias towards east turns the horizontal rate, and a tilt about north brings the
-    vertical one into it. Cosine and tangent are those of the measured rate. The latitude is a check
-    for whoever knows the place. Raises ValueError where f is 0 or something is not finite.
+    since a gyro bias towards east rotates the horizontal rate, and a tilt about north projects the
+    vertical rate onto it. Cosine and tangent come from the measured rate. If you know the place,
+    compare its latitude with the one returned. Raises ValueError where f is 0 or an input is not
+    finite.
     """
     roll, pitch = np.asarray(static_attitude(f))[:2]
     seen = level_vector(rate, roll, pitch)

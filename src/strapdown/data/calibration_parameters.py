@@ -172,8 +172,66 @@ ACCEL_MISALIGNMENT = GYRO_MISALIGNMENT._replace(
 )
 """The accelerometers define the axes, but where all six have a prior: then attitude is that of the
 axes of the case, and uncertain by as much."""
+ANY_TURN = "turn about two axes, by more than 90 deg"
+HARD_IRON = CalibrationParameter(
+    name="hard-iron",
+    components=AXES,
+    unit="uT",
+    factor=1e6,
+    std=(50e-6,) * 3,
+    most=500e-6,
+    cause="calibration",
+    motions=(ANY_TURN,) * 3,
+    min_reported=0.5e-6,
+    place="iron_state",
+)
+"""The field of magnets and currents of the vehicle, in its axes. The prior is a field like the Earth's, as
+beside an engine or a motor's wires."""
+SOFT_IRON = CalibrationParameter(
+    name="soft-iron",
+    components=("xx", "yy", "zz", "xy", "xz", "yz"),
+    unit="",
+    factor=1.0,
+    std=(0.05,) * 6,
+    most=0.5,
+    cause="calibration",
+    motions=(TILTS,) * 6,
+    min_reported=0.01,
+    place="soft_state",
+)
+"""By which iron and the scales of the sensor strengthen the field along the axes, and turn it from one to
+another: a symmetric matrix, since a rotation is the mounting's."""
+FIELD = CalibrationParameter(
+    name="field",
+    components=("north", "east", "down"),
+    unit="uT",
+    factor=1e6,
+    std=(0.5e-6,) * 3,
+    most=100e-6,
+    cause="calibration",
+    motions=(ANY_TURN,) * 3,
+    min_reported=0.1e-6,
+    place="field_state",
+)
+"""The Earth's field less its model. The prior is for open ground, where models err by 0.1 to 0.2 uT and
+rocks add to that."""
+DECLINATION = CalibrationParameter(
+    name="declination",
+    components=("",),
+    unit="deg",
+    factor=math.degrees(1),
+    std=(math.radians(2.0),),
+    most=math.radians(180),
+    cause="calibration",
+    motions=("accelerate, brake or turn",),
+    min_reported=math.radians(0.5),
+    place="declination_state",
+)
+"""The same about the vertical alone, for a field whose strength and dip are right."""
 
-OF_SOURCE = {each.name: each for each in (CLOCK, LEVER_ARM, SCALE)}
+OF_SOURCE = {
+    each.name: each for each in (CLOCK, LEVER_ARM, SCALE, HARD_IRON, SOFT_IRON, FIELD, DECLINATION)
+}
 OF_IMU = {
     each.name: each
     for each in (MOUNTING, GYRO_SCALE, ACCEL_SCALE, GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT)

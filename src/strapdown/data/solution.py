@@ -253,6 +253,9 @@ class Source(Value):
         True: a heavy-tailed likelihood instead of the gate.
     adaptive : float
         Memory in s of the adaptive noise; 0: the noise stays as given.
+    receiver : str
+        Name of the receiver of which this is a class; sources of one kind and receiver are its
+        fixes by carrier solution. Empty: all fixes are in this source.
     """
 
     kind: str
@@ -267,6 +270,7 @@ class Source(Value):
     correlated: Correlated | None = None
     robust: bool = False
     adaptive: float = 0.0
+    receiver: str = ""
 
     def between(self, start: float, stop: float) -> Source:
         """Return the fixes from start to stop, s, both included."""

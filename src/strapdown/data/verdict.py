@@ -28,6 +28,7 @@ CAUSES = {
     "height": "height above geoid or ellipsoid",
     "lever arm": "lever arm of the antenna",
     "mounting": "mounting of the IMU",
+    "baseline": "vector between the antennas",
     "odometer scale": "scale of the odometer",
     "fix noise": "standard deviations",
     "lasting errors": "time-correlated errors",

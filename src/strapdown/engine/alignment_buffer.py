@@ -1,5 +1,5 @@
-"""The alignment buffer of a stream: samples and measurements before its start, and the InitialState that
-they give."""
+"""The alignment buffer of a stream: samples and measurements before the start, and the InitialState
+from them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,13 +19,15 @@ from .options import RunOptions
 from .prepare import has_position
 
 ALIGN_EVERY = 10.0
-"""s of samples between two looks for a start."""
+"""s of samples between two attempts to find a start."""
 
 
 class Gathering:
-    """Samples and fixes in time order, until they tell a start. asked: its `start` is None or has
-    parts left open; within: s after which any start that is found is taken; most: samples that are
-    kept; meta: of the recording that they make."""
+    """Samples and fixes in time order until a start is found.
+
+    asked: its `start` is None or has missing fields; within: s after which any start is accepted;
+    most: largest number of samples kept; meta: metadata of their recording.
+    """
 
     def __init__(
         self,
@@ -45,7 +47,8 @@ class Gathering:
         self._first = self._due = np.inf
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
-        """Keep one sample and the fixes up to its end; whether it is time to look for a start."""
+        """Keep one sample and the fixes up to its end; return True when it is time to try a
+        start."""
         if not self.samples:
             self._first = sample.t - sample.dt
             self._due = max(self._first, self._given.t if self._given else self._first)
@@ -67,7 +70,7 @@ class Gathering:
 
     @property
     def late(self) -> bool:
-        """True where any start is better than none."""
+        """True once any start is accepted."""
         return bool(self.samples) and self.samples[-1].t - self._first >= self._within - 1e-6
 
     def recording(self) -> Recording:
@@ -94,7 +97,7 @@ class Gathering:
         refuse_mistakes(self.recording().imu, "IMU", "increment", self._meta.get("vehicle"))
 
     def start(self) -> InitialState:
-        """The InitialState that what was gathered tells. Raises DataError where it tells none."""
+        """Return the InitialState from the buffered data. Raises DataError where there is none."""
         if self._spec is None:
             raise DataError(
                 "the stream cannot find a start without its IMU: give imu=, or a complete "

@@ -1,5 +1,5 @@
-"""Samples, measurements and sources that a stream receives, and the checks on them: the same as for
-arrays and files, in one line."""
+"""Samples, measurements and sources that a stream receives. Their checks, with one-line messages,
+are those of arrays and files."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan
@@ -12,13 +12,14 @@ from ..checks import DataError, brief, is_number, one_line_repr
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.solution import Source
 from ..preprocessing.attitude_record import possible_attitude
+from ..preprocessing.baseline_length import KIND as BASELINE, length_errors, wrong_lengths
 from ..preprocessing.fixes import possible
 from ..preprocessing.imu_samples import MAX_INTERVAL
 from ..preprocessing.origin import Origin
 from ..units import quantities
 
 MAX_WAITING_FIXES = 1024
-"""Fixes that a stream holds while it waits for a sample."""
+"""Largest number of fixes that a stream keeps while it waits for a sample."""
 
 
 class Sample(NamedTuple):
@@ -48,10 +49,10 @@ class Measurement(NamedTuple):
     Attributes
     ----------
     t : float
-        Time at which it holds, s.
+        Time of validity, s.
     source : str or int
-        Name of its source among the stream's `sources` (its kind where it has no name), or its
-        place there, counted from 0.
+        Name of its source among the stream's `sources` (the kind where it has no name), or its
+        index there, from 0.
     y : tuple of float
         Measured values, SI and radians; NaN where not measured.
     std : tuple of float
@@ -65,7 +66,7 @@ class Measurement(NamedTuple):
 
 
 class UsableFix(NamedTuple):
-    """A fix with three components, NaN where there is none."""
+    """A fix with three components, NaN for missing ones."""
 
     t: float
     source: int
@@ -74,7 +75,7 @@ class UsableFix(NamedTuple):
 
 
 def refuse_event(event: object) -> NoReturn:
-    """Raise DataError for what is neither a Sample nor a Measurement."""
+    """Raise DataError for an object that is neither a Sample nor a Measurement."""
     raise DataError(
         f"step is given {brief(event)}; it must be a Sample(t, dt, dtheta, dv) with increments in "
         f"rad and m/s, or a Measurement(t, source, y, std)"
@@ -82,7 +83,7 @@ def refuse_event(event: object) -> NoReturn:
 
 
 def refuse_sample(sample: Sample) -> NoReturn:
-    """Raise DataError for a Sample whose parts are not the numbers that they should be."""
+    """Raise DataError for a Sample with invalid fields."""
     t, dt, dtheta, dv = sample
     where = f"IMU sample at {t:.3f} s" if is_number(t) else "IMU sample"
     for name, value in (("t", t), ("dt", dt)):
@@ -122,7 +123,7 @@ def checked_sources(sources: Sequence[Source]) -> tuple[Source, ...]:
 
 
 class Sources:
-    """The sources of a stream, and what a fix of each must be."""
+    """The sources of a stream, and the rules for their fixes."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self._names = [a.name or a.kind for a in sources]
@@ -130,11 +131,12 @@ class Sources:
             each: k for k, each in enumerate(self._names) if self._names.count(each) == 1
         }
         self._kinds = [aiding.find(a.kind) for a in sources]
+        self._given = [a.parameters for a in sources]
         self._most = [[_most(q) for q in kind.quantities] for kind in self._kinds]
 
     def usable(self, fix: Measurement) -> UsableFix:
-        """The fix with NaN for what is not finite. Raises DataError for what no source
-        delivers."""
+        """Return the fix with NaN for values that are not finite. Raises DataError for an invalid
+        fix."""
         if not is_number(fix.t):
             raise DataError(f"fix: t is {brief(fix.t)}; it must be a number of seconds")
         where = f"fix at {fix.t:.3f} s"
@@ -164,8 +166,16 @@ class Sources:
         padding = [nan] * (3 - width)
         return UsableFix(fix.t, place, y + padding, deviations + padding)
 
+    def length_error(self, fix: UsableFix) -> float:
+        """m by which a vector between antennas is too long or short, where that is more than its
+        noise allows; else 0."""
+        if self._kinds[fix.source].parameters != BASELINE:
+            return 0.0
+        of_fix = np.array([fix.y]), np.array([fix.std]), self._given[fix.source]
+        return float(abs(length_errors(*of_fix)[0][0])) if wrong_lengths(*of_fix)[0] else 0.0
+
     def _place(self, source: str | int, where: str) -> int:
-        """Return the place of a source among those of the stream. Raises DataError."""
+        """Return the index of a source in the stream. Raises DataError."""
         if isinstance(source, str):
             if source in self._places:
                 return self._places[source]
@@ -182,7 +192,7 @@ class Sources:
         return f"the stream has {count}, counted from 0: {', '.join(self._names) or 'none'}"
 
     def _refuse(self, source: int, y: list[float], where: str) -> None:
-        """Raise DataError where a component is beyond what it can be."""
+        """Raise DataError where a component is impossible."""
         kind, origin = self._kinds[source], _OneFix(f"{where}: {self._names[source]}")
         for quantity, value in zip(kind.quantities, y):
             if quantity == "latitude" and np.pi / 2 < abs(value) <= 90:
@@ -194,14 +204,14 @@ class Sources:
 
 
 class _OneFix(Origin):
-    """A fix alone, which has no row."""
+    """Origin of a single fix, which has no row."""
 
     def row(self, i: object) -> str:
         return self.name
 
 
 def _most(quantity: str) -> float:
-    """Largest magnitude that needs no second look."""
+    """Return the largest magnitude that needs no further check."""
     if quantity == "latitude":
         return LATITUDE_LIMIT
     if quantity == "angle":

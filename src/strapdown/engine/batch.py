@@ -1,4 +1,4 @@
-"""From a Recording and a filter to a Solution: `fuse` runs a whole recording."""
+"""`fuse` runs a filter over a whole Recording and returns a Solution."""
 
 from typing import Unpack
 
@@ -55,7 +55,7 @@ def fuse(
     Raises
     ------
     DataError
-        Where anything given is out of range, or the filter cannot run on this recording.
+        If an argument is out of range, or the filter cannot run on this recording.
 
     References
     ----------
@@ -76,7 +76,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
     """The Run of `fuse` before its first sample. Raises DataError."""
     check_recording(recording)
     recording = with_weights(recording, asked["robust"], asked["adaptive"])
-    if asked["vehicle"] is not None:  # so that all runs of it know it
+    if asked["vehicle"] is not None:  # all runs of the recording then use it
         recording = recording.with_meta(vehicle=find_vehicle(asked["vehicle"]))
     recording = with_estimates(recording, asked["estimate"])
     imu, start = asked["imu"], asked["start"]

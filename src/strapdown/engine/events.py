@@ -1,4 +1,4 @@
-"""Events of a run in words: rows of the loop's log and runs of rejected measurements as (t,
+"""Events of a run as text: rows of the loop's log and runs of rejected measurements become (t,
 text)."""
 
 from collections.abc import Callable, Sequence
@@ -13,6 +13,7 @@ from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MAX_NIS, MAX_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
+from ..core.loop.stages.disturbed_field import KNOWN_HEADING
 from ..data.solution import Rejected, Source
 from ..data.vehicle import Vehicle
 from ..typing import Array
@@ -25,12 +26,12 @@ from .rejections.texts import rejection_texts
 from .rejections.windows import WindowFixes
 
 MAX_OF_A_KIND = 20
-"""Events of one kind and source that are kept apart; the last one takes in all that follow."""
+"""Largest number of separate events of one kind and source; the last one includes all that
+follow."""
 
 
 class Said(IntEnum):
-    """Kinds of events that only a stream has: rows that no Recording has, its start, its
-    callback."""
+    """Kinds of events that only a stream has: invalid rows, its start, its callback."""
 
     SAMPLES_NOT_FINITE = 100
     SAMPLES_TWICE = 101
@@ -46,47 +47,49 @@ class Said(IntEnum):
     AHRS_SAYS = 111
     AHRS_SILENT = 112
     FIXES_AHEAD = 113
+    FIXES_OF_WRONG_LENGTH = 114
 
 
 LONG_LAG = 60.0
-"""s: fixes further behind or ahead than that have another clock."""
+"""s: fixes that are further behind or ahead are on another clock."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
 CLOCKS = "check both clocks"
 NED = ("north", "east", "down")
 
 
 class Events:
-    """The events of a run of `filter` with these sources on this vehicle: `take` empties the log of its cursor."""
+    """Events of a run of `filter` with these sources on this vehicle; `take` empties its cursor's
+    log."""
 
     def __init__(self, filter: Filter, sources: Sequence[Source], vehicle: Vehicle) -> None:
         self.rows: list[LogRow] = []
         self.vehicle = vehicle
         self._filter, self._sources = filter, sources
-        self.because: dict[int, str] = {}  # by code: what the words of that event add
-        self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
+        self.because: dict[int, str] = {}  # by code: text that the message adds
+        self.of_ahrs: tuple[str, ...] = ()  # conditions that an AHRS beside the filter may report
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
-        self.rejected: list[Rejected] = []  # as `look_at` found them
+        self.rejected: list[Rejected] = []  # found by `look_at`
         self.unresolved: list[tuple[float, float]] = []  # s: sequels of jumps and drifts
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
-        self._known = np.full(len(sources), -np.inf)  # s, until when, by source
-        self._begin = np.full(len(sources), np.inf)  # s, the first fix that was tested, by source
+        self._known = np.full(len(sources), -np.inf)  # s, end of these runs, by source
+        self._begin = np.full(len(sources), np.inf)  # s, the first tested fix, by source
 
     def take(self, cursor: Cursor) -> None:
-        """Take over what the log holds, and empty it."""
+        """Take the rows of the log, and empty it."""
         for row in cursor.log[: cursor.state[0].logged]:
             self._fold(row)
         cursor.state[0].logged = 0
 
     def tell(self, code: int, t: Array, values: Array) -> None:
-        """Take over what was seen at the times `t` (s), in their order, with these values."""
+        """Take events at the times `t` (s), in order, with these values."""
         apart = np.flatnonzero(np.diff(t) > FOLD) + 1
         for some in np.split(np.arange(len(t)), apart) if len(t) else ():
             first, last = t[some[0]], t[some[-1]]
             self._fold(log_row(first, last, code, 0, len(some), values[some].max()))
 
     def look_at(self, fixes: Any, std: Array, before: float = -np.inf) -> None:
-        """Find the runs of rejections in what the loop wrote of fixes, a table of FixRow with their
-        standard deviations (m, 3); those that begin before that time (s) are kept for good."""
+        """Find the runs of rejections in the loop's fixes, a table of FixRow with their standard
+        deviations (m, 3). Runs that begin before the time `before` (s) are final."""
         tested = fixes[np.isfinite(fixes["nis"])]
         np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
         found = runs.find(WindowFixes(fixes, std, self._known, self._begin), self._sources)
@@ -100,11 +103,13 @@ class Events:
             self._known[run.source] = max(self._known[run.source], run.stop)
 
     def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
-        """Write what happens outside the loop; whether it is new and no more of the same."""
+        """Log an event from outside the loop; return True where it does not continue an earlier
+        one."""
         return self._fold(log_row(t, t, code, which, 1, value))
 
     def new_rows(self, cursor: Cursor, since: int) -> list[LogRow]:
-        """The rows of the log from number `since` on that go on with nothing; it keeps them."""
+        """Return the rows of the log from number `since` on that do not continue an earlier one,
+        and keep them."""
         begun = []
         for k in range(since, int(cursor.state[0].logged)):
             row, before = cursor.log[k], cursor.log[:k]
@@ -118,8 +123,8 @@ class Events:
         return self._counts.setdefault((row.code, row.which), [])
 
     def _fold(self, row: LogRow) -> bool:
-        """Take over a row, as one more or as part of the last one of its kind; whether it is one
-        more."""
+        """Take a row as a new event or as part of the last one of its kind; return True for a new
+        one."""
         alike = self._rows_like(row)
         if len(alike) == MAX_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
@@ -135,30 +140,30 @@ class Events:
 
     @property
     def all(self) -> list[tuple[float, str]]:
-        """[(t, text)] in the order of time."""
+        """Return [(t, text)] in time order."""
         said = [(float(row.t), self.text(row)) for row in self.rows]
         return sorted(said + [(run.start, str(run)) for run in self.rejected])
 
     def name(self, s: int) -> str:
-        """The source as tables show it."""
+        """Return the name of a source as in tables."""
         return self._sources[s].name or self._sources[s].kind
 
     def component(self, which: int) -> str:
-        """Source and component of a mean: "position north"."""
+        """Return source and component of a mean, such as "position north"."""
         s, i = divmod(which, 3)
         kind = self._sources[s].kind
         width = len(aiding.find(kind).quantities)
         return f"{self.name(s)} {NED[i]}" if width == 3 else self.name(s)
 
     def contradiction(self, which: int) -> tuple[int, int, bool]:
-        """Return, for two heights that contradict each other, the source excluded, the source used,
-        and whether the data decide which is wrong."""
+        """Return, for two heights that contradict each other, the excluded source, the used source,
+        and whether the data decide which one is incorrect."""
         pair, told = divmod(which, 2)
         return *divmod(pair, len(self._sources)), bool(told)
 
     @property
     def heights_apart(self) -> list[dict[str, Any]]:
-        """Heights that were excluded, as plain values."""
+        """Return the excluded heights as plain values."""
         return [
             {
                 "source": self.name(wrong),
@@ -174,23 +179,23 @@ class Events:
         ]
 
     def size(self, s: int, value: float) -> str:
-        """An innovation of source `s` with its unit."""
+        """Return an innovation of source `s` with its unit."""
         unit, shown = quantities.shown_unit(aiding.find(self._sources[s].kind).quantities[0])
         return f"{value * shown:.3g} {unit}"
 
     @property
     def speed(self) -> str:
-        """The speed limit of the vehicle, in words."""
+        """Text of the vehicle's speed limit."""
         return f"the {self.vehicle.speed:.4g} m/s of {self.vehicle}"
 
     @property
     def heights(self) -> str:
-        """Where it is, at all."""
+        """Text of the vehicle's height limits."""
         return f"the {self.vehicle.lowest:.0f} to {self.vehicle.highest:.0f} m of {self.vehicle}"
 
     @property
     def held(self) -> str:
-        """The effect of a gap that is too long to be bridged, in words."""
+        """Text on the effect of a gap that is too long to be bridged."""
         return (
             "velocity and attitude held, invalid until the next position fix"
             if POS.start in self._filter.estimates
@@ -229,7 +234,7 @@ def _gap(events: Events, row: LogRow, value: float, what: str) -> str:
 
 
 def _times(row: LogRow) -> str:
-    """The number of times and the last time, of what happened more than once."""
+    """Return the count and the last time of a repeated event."""
     if row.count == 1:
         return ""
     return f" ({row.count:.0f} times until {row.until:.1f} s)"
@@ -244,7 +249,7 @@ def _seconds(value: float) -> str:
 
 
 def _till(row: LogRow) -> str:
-    """Until when, of what lasted."""
+    """Return the end of a lasting event as text."""
     return f" until {row.until:.1f} s" if row.until > row.t else ""
 
 
@@ -283,7 +288,7 @@ def _coarse(events: Events, row: LogRow, which: int, value: float) -> str:
 
 
 def _at_least(value: float, most: float) -> str:
-    """A value that is cut at `most`."""
+    """Return a value that is limited to `most` as text."""
     return f"{most:.2g} or more" if value > 0.95 * most else f"{value:.2g}"
 
 
@@ -300,11 +305,11 @@ def _height_apart(events: Events, row: LogRow, which: int, value: float) -> str:
     why = (
         "vertical velocity or a third source contradicts it"
         if told
-        else f"the data do not show which is wrong, so the height may be {abs(value):.3g} m off"
+        else f"the data do not show which is incorrect, so the height may be {abs(value):.3g} m off"
     )
     return (
-        f"{events.name(wrong)}: its height is left out from here{_till(row)}, up to {value:+.3g} m off "
-        f"that of {events.name(other)}; {why}"
+        f"{events.name(wrong)}: its height is left out from here{_till(row)}; it differs by up to {value:+.3g} m "
+        f"from that of {events.name(other)}; {why}"
     )
 
 
@@ -317,12 +322,21 @@ WORDS: dict[int, Words] = {
         f"{LIFT_AFTER:g} s"
     ),
     Code.LEFT_OUT: lambda e, row, s, value: (
-        f"{e.name(s)}: left out from here until one of its fixes passes the gate: opening it "
-        f"{LIFTS} times did not help"
+        f"{e.name(s)}: left out from here until one of its fixes passes the gate, because opening the "
+        f"gate {LIFTS} times did not help"
     ),
     Code.TOO_FAR: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, farther than {e.vehicle} can go "
+        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, farther than {e.vehicle} can move "
         f"at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
+    ),
+    Code.DISTURBED: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'field')} left out{_till(row)}, of up to {e.size(s, value)}: "
+        "not the Earth's in strength or dip: iron or a current is near, or the magnetometer is not "
+        "calibrated"
+    ),
+    Code.IRON_WAITS: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'field')} left out{_till(row)}: its hard iron is estimated once "
+        f"the heading is known to {np.degrees(KNOWN_HEADING):.0f} deg; accelerate, brake or turn"
     ),
     Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (
@@ -341,7 +355,7 @@ WORDS: dict[int, Words] = {
         f"raised{_times(row)}"
     ),
     Code.NO_FIX: lambda e, row, s, value: (
-        f"{e.name(s)}: latitude 0 and longitude 0 are no fix: left out{_times(row)}"
+        f"{e.name(s)}: latitude 0 and longitude 0 are not a fix: left out{_times(row)}"
     ),
     Code.TOO_FAST: lambda e, row, s, value: (
         f"{e.name(s)}: {value:.4g} m/s is more than {e.speed}: left out{_times(row)}"
@@ -366,8 +380,8 @@ WORDS: dict[int, Words] = {
         f"{row.until:.0f} s: later fixes contradict earlier ones"
     ),
     Code.CLOCK_OFF: lambda e, row, s, value: (
-        f"the clock of {e.name(s)} is estimated {value:.2g} s off, more than the filter can look "
-        f"back, until {row.until:.0f} s: set time.offset"
+        f"the clock error of {e.name(s)} is estimated as {value:.2g} s, which exceeds the filter's buffer "
+        f"of past states, until {row.until:.0f} s: set time.offset"
     ),
     Said.SAMPLES_NOT_FINITE: lambda e, row, s, value: (
         f"IMU: {_event_count(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
@@ -381,6 +395,10 @@ WORDS: dict[int, Words] = {
     ),
     Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'row')} without time or value dropped{_till(row)}"
+    ),
+    Said.FIXES_OF_WRONG_LENGTH: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'vector')} dropped, whose length differs from that of "
+        f"`baseline` by up to {value:.3g} m{_till(row)}"
     ),
     Said.FIXES_TWICE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'repeated row')} dropped{_till(row)}"
@@ -408,4 +426,4 @@ WORDS: dict[int, Words] = {
     ),
     Said.STOPPED: lambda e, row, s, value: e.because[Said.STOPPED].removeprefix("stream "),
 }
-"""Functions that put each code of the log into words."""
+"""Functions that return the message of each code of the log."""

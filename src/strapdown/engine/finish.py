@@ -1,5 +1,4 @@
-"""From a Run that has come to its end to the Solution that it makes, with the events of which the
-user must know."""
+"""The Solution of a finished Run, with the events that the user must know."""
 
 from collections.abc import Iterable, Sequence
 
@@ -20,8 +19,8 @@ from .prepare import Run, augmented_states
 
 
 def solution(run: Run) -> Solution:
-    """The Solution from what `run` wrote; a run that stopped early keeps what it has and says
-    why."""
+    """Return the Solution from the output of `run`; a run that stopped early keeps its rows and an
+    event with the reason."""
     recording, filter, fixes = run.recording, run.filter, run.fixes
     cursor, out = run.cursor, run.out
     nav, used = out.nav[: cursor.state[0].out], out.fix[: cursor.state[0].fix]
@@ -30,7 +29,7 @@ def solution(run: Run) -> Solution:
     if cursor.state[0].fault:
         t = float(run.samples.t[cursor.state[0].row])
         meta["stopped"] = stop_message(t)
-        if (t, meta["stopped"]) not in events:  # a stream said so already
+        if (t, meta["stopped"]) not in events:  # a stream has reported it already
             events.append((t, meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
@@ -84,9 +83,9 @@ def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
 
 
 def _doubt_sequels(nav: Array, spans: Sequence[tuple[float, float]], samples: Array) -> None:
-    """Mark the rows in which fixes that jumped or drifted away are still followed, from the times
-    `samples` (s) of the IMU on. SETTLING seconds from a gap of them on it is the filter that was
-    away."""
+    """Mark the rows in which the filter still follows fixes that jumped or drifted away. Within
+    SETTLING seconds after a gap in the times `samples` (s) of the IMU, the filter itself had
+    drifted."""
     t, status = nav[:, T], nav[:, ROW_STATUS]
     gap = np.flatnonzero(np.diff(samples) > BRIDGE)
     for start, stop in spans:
@@ -97,7 +96,8 @@ def _doubt_sequels(nav: Array, spans: Sequence[tuple[float, float]], samples: Ar
 
 
 def _forget_unknown(filter: Filter, nav: Array) -> None:
-    """Write NaN over what a filter does not estimate, and over what it claims no deviation of."""
+    """Replace quantities that a filter does not estimate, and missing standard deviations, by
+    NaN."""
     for first, states in ((LLA, POS), (V, VEL), (BIASES, BA), (BIASES + 3, BG)):
         unknown = [first + i for i in range(3) if states.start + i not in filter.estimates]
         nav[:, unknown] = np.nan
@@ -105,7 +105,7 @@ def _forget_unknown(filter: Filter, nav: Array) -> None:
 
 
 def _trajectory(run: Run, nav: Array) -> Trajectory:
-    """Position, velocity and attitude of the point that the recording names."""
+    """Return position, velocity and attitude of the point that the recording names."""
     made = Trajectory(
         nav[:, T], nav[:, LLA:V], nav[:, V:Q], nav[:, Q:BIASES], nav[:, STD:ROW_STATUS]
     )
@@ -118,7 +118,8 @@ def _trajectory(run: Run, nav: Array) -> Trajectory:
 
 
 def _columns(run: Run, nav: Array) -> dict[str, Array]:
-    """The filter's own columns, and parameters that were states with their deviations, by name."""
+    """Return by name the filter's own columns, and estimated parameters with their standard
+    deviations."""
     own = augmented_states(run.recording.sources, run.recording.meta.get("estimate"))
     names = [(name, 1.0) for name in run.filter.columns]
     names += [(each.name, each.factor) for each in own]
@@ -137,7 +138,7 @@ def stop_message(t: float) -> str:
 def innovations(
     used: Table[FixRow], sources: Sequence[Source], gates: Iterable[float]
 ) -> Innovations:
-    """Innovations from the fix rows that `run` wrote."""
+    """Return the Innovations from the fix rows of `run`."""
     of = {name: np.ascontiguousarray(used[name]) for name in used.dtype.names}
     return Innovations(
         of["t"],

@@ -1,9 +1,9 @@
-"""Headings tried: where nothing tells the heading at the start, the closed loop runs from headings
-all around until its fixes say which is right.
+"""Heading hypotheses: where nothing observes the heading at the start, the closed loop runs from
+headings all around the circle until its fixes decide between them.
 
-With the heading psi at the start held as known, the normalised innovations squared (NIS) of a run
-sum up to -2 log likelihood of psi, but for a constant; all other states are integrated out by the
-filter. Sources: Magill (1965) for the bank of filters; Groves (2013) section 16.3 on hypotheses.
+With a known heading psi at the start, the normalised innovations squared (NIS) of a run sum to -2
+log likelihood of psi plus a constant; the filter integrates out all other states. Sources: Magill
+(1965) for the bank of filters; Groves (2013) section 16.3 on hypotheses.
 """
 
 from dataclasses import replace
@@ -26,20 +26,21 @@ from ..typing import Array, Notify
 from .options import run_options
 from .prepare import Run, ready
 
-DOUBTFUL = np.radians(20.0)  # standard deviation of a course from which on headings are tried
+DOUBTFUL = np.radians(20.0)  # std of a course above which headings are tried
 HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
-BEFORE = 60.0  # s: the rest in it tells level and gyro bias
+BEFORE = 60.0  # s: a rest within them gives level and gyro bias
 REUSE = 4.0
-"""By this the sums count less than they are: the filter uses the same fixes again, which doubles
-the standard deviation of what they tell first, and the level at the start rests on some of them."""
-LOST = 12.0  # by which a sum in its scale exceeds the least: this heading is given up
-LIKELIEST = np.radians(60.0)  # spread of all headings, below which one is worth naming
-TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
-DECIDED = np.radians(20.0)  # standard deviation below which it is found
+"""Factor that reduces the weight of the sums: the filter uses the same fixes again later, so that
+the standard deviation from the first use is doubled, and the level at the start depends on some of
+them."""
+LOST = 12.0  # a heading is dropped when its scaled sum exceeds the smallest by so much
+LIKELIEST = np.radians(60.0)  # spread of all headings below which the likeliest one is reported
+TOGETHER = np.radians(20.0)  # spread of the remaining headings below which they count as one
+DECIDED = np.radians(20.0)  # std below which the heading counts as found
 MAX_ROUNDS = 5
-OUTLIER = 100.0  # NIS from which on a fix is one for every heading
+OUTLIER = 100.0  # NIS above which a fix is an outlier, if it is so for every heading
 MIN_STD = np.radians(1.0)
 FIXED_STD = np.radians(0.1)  # of a heading that is held as known
 
@@ -51,10 +52,10 @@ def align_start(
     noise: Noise | None = None,
     notify: Notify | None = None,
 ) -> InitialState:
-    """The InitialState that `align` finds; for a filter of positions, where that heading is unknown or
-    that of a slow course, the one that the fixes decide for.
+    """Return the InitialState that `align` finds. For a filter with positions, if its heading is
+    unknown or from a slow course, the fixes decide between heading hypotheses.
 
-    Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
+    During a rest, headings are tried from its end on. Raises DataError.
     """
     start = align(recording, imu, position=position)
     if not (position and _doubtful(start)):
@@ -73,15 +74,15 @@ def align_start(
 
 
 def _doubtful(start: InitialState) -> bool:
-    """True where the heading is unknown, or from the course of a slow vehicle, which may be carried
-    by hand."""
+    """True where the heading is unknown, or from the course of a slow vehicle, which may be a
+    device carried by hand."""
     if "heading from the course" not in start.note:
         return not start.std[8] < UNKNOWN_STD
     return bool(start.std[8] > DOUBTFUL or np.hypot(start.v_n[0], start.v_n[1]) < MOVING)
 
 
 class _Trials(NamedTuple):
-    """The inputs shared by the runs of all headings."""
+    """The common inputs of the runs of all headings."""
 
     recording: Recording
     begin: float  # s
@@ -90,8 +91,8 @@ class _Trials(NamedTuple):
     notify: Notify | None
 
     def runs(self, headings: NDArray[np.floating[Any]]) -> list[Run]:
-        """Runs from these headings (rad), held as known: from a doubtful one a linear filter draws
-        knowledge that is not in its fixes."""
+        """Return runs from these headings (rad), treated as known: with a large heading error, a
+        linearised filter would gain false information."""
         founds = [HeadingFound(float(wrap(heading)), FIXED_STD, "") for heading in headings]
         every = len(self.recording.imu.t)
         closed_loop = filters.find("closed-loop")
@@ -109,11 +110,11 @@ class _Trials(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """s that they last at most."""
+        """Longest duration of the runs, s."""
         return float(self.recording.imu.t[-1] - self.begin)
 
     def row(self, seconds: float) -> int:
-        """Row of the samples where so many seconds are over."""
+        """Return the row of the samples after so many seconds."""
         return int(np.searchsorted(self.recording.imu.t, self.begin + seconds))
 
 
@@ -125,8 +126,8 @@ class _Peak(NamedTuple):
 
 
 def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
-    """The heading that the innovations decide for; else their mean over all headings, of which that
-    of `start` is as likely before as all others together."""
+    """Return the heading that the innovations select, else the mean over all headings. A priori,
+    the heading of `start` is as likely as all others together."""
     headings = SPACING * np.arange(HEADINGS)
     runs, sums = trials.runs(headings), np.zeros(HEADINGS)
     alive = np.ones(HEADINGS, bool)
@@ -150,7 +151,7 @@ def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
         return HeadingFound(
-            0.0, UNKNOWN_STD, f"heading unknown, {tried} the filter could follow none"
+            0.0, UNKNOWN_STD, f"heading unknown, {tried} the filter converged from none"
         )
     from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.std[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
@@ -178,8 +179,8 @@ def _degrees(heading: float) -> str:
 
 
 def _refine_peak(trials: _Trials, heading: float, row: int) -> _Peak | None:
-    """The _Peak of the likelihood around a heading: a parabola through the sums of runs whose
-    heading is fixed, as wide as the peak; None where there is none."""
+    """Return the _Peak of the likelihood around a heading, from a parabola through the sums of runs
+    with fixed headings, as wide as the peak; None where there is no peak."""
     width = np.radians(10.0)
     for _ in range(MAX_ROUNDS):
         offsets = width * np.arange(-2.0, 3.0)

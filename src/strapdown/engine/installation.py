@@ -1,5 +1,5 @@
-"""Parameters of an installation as states of a filter: which are estimated, which sources share
-them, and their places behind the augmented states of the sources."""
+"""Parameters of an installation as states of a filter: which ones are estimated, which sources
+share them, and their indices after the augmented states of the sources."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -37,16 +37,16 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 
 IMU = "imu"
-"""Name of the IMU where a source could stand."""
+"""Name of the IMU in place of that of a source."""
 WAIT, MAX_WAIT = 3.0, 1.0
-"""A fix whose clock is a state waits WAIT prior standard deviations, but at most MAX_WAIT s:
-later than it holds, with any probable offset."""
+"""A fix whose clock error is a state waits WAIT prior standard deviations, at most MAX_WAIT s, so
+that its true time has passed for any probable offset."""
 
 Prior: TypeAlias = float | Sequence[float] | None
 Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]
-"""Parameters to estimate: names, "clock" of all sources that have one, "position clock" of the source of
-that name or kind, "imu gyro-scale", "imu scale" of both sensors; or {name: prior standard deviation, SI, one or one per
-component}."""
+"""Parameters to estimate: names, "clock" of all sources that have one, "position clock" of the
+source of that name or kind, "imu gyro-scale", "imu scale" of both sensors; or {name: prior standard
+deviation, SI, one or one per component}."""
 OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
 """{parameter of the IMU that is estimated: prior standard deviations}, as `Recording.meta` has it
 under "estimate"."""
@@ -57,40 +57,40 @@ class StateParameter(NamedTuple):
 
     of: CalibrationParameter
     component: int
-    sources: tuple[int, ...]  # of the sources; of the IMU's all that see it
+    sources: tuple[int, ...]  # indices of its sources; for the IMU, of all that observe it
     std: float  # prior, SI
     owner: str  # name of the first source, or "imu"
 
     @property
     def name(self) -> str:
-        """As a column of a Solution: the error true - given, with its unit."""
+        """Name of its column in a Solution: the error true - given, with its unit."""
         unit = f" [{self.of.unit}]" if self.of.unit else ""
         return f"{self.of.component(self.component)} error of {self.owner}{unit}"
 
 
 def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording:
-    """The recording with what is to be estimated noted at its sources and its IMU, in place of what
-    it names itself; as it is for None. Raises DataError."""
+    """Return the recording with the parameters to estimate set at its sources and its IMU, in place
+    of its own; unchanged for None. Raises DataError."""
     if estimate is None:
         return recording
     sources, of_imu = asked_of(recording.sources, estimate)
     asked = replace(recording, sources=sources).without_meta("estimate")
-    # what is asked of sources leaves the IMU to its grade
+    # a request for sources leaves the IMU's parameters to its grade
     return asked.with_meta(estimate=of_imu) if of_imu or not estimate else asked
 
 
 def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
     """Return the scale and misalignment errors that the grade of an IMU states, as states, and
-    notes on them. Used where no parameter of the IMU was asked for or excluded: a filter that
-    leaves them out is less certain than it says."""
+    notes on them. Used where no parameter of the IMU was requested or excluded: a filter without
+    them is overconfident."""
     axes = {} if spec is None else spec.axes_std()
     if not axes:
         return {}, []
     stated = ", ".join(name.replace("-", " ") for name in axes)
     if not filter.installation:
         return {}, [
-            f"{filter.name} does not model {stated} of the IMU: biases and attitude err by more "
-            "than their claimed std"
+            f"{filter.name} does not model {stated} of the IMU: errors of biases and attitude exceed "
+            "their claimed std"
         ]
     return axes, [
         f"{stated} of the IMU are states, with the std of its grade; estimate=[] leaves them out"
@@ -103,7 +103,7 @@ def without_estimates(sources: Iterable[Source]) -> tuple[Source, ...]:
 
 
 def asked_of(sources: Iterable[Source], estimate: Estimate) -> tuple[tuple[Source, ...], OfImu]:
-    """(sources with what of them is to be estimated, what of the IMU). Raises DataError."""
+    """(sources with their parameters to estimate, those of the IMU). Raises DataError."""
     marked = list(without_estimates(sources))
     of_imu: dict[str, tuple[float, ...]] = {}
     known = dict.fromkeys([*calibration_parameters.OF_SOURCE, *calibration_parameters.ASKED_OF_IMU])
@@ -128,8 +128,8 @@ def asked_of(sources: Iterable[Source], estimate: Estimate) -> tuple[tuple[Sourc
 
 
 def _asked_at(sources: Sequence[Source], name: str, whose: str) -> list[int]:
-    """The sources that have the parameter `name`: all, or those of the name `whose` or, where none
-    has it, of that kind, in upper or lower case. Raises DataError."""
+    """Return the sources that have the parameter `name`: all, or those with the name `whose`, or
+    without any, those of that kind; case does not matter. Raises DataError."""
     having = [
         i for i, a in enumerate(sources) if name in aiding.find(a.kind).calibration_parameters
     ]
@@ -146,7 +146,7 @@ def _asked_at(sources: Sequence[Source], name: str, whose: str) -> list[int]:
 
 
 def _requested_priors(estimate: Estimate) -> dict[str, Prior]:
-    """{name, maybe with its owner: prior or None}. Raises DataError."""
+    """Return {name, possibly with its owner: prior or None}. Raises DataError."""
     if isinstance(estimate, str):
         estimate = [part.strip() for part in estimate.split(",")]
     try:
@@ -168,8 +168,8 @@ def _prior(what: CalibrationParameter, std: Prior) -> tuple[float, ...]:
 def parameters(
     sources: Sequence[Source], of_imu: Mapping[str, tuple[float, ...]]
 ) -> list[StateParameter]:
-    """The parameters that are states, in their order. Sources of position and velocity with the
-    same lever arm are one antenna: what both ask for is one state."""
+    """Return the parameters that are states, in order. Sources of position and velocity with the
+    same lever arm are one antenna and share the states that both request."""
     found: list[StateParameter] = []
     for name, what in calibration_parameters.OF_SOURCE.items():
         done: set[int] = set()
@@ -231,7 +231,7 @@ def parameter_meta(recording: Recording, P: Array) -> SolutionMeta:
                 }
                 for each in found
             ],
-            # that of a simulation is the truth
+            # in a simulation this is the truth
             "reference": recording.reference is not None and "b_g" not in recording.meta,
             "mounting": recording.meta.get("imu_mounting", [0.0] * 3),  # roll, pitch, heading
             "correlation": np.nan_to_num(block / np.outer(std, std)).tolist(),
@@ -240,7 +240,7 @@ def parameter_meta(recording: Recording, P: Array) -> SolutionMeta:
 
 
 def _of_right_clock(sources: Sequence[Source], parameter: StateParameter) -> list[int]:
-    """The sources of the antenna of a clock that is estimated whose own clock is none."""
+    """Return the sources at the antenna of an estimated clock whose own clock is not estimated."""
     if parameter.of is not CLOCK:
         return []
     own = sources[parameter.sources[0]]
@@ -252,8 +252,8 @@ def _of_right_clock(sources: Sequence[Source], parameter: StateParameter) -> lis
 def as_given(
     recording: Recording, of: CalibrationParameter, component: int, sources: Sequence[int]
 ) -> float:
-    """A component as the recording has it, SI: of a clock 0, of a scale 1, a lever arm of sources from
-    the reference point of the vehicle, a mounting as roll, pitch, heading."""
+    """Return a component as given in the recording, SI: 0 for a clock, 1 for a scale, a lever arm
+    of sources from the reference point of the vehicle, a mounting as roll, pitch, heading."""
     if of is LEVER_ARM:
         of_imu = recording.meta.get("imu_lever_arm", [0.0] * 3)
         return float(lever_arm_of(recording.sources[sources[0]])[component] + of_imu[component])
@@ -280,8 +280,8 @@ def delays(sources: Sequence[Source], of_imu: OfImu) -> list[float]:
 
 
 def coupling_rows(found: Sequence[StateParameter], first: int) -> Any:
-    """The rows of `Cursor.coupled`: those of the states that are scales and misalignments of the
-    IMU; the states begin with `first`."""
+    """Return the rows of `Cursor.coupled` for the states that are scales and misalignments of the
+    IMU; the states begin at `first`."""
     listed = [
         (first + k, parameter.of.increments + into, parameter.of.increments + of)
         for k, parameter in enumerate(found)
@@ -294,7 +294,7 @@ def coupling_rows(found: Sequence[StateParameter], first: int) -> Any:
 
 
 def _axes(component: str) -> tuple[int, int]:
-    """(axis that reads too much, axis of which it does)."""
+    """(axis with the error, axis that it is proportional to)."""
     if component in AXES:
         return AXES.index(component), AXES.index(component)
     into, of = ("xyz".index(letter) for letter in component)
@@ -302,17 +302,17 @@ def _axes(component: str) -> tuple[int, int]:
 
 
 def errors_of_start(v: Array, C: Array, omega: Array, acceleration: Array) -> tuple[Array, Array]:
-    """Derivatives of the error of a start that was made of fixes, position and velocity: by their
-    clock (6,), and by their lever arm (6, 3). `omega` in rad/s, body; the others in n, velocity and
-    acceleration being those of the antenna."""
+    """Return the derivatives of the position and velocity error of a start from fixes: by their
+    clock (6,), and by their lever arm (6, 3). `omega` in rad/s, body; the others in n, with
+    velocity and acceleration of the antenna."""
     return np.r_[-v, -acceleration], -np.vstack([C, C @ cross_matrix(omega)])
 
 
 def correlate(
     P: Array, start: InitialState, found: Sequence[StateParameter], kinds: Sequence[str]
 ) -> None:
-    """Add to P at the start what the first fixes err by with the parameters `found`, whose states
-    are the last; `kinds` of all sources."""
+    """Add to the initial P the errors of the first fixes from the parameters `found`, which are the
+    last states; `kinds` of all sources."""
     if not start.motion:
         return
     position = kinds.index("position") if "position" in kinds else -1

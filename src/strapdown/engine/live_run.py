@@ -1,5 +1,5 @@
-"""A filter that is fed one sample at a time, with the newest part of what it was given and of what it
-made of it: enough for a Solution of that part."""
+"""A filter that takes one sample at a time and keeps the newest part of its input and output,
+enough for a Solution of that part."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -43,8 +43,8 @@ from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prep
 ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
     place(LoopState, name) for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged")
 )
-"""Where these stand in the memory of a LoopState."""
-TELL = 10.0  # s from the first of rejected fixes on until their cause is looked for
+"""Offsets of these in the memory of a LoopState."""
+TELL = 10.0  # s from the first of rejected fixes until their cause is determined
 
 
 class SetUp(NamedTuple):
@@ -56,12 +56,12 @@ class SetUp(NamedTuple):
     options: dict[str, Any]  # the filter's own
     sources: tuple[Source, ...]  # the sources that it uses
     vehicle: Vehicle
-    of_imu: OfImu  # what of the IMU is estimated
+    of_imu: OfImu  # estimated parameters of the IMU
 
 
 class _Room:
-    """Where samples, fixes and results stand, and the same memory without numpy, which takes a
-    third of the time to write into."""
+    """Memory for samples, fixes and results, and views of it without numpy, whose writing takes a
+    third of the time."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class _Room:
             y=np.empty((most, 3)),
             std=np.empty((most, 3)),
         )
-        # of the fixes as they came: they may wait, and the loop raises those below the floor
+        # std of the fixes as received: fixes may wait, and the loop raises a std below the floor
         self.stamp, self.std = np.empty(most), np.empty((most, 3))
         self.waits = self.fixes.sources["delay"].tolist()
         self.out = new_output(of.filter, belief, rows, covariance, most)
@@ -103,9 +103,9 @@ class _Room:
 
 
 class LiveRun:
-    """A filter from `start` on over what `take` is given, with the last `rows` samples of it.
+    """A filter from `start` on over the input of `take`, with the last `rows` samples.
 
-    covariance: keep the covariances of these samples too; events: goes on with these. Raises
+    covariance: also keep the covariances of these samples; events: continue these. Raises
     DataError.
     """
 
@@ -121,7 +121,7 @@ class LiveRun:
         filter, noise, spec, options, sources, vehicle, of_imu = set_up
         self.filter, self.start, self.spec, self.options = filter, start, spec, options
         self.sources = tuple(a._where(np.zeros(len(a.t), bool)) for a in sources)
-        self.belief = new_belief(filter, start, noise, options, self.sources, of_imu)
+        self.belief = new_belief(filter, start, noise, options, sources, of_imu)
         self.noise = noise = filter.with_bias_model(noise, options)
         self.cursor = new_cursor(
             filter, start.t, self.sources, limits(spec, noise, vehicle), of_imu
@@ -129,8 +129,8 @@ class LiveRun:
         needed = stages_of(filter, self.sources, of_imu)
         self.kernels = prepare(filter, [a.kind for a in self.sources], notify, needed)
         self.events = events or Events(filter, self.sources, vehicle)
-        self.seen = 0  # rows of the log that were looked at
-        # s, since when fixes of a source have been rejected that nothing was said of; what was told
+        self.seen = 0  # rows of the log that were examined
+        # s, begin of a source's rejections that are not reported yet; the reported ones
         self._refusing: dict[int, float] = {}
         self._told: set[tuple[str, float]] = set()
         used = set_up._replace(noise=noise, sources=self.sources)
@@ -138,11 +138,11 @@ class LiveRun:
         self._ahead = _Room(used, self.kernels, self.belief, self.cursor, 1)
         self._rows = rows
 
-    # ---- going on
+    # ---- samples and fixes
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
-        """Run over one sample and the fixes up to its end; whether the log has new rows. Raises
-        DataError where the filter stops."""
+        """Run over one sample and the fixes up to its end; return True where the log has new rows.
+        Raises DataError where the filter stops."""
         room, state = self._room, self._room.state
         row = state[ROW]
         if row == self._rows or state[FIX] >= self._rows:
@@ -154,7 +154,7 @@ class LiveRun:
         return state[LOGGED] > self.seen
 
     def look(self, sample: Sample, fixes: Sequence[UsableFix]) -> None:
-        """The same without a trace but in `belief` and `cursor`, which the caller restores."""
+        """Do the same but change only `belief` and `cursor`, which the caller restores."""
         room, state = self._ahead, self._ahead.state
         state[ROW] = state[FIX] = state[FIXES] = state[OUT] = 0
         room.put(fixes, 0)
@@ -181,12 +181,12 @@ class LiveRun:
 
     @property
     def rate(self) -> float:
-        """Hz of the IMU, by its newest sample."""
+        """Rate of the IMU, Hz, from its newest sample."""
         return 1 / float(self._room.dt[self._room.state[ROW] - 1])
 
     @property
     def status(self) -> int:
-        """That of the newest row."""
+        """Status of the newest row."""
         return int(self.cursor.state[0].shown)
 
     def new_events(self) -> list[LogRow]:
@@ -206,8 +206,8 @@ class LiveRun:
         return self.events
 
     def new_rejections(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
-        """Take in the `fixes` newest measurements, and return the events of rejections that began
-        TELL s ago or earlier, of all where the stream is `over`. Each is reported once."""
+        """Take the `fixes` newest measurements, and return the events of rejections that began at
+        least TELL s ago, or of all where the stream is `over`. Each is reported once."""
         rows, refusing = self._room.out.fix, self._refusing
         for row in rows[self._room.state[FIX] - fixes : self._room.state[FIX]]:
             t, s = float(row.t), int(row.source)
@@ -225,10 +225,10 @@ class LiveRun:
         self._told |= {(run.source, run.start) for run in new}
         return [(run.start, str(run)) for run in new]
 
-    # ---- looking back
+    # ---- history
 
     def _forget(self) -> None:
-        """Leave the older half of what is kept; the start moves to where the rest begins."""
+        """Drop the older half of the history; the start moves to the beginning of the rest."""
         state, room = self.cursor.state[0], self._room
         imu, fixes, std, out = room.imu, room.fixes, room.std, room.out
         row, fix = int(state.row), int(state.fix)
@@ -250,12 +250,12 @@ class LiveRun:
 
     @property
     def samples(self) -> Imu:
-        """Those that are kept."""
+        """The kept samples."""
         row = int(self.cursor.state[0].row + self.cursor.state[0].fault)
         return Imu(*(read_only(column[:row].copy()) for column in self._room.imu))
 
     def recording(self, meta: RecordingMeta) -> Recording:
-        """The samples and fixes that are kept."""
+        """Return the kept samples and fixes."""
         fixes, stamp, std = self._room.fixes, self._room.stamp, self._room.std
         kept = slice(0, int(self.cursor.state[0].fixes))
         sources = []
@@ -267,7 +267,7 @@ class LiveRun:
         return Recording(self.samples, tuple(sources), meta=meta)
 
     def solution(self, every: int, meta: RecordingMeta) -> Solution:
-        """The Solution of what is kept, each n-th row of it and the last."""
+        """Return the Solution of the history, each n-th row and the last."""
         state, room = self.cursor.state[0], self._room
         rows = slice((int(state.out) - 1) % every, int(state.out), every)
         out = room.out._replace(
@@ -299,7 +299,7 @@ class LiveRun:
         )
 
     def newest(self, looking: bool = False) -> Trajectory:
-        """The newest row as a Solution has it; `looking`: that of the last `look`."""
+        """Return the newest row in the form of a Solution; `looking`: that of the last `look`."""
         row = self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.state[OUT] - 1]
         std = row[None, solution_row.STD : solution_row.ROW_STATUS].copy()
         std[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
@@ -314,7 +314,7 @@ class LiveRun:
         return Trajectory(row[:1].copy(), lla, v, q, std)
 
     def snapshot(self) -> list[Any]:
-        """Copies of all that a step changes but what is kept."""
+        """Return copies of everything that a step changes, except the history."""
         return [column.copy() for column in self._changing]
 
     def restore(self, arrays: Iterable[Any]) -> None:
@@ -327,12 +327,12 @@ class LiveRun:
         return [*self.belief, *self.cursor]
 
     def copy(self) -> FilterState:
-        """The filter state in arrays of its own."""
+        """Return a copy of the filter state."""
         return FilterState(*(column.copy() for column in self.belief))
 
 
 def start_at(row: Array) -> InitialState:
-    """The InitialState that a row of the output tells; correlations are left out."""
+    """Return the InitialState from a row of the output, without correlations."""
     t, rph_now = (
         float(row[solution_row.T]),
         quaternion_to_euler(row[solution_row.Q : solution_row.BIASES]),
@@ -343,5 +343,5 @@ def start_at(row: Array) -> InitialState:
         row[solution_row.BIASES : solution_row.ROW_STATUS],
     ].tolist()
     lla, v, rph, b_a, b_g = (tuple(parts[k : k + 3]) for k in range(0, 15, 3))
-    note = f"what the filter knew at {t:.2f} s"
+    note = f"state of the filter at {t:.2f} s"
     return InitialState(t, lla, v, rph, b_a, b_g, tuple(parts[15:]), note)

@@ -1,5 +1,5 @@
-"""The notifier of a stream: events, kept and handed over as they begin, and counts of dropped
-data."""
+"""The notifier of a stream: it keeps events, passes them to the callback when they begin, and
+counts dropped data."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,40 +12,40 @@ from .events import Events
 OnEvent = Callable[[float, str], object]
 """(t in s, text) of an event when it begins."""
 BEYOND = "after the last sample"
-DROPPED = ("before the start", "late", "twice", "not finite", BEYOND)
-"""Why a sample or a fix is not used."""
+DROPPED = ("before the start", "late", "twice", "not finite", "wrong length", BEYOND)
+"""Reasons why a sample or a fix is not used."""
 
 
 class Notifier:
-    """Hands `events` over to `on_event`, which may be None, or raise: then it is not called again."""
+    """Pass `events` to `on_event`, which may be None; after an exception it is not called again."""
 
     def __init__(self, events: Events, on_event: OnEvent | None) -> None:
         if not (on_event is None or callable(on_event)):
             raise DataError(f"on_event is {brief(on_event)}; it must be a function of (t, text)")
         self.events = events
         self.dropped_by = dict.fromkeys(DROPPED, 0)
-        self.waits = False  # whether there is something to tell
+        self.waits = False  # True where events wait to be passed on
         self._on_event, self._deaf, self._news = on_event, False, list[tuple[float, str]]()
 
     def note(self, code: int, which: int, t: float, value: float = 0.0, because: str = "") -> None:
-        """Write an event that the loop does not see."""
+        """Log an event from outside the loop."""
         if because:
             self.events.because[code] = because
         if self.events.note(code, which, t, value):
             self.add([self.events.rows[-1]])
 
     def drop(self, why: str, code: int, place: int | None, t: float, behind: float = 0.0) -> None:
-        """Count what is not used and, where it is of a source of the filter, say so."""
+        """Count unused data and, for a source of the filter, log an event."""
         self.dropped_by[why] += 1
         if place is not None:
             self.note(code, place, t, behind)
 
     def add(self, rows: Sequence[LogRow]) -> None:
-        """Events that began, to be told with the next `tell`."""
+        """Add events that began; the next `tell` passes them on."""
         self.notify([(float(row.t), self.events.text(row)) for row in rows if self.listens])
 
     def notify(self, news: Sequence[tuple[float, str]]) -> None:
-        """The same of events (t in s, text) in words."""
+        """Add events as (t in s, text)."""
         if self.listens:
             self._news += news
             self.waits = bool(self._news)
@@ -56,7 +56,7 @@ class Notifier:
         return self._on_event is not None
 
     def tell(self, t: float) -> None:
-        """Hand over what began; `t` s is now."""
+        """Pass on the events that began; `t` s is the current time."""
         news, self._news, self.waits = self._news, [], False
         for event in news:
             if self._deaf or self._on_event is None:

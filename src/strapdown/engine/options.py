@@ -26,7 +26,7 @@ from .installation import Estimate
 from .source_weights import Adaptive, Robust
 
 AHRS_RATE = 10.0
-"""Hz of the attitude of an AHRS, where no rate is asked for."""
+"""Default rate of the attitude of an AHRS, Hz."""
 Call = TypeVar("Call", bound=Callable[..., Any])
 
 
@@ -40,7 +40,7 @@ class SetUpOptions(TypedDict, total=False):
 
 
 class SourceOptions(SetUpOptions, total=False):
-    """The options of how the sources and the IMU are modelled, beside `SetUpOptions`."""
+    """`SetUpOptions`, and the options that model the sources and the IMU."""
 
     noise: Noise | None
     estimate: Estimate | None
@@ -50,7 +50,7 @@ class SourceOptions(SetUpOptions, total=False):
 
 
 class RunOptions(SourceOptions, total=False):
-    """The options of one run of one filter: `SourceOptions`, and what is kept of it."""
+    """The options of one run of one filter: `SourceOptions`, and the choice of kept results."""
 
     options: dict[str, Any] | None
     ahrs_rate: float
@@ -62,7 +62,7 @@ class Option(NamedTuple):
     """An option of a run."""
 
     default: Any
-    type: str  # as the documentation has it
+    type: str  # as in the documentation
     meaning: str
 
 
@@ -77,7 +77,7 @@ OPTIONS: Final[dict[str, Option]] = {
         "InitialState",
         "Initial position, velocity, attitude and biases, with their standard deviations; "
         "default: by alignment. `align` finds the parts that you leave out. Fixes at its time "
-        "belong to it and are not used again.",
+        "are part of it and are not used again.",
     ),
     "vehicle": Option(
         None,
@@ -120,7 +120,7 @@ OPTIONS: Final[dict[str, Option]] = {
     "every": Option(1, "int", "Keep every n-th row of the solution, and always the last one."),
     "covariance": Option(False, "bool", "Also keep the full covariance of these rows."),
 }
-"""Defaults and meanings, by name, in the order in which signatures have them."""
+"""Defaults and meanings by name, in the order of signatures."""
 
 
 def run_options(**given: Unpack[RunOptions]) -> RunOptions:
@@ -137,9 +137,9 @@ def run_options(**given: Unpack[RunOptions]) -> RunOptions:
 
 
 def takes(record: type, options: Mapping[str, Option] = OPTIONS) -> Callable[[Call], Call]:
-    """Make the signature, the documentation and the refusals of a function, whose last parameter is
-    `**given: Unpack[record]`, those of the options of `record`, a TypedDict. Of a class it is its
-    constructor."""
+    """Return a decorator for a function, or the constructor of a class, whose last parameter is
+    `**given: Unpack[record]`. It adds the options of `record`, a TypedDict, to signature and
+    documentation, and refuses other options."""
     types = get_type_hints(record)
     table = {name: options[name] for name in options if name in types}
     shared = [
@@ -160,7 +160,7 @@ def takes(record: type, options: Mapping[str, Option] = OPTIONS) -> Callable[[Ca
 def _with_option_check(
     call: Callable[..., Any], name: str, table: Mapping[str, Option], shared: list[Parameter]
 ) -> Callable[..., Any]:
-    """The function, which refuses options that it does not have."""
+    """Return the function with a check that refuses unknown options."""
     own = list(signature(call).parameters.values())[:-1]
     known = {each.name for each in own} | set(table)
 
@@ -189,7 +189,7 @@ def _unknown_option(name: str, option: str, known: set[str]) -> str:
 
 
 def _option_doc(what: object, table: Mapping[str, Option]) -> str:
-    """The documentation of a function or class, with that of its options behind it."""
+    """Return the documentation of a function or class, followed by that of its options."""
     text, *rest = (getdoc(what) or "").partition("\nRaises\n")
     lines = [text.rstrip(), "", "Other Parameters", "----------------"]
     for name, option in table.items():

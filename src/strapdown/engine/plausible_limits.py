@@ -18,7 +18,7 @@ from ..typing import Array
 from ..units import quantities
 from ..units.constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY
 
-BEYOND = 1.05  # of a described full scale: what reads more is broken
+BEYOND = 1.05  # of a stated full scale: a larger reading is a fault
 AT_FULL_SCALE = 0.999
 
 
@@ -37,7 +37,7 @@ def limits(spec: ImuSpec | None, noise: Noise, vehicle: Vehicle) -> Any:
 
 
 def floors(sources: Sequence[Source]) -> Array:
-    """Least standard deviations (sources, 3) of the rows of each source."""
+    """Return the smallest accepted standard deviations (sources, 3) of the rows of each source."""
     found = np.zeros((len(sources), 3))
     for row, a in zip(found, sources):
         least = [quantities.REGISTRY.find(q).min_std for q in aiding.find(a.kind).quantities]

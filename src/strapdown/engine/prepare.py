@@ -47,6 +47,8 @@ from ..data.recording import Recording
 from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
 from ..plugins import one_line
+from ..preprocessing.baseline_length import without_wrong_lengths
+from ..preprocessing.receiver_classes import join_classes
 from ..sensor_models.imu import GivenImu, ImuSpec, required_imu
 from ..typing import Array, ArrayLike, Notify, Progress
 from ..units import quantities
@@ -265,6 +267,9 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     notes = [f"{filter.name} does not use {', '.join(others)}"] if others else []
     sources, said = weighable(filter, sources)
     notes += widened + said
+    checked = [without_wrong_lengths(a) for a in sources]
+    sources = [a for a, _ in checked]
+    notes += [note for _, said in checked for note in said]
     return tuple(a for a, fit in zip(sources, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
@@ -316,7 +321,7 @@ def new_cursor(
     state, books = cursor.state[0], cursor.books
     state.t, state.cause, state.climb_at, state.latest = float(t), -np.inf, -np.inf, 1
     if has_position(filter):
-        state.heights = sum(a.kind in HEIGHTS for a in sources)
+        state.heights = sum(a.kind in HEIGHTS for a in join_classes(sources))
     state.every, state.positioned = 1, has_position(filter)
     state.condition = -1 if filter.condition is None else filter.condition
     doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
@@ -578,16 +583,17 @@ def new_belief(
         raise
     installation.correlate(belief.P, start, found, [a.kind for a in sources])
     if start.motion:
-        _correlate_start(belief.P, sources)
+        _correlate_start(belief.P, sources, start.t)
     return belief
 
 
-def _correlate_start(P: Array, sources: Sequence[Source]) -> None:
-    """Add to P at a start that was made of the first fixes what these err by with the correlated
+def _correlate_start(P: Array, sources: Sequence[Source], t: float) -> None:
+    """Add to P at a start at `t` s that was made of the first fixes what these err by with the correlated
     errors of their source: true - estimate has these less."""
     table = merge(sources).sources
     for kind, first in (("position", POS.start), ("velocity", VEL.start)):
-        s = next((s for s, a in enumerate(sources) if a.kind == kind), None)
+        alike = [s for s, a in enumerate(sources) if a.kind == kind]
+        s = _class_in_use(sources, alike, t)
         for i in range(3 if s is not None else 0):
             row = table[s or 0]
             variance, state = row.correlated_std[i] ** 2, row.correlated_state[i]
@@ -595,6 +601,17 @@ def _correlate_start(P: Array, sources: Sequence[Source]) -> None:
             if state > 0:
                 P[first + i, state] -= variance
                 P[state, first + i] -= variance
+
+
+def _class_in_use(sources: Sequence[Source], alike: Sequence[int], t: float) -> int | None:
+    """The first source of these indices, or that class of its receiver whose fix is nearest to `t`
+    s; None of none."""
+    if not alike:
+        return None
+    first = sources[alike[0]]
+    classes = [s for s in alike if first.receiver and sources[s].receiver == first.receiver]
+    away = {s: np.abs(sources[s].t - t).min() for s in classes if len(sources[s].t)}
+    return min(away, key=lambda s: away[s]) if away else alike[0]
 
 
 def configure_options(

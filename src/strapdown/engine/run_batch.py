@@ -1,5 +1,5 @@
-"""Eight runs of one filter at once, on recordings that differ in numbers only: the same times, sources
-and options. Runs that leave the lanes are reported, and must be run alone."""
+"""Eight simultaneous runs of one filter, on recordings that differ only in numbers: the times,
+sources and options are the same. Runs that leave the batch are reported and must be run alone."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -26,11 +26,11 @@ NOT_IN_LANES = {
     "robust": "a source is robust",
     "memory": "a source is adaptive",
 }
-"""Fields of a source that the lanes do not know."""
+"""Fields of a source that a batch does not support."""
 
 
 def why_alone(run: Run) -> str:
-    """Why runs like this one go one by one; "" where they can go side by side."""
+    """Return the reason why such runs must run one by one; "" where a batch can run them."""
     kinds = [aiding.find(a.kind) for a in run.recording.sources]
     alone = [sensor.name for sensor in kinds if not sensor.lanes]
     if not COMPILED:
@@ -52,17 +52,17 @@ def why_alone(run: Run) -> str:
 
 
 class Keeper(NamedTuple):
-    """A kernel that keeps rows, of core.loop.lane_loop.KEEP_LANES, and what it is handed."""
+    """A kernel of core.loop.lane_loop.KEEP_LANES, which keeps rows, and its arguments."""
 
     kernel: Any
-    true: Array  # (rows, ...), what is true of each row
+    true: Array  # (rows, ...), the true values of each row
     biases: Array  # (rows, 6, LANES)
-    scratch: int  # numbers to write in
-    numbers: int  # that it writes of a row
+    scratch: int  # size of its scratch memory in numbers
+    numbers: int  # numbers that it writes per row
 
 
 class RunBatch:
-    """Runs of one filter in lanes. `left` says until when each of them is right."""
+    """Runs of one filter in lanes. `left` has the time until which each of them is valid."""
 
     def __init__(
         self,
@@ -71,9 +71,9 @@ class RunBatch:
         recordings: Sequence[Recording],
         keep: Keeper,
     ) -> None:
-        """first: a Run like those of the LANES `starts` and `recordings`, which `why_alone` finds
-        nothing against. Raises ValueError where the fixes of the recordings differ in more than what
-        was measured."""
+        """first: a Run like those of the LANES `starts` and `recordings`, for which `why_alone` is
+        "". Raises ValueError where the fixes of the recordings differ in more than the measured
+        values."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
         own = tuple(each.std for each in augmented_states(first.recording.sources))
         beliefs = [
@@ -141,19 +141,19 @@ class RunBatch:
 
     @property
     def left(self) -> Array:
-        """(LANES,) time from which a run must go alone, s; inf of those that need not."""
+        """(LANES,) time from which a run must continue alone, s; inf where it need not."""
         left, ended = self.cursor.left
         return np.where(left <= ended, left, np.inf)
 
     @property
     def ended(self) -> Array:
-        """(LANES,) time of the sample at which the belief of a run was none any more, s; inf of
-        those that came to the end."""
+        """(LANES,) time of the sample at which the filter state of a run became invalid, s; inf for
+        runs that reached the end."""
         return self.cursor.left[lane_loop.ENDED]
 
     def _park(self) -> bool:
-        """Let runs that nobody asks for any more do what a sound one does: numbers that are none
-        would take all runs the long ways. False where none is left."""
+        """Overwrite abandoned runs with a valid one, because NaN would send all runs through slow
+        branches. Return False where no run is left."""
         gone = np.isfinite(self.cursor.left).any(axis=0)
         if gone.all():
             return False
@@ -165,7 +165,7 @@ class RunBatch:
 
 
 def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
-    """Those that lanes of `filter` on sources of these kinds need, the loop among them."""
+    """Return the kernels, with the loop, that lanes of `filter` on sources of these kinds need."""
     own = [filter.predict, filter.correct, *(aiding.find(kind).observe for kind in kinds)]
     return [*map(side_by_side, own), keep, lane_loop.run_lanes]
 
@@ -179,8 +179,8 @@ def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, in
 
 
 def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> list[Array]:
-    """y of the fixes of each recording, in the order of the first run. Raises ValueError where one
-    has others."""
+    """Return y of the fixes of each recording in the order of the first run. Raises ValueError
+    where the fixes differ."""
     mine, after = first.recording.sources, first.start.t + SAME_TIME
     _, order = used_in_order(mine, after, first.fixes.sources["delay"])
     found = []
@@ -195,7 +195,7 @@ def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> li
 
 
 def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Arrays of one shape and type as lanes."""
+    """Return arrays of one shape and type as lanes."""
     made = aligned_zeros(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
     for lane, part in enumerate(parts):
         made[..., lane] = part

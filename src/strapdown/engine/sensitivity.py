@@ -1,8 +1,8 @@
-"""A run of a filter that also says what unknown constants would change in its innovations: the
-normal equations of a least-squares estimate of them (core/mathematics/sensitivity.py).
+"""A run of a filter that also computes the sensitivity of its innovations to unknown constants, and
+the normal equations of a least-squares estimate of these (core/mathematics/sensitivity.py).
 
-It goes forwards in pieces of `RECORDED_ROWS` samples, each with a record of its calls, so beside the
-solution memory is that of a piece.
+The run proceeds in pieces of `RECORDED_ROWS` samples, each with a record of its calls, so that
+besides the solution it needs the memory of one piece.
 """
 
 from collections.abc import Callable, Iterator
@@ -46,16 +46,16 @@ from .prepare import Run
 RECORDED_ROWS = 4096 if COMPILED else 250
 """IMU samples whose record is kept at once."""
 WINDOW = 0.2
-"""s over which specific force is averaged for the acceleration at a fix: vibration of single
-samples would make derivatives by time too large."""
+"""s over which specific force is averaged for the acceleration at a fix; the vibration of single
+samples would make time derivatives too large."""
 BLOCKS = 20
-"""Pieces of time whose sums are kept apart, to see how an estimate scatters."""
+"""Number of time blocks with separate sums, which show the scatter of an estimate."""
 MAX_NIS = 30.0
-"""A fix that fits worse counts as this in `fit`."""
+"""Upper limit of the NIS of a fix in `fit`."""
 
 
 class Corrections(NamedTuple):
-    """The k calls of `correct` in a piece of a run: when, of which source, and the belief there."""
+    """The k calls of `correct` in a piece of a run: time, source and filter state."""
 
     t: Array  # (k,) s
     source: Ints  # (k,)
@@ -67,7 +67,8 @@ class Corrections(NamedTuple):
 
 
 Derivatives: TypeAlias = Callable[[Corrections], Array]
-"""h (k, 3, m): the derivatives of the measurements of these corrections by m constants."""
+"""Function that returns h (k, 3, m), the derivatives of these corrections' measurements by m
+constants."""
 
 
 class Sums(NamedTuple):
@@ -77,16 +78,17 @@ class Sums(NamedTuple):
     score: Array  # (BLOCKS, m)
 
     def map_basis(self, basis: Array) -> "Sums":
-        """Those of fewer constants phi, theta = basis (m, q) phi."""
+        """Return the sums for fewer constants phi, theta = basis (m, q) phi."""
         return Sums(basis.T @ self.information @ basis, self.score @ basis)
 
     def shift(self, step: Array) -> "Sums":
-        """Those of the constants that are left when theta is taken as `step` (m,)."""
+        """Return the sums for the remainder of the constants after a step of theta by `step`
+        (m,)."""
         return Sums(self.information, self.score - self.information @ step)
 
 
 def check_sensitive(filter: Filter) -> None:
-    """Refuse a filter whose calls cannot be followed. Raises DataError."""
+    """Refuse a filter without a sensitivity analysis. Raises DataError."""
     if filter.smoother is not SMOOTHER:
         able = [name for name in filters.names() if filters.find(name).smoother is SMOOTHER]
         raise DataError(
@@ -95,8 +97,8 @@ def check_sensitive(filter: Filter) -> None:
 
 
 def begin_sensitive(recording: Recording, filter: Filter, asked: RunOptions) -> Run:
-    """The Run of `fuse` with the kernels that `pieces` needs; no parameter of the installation is a
-    state of it. Raises DataError."""
+    """Return the Run of `fuse` with the kernels that `pieces` needs, and without installation
+    parameters as states. Raises DataError."""
     check_sensitive(filter)
     run = begin(recording, filter, {**asked, "estimate": {}})
     kernels: list[Any] = [loop.run, save_step, run_sensitivity]
@@ -107,8 +109,8 @@ def begin_sensitive(recording: Recording, filter: Filter, asked: RunOptions) -> 
 
 
 def sums(run: Run, derivatives: Derivatives, V: Array, progress: Progress | None = None) -> Sums:
-    """Take a Run of `begin_sensitive` to its end; V (n, m) is the derivative of its error at the
-    start by the m constants."""
+    """Run to the end after `begin_sensitive`; V (n, m) is the derivative of the initial error by
+    the m constants."""
     m = V.shape[1]
     found = Sums(np.zeros((BLOCKS, m, m)), np.zeros((BLOCKS, m)))
     last = run.samples.t[-1] + loop.SAME_TIME
@@ -125,11 +127,13 @@ def sums(run: Run, derivatives: Derivatives, V: Array, progress: Progress | None
 
 
 def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corrections, Array]]:
-    """Take a Run to its end; per piece its Corrections and J (k, 3, m), the derivatives of their
-    whitened innovations."""
+    """Run to the end; yield for each piece its Corrections and J (k, 3, m), the derivatives of
+    their whitened innovations."""
     (n, m), state = V.shape, run.cursor.state[0]
     if m > LANES:
-        raise DataError(f"there are {m} constants to follow, {LANES} at most: leave sources out")
+        raise DataError(
+            f"there are {m} constants to estimate, but at most {LANES} are possible: leave sources out"
+        )
     columns = np.zeros(V_SIZE)
     columns[:MOVED].reshape(-1, LANES)[:n, :m] = V
     state.save_step, forces = address(save_step), _Forces(run.samples)
@@ -148,8 +152,8 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
 
 
 def most_calls(run: Run, stop: int) -> int:
-    """Calls on the record to the end of the sample before row `stop`, or more: a fix splits a
-    sample, lets correlated errors fade and is tried twice at most, and a gap has its steps."""
+    """Return an upper bound of the calls on the record before row `stop`: a fix splits a sample,
+    propagates correlated errors and is tried at most twice, and a gap has its steps."""
     row, k = run.cursor.state[0].row, run.cursor.state[0].fix
     t, dt = run.samples.t[row:stop], run.samples.dt[row:stop]
     gaps = t - dt - np.r_[run.cursor.state[0].t, t[:-1]]
@@ -159,9 +163,9 @@ def most_calls(run: Run, stop: int) -> int:
 
 
 def _corrections(fix: Table[FixRow], record: Array, n: int, forces: "_Forces") -> Corrections:
-    """Those on a record, whose rows of the loop are `fix`. Of the two of a fix whose gate is
-    lifted, the first is marked so that it does not count; of one that the filter was not asked about
-    there is none."""
+    """Return the Corrections on a record with the loop rows `fix`. A fix whose gate is opened has
+    two, of which the first is marked so that it does not count; a fix that the filter did not
+    process has none."""
     calls = np.flatnonzero((record[:, 0] != PREDICTED) & (record[:, 0] != FADED))
     use = fix["use"]
     asked = np.where(use == Use.NOT_ASKED, 0, 1 + (use == Use.REACQUIRED))
@@ -183,7 +187,7 @@ def _corrections(fix: Table[FixRow], record: Array, n: int, forces: "_Forces") -
 
 
 class _Forces:
-    """Specific force of the samples, averaged over `WINDOW` or two samples around a time."""
+    """Specific force of the samples, averaged over `WINDOW`, or two samples, around a time."""
 
     def __init__(self, imu: Imu) -> None:
         self.edges = np.r_[imu.t[0] - imu.dt[0], imu.t]
@@ -210,18 +214,18 @@ class SensitivityFit(NamedTuple):
     """The fit of a Run to its fixes."""
 
     cost: float  # mean of their NIS, `MAX_NIS` at most each; that of a run that broke off
-    fixes: int  # that were measured
-    expected: float  # mean of the NIS of a right filter: the components measured
+    fixes: int  # number of measured fixes
+    expected: float  # mean NIS of a consistent filter: the number of measured components
 
     @property
     def misfit(self) -> float:
-        """The cost over the expected one: about 1 for a right filter, less where the stated
-        standard deviations are large."""
+        """Ratio of the cost to the expected one: about 1 for a consistent filter, less where the
+        stated standard deviations are too large."""
         return self.cost / self.expected
 
 
 def fit(run: Run) -> SensitivityFit:
-    """The Fit of a Run that has ended or broken off."""
+    """Return the fit of a Run that has ended or stopped early."""
     fix = run.out.fix[: run.cursor.state[0].fix]
     fix = fix[np.isfinite(fix["nis"])]
     if not len(fix):
@@ -233,5 +237,5 @@ def fit(run: Run) -> SensitivityFit:
 
 
 def acceleration_at(run: Run, t: float) -> Array:
-    """Specific force (3,) around a time, m/s^2, body, without the biases of the start."""
+    """Return the specific force (3,) around a time, m/s^2, body, without the initial biases."""
     return _Forces(run.samples).mean(np.array([t]))[0] - np.asarray(run.start.b_a)

@@ -1,9 +1,9 @@
-"""Offline: the best estimate at each time from the whole recording, before and after it. Forwards
-with the filter, then backwards (core/mathematics/smoother.py).
+"""Smoothing: the best estimate at each time from the whole recording, before and after it. The
+filter runs forwards, then the smoother runs backwards (core/mathematics/smoother.py).
 
-The filter runs twice: once to its end, keeping its state every `RECORDED_ROWS` samples, and once
-more through each such piece, the last one first, leaving in a record what the way back needs. So
-beside the solution and these states memory is that of a piece, however long the recording.
+The filter runs twice: first to the end, keeping its state every `RECORDED_ROWS` samples, then
+through each such piece, the last one first, recording the data for the backward pass. Besides the
+solution and these states, memory is that of one piece, however long the recording.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ from .options import RunOptions, run_options, takes
 from .prepare import Run, new_output
 
 RECORDED_ROWS = 512 if COMPILED else 250
-"""IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
-little of what each such piece costs in Python."""
+"""Number of IMU samples whose record is kept at once: few enough for the processor's cache, many
+enough that the cost of a piece in Python is negligible."""
 APART = 5.0
-"""Filter less smoother, over the square root of the difference of their variances, beyond which a
-row is doubtful."""
+"""Difference of filter and smoother, over the square root of the difference of their variances,
+above which a row is doubtful."""
 REACH = 20.0
-"""s of rows before, which the same contradiction bends by less than shows."""
+"""s of earlier rows that the same contradiction affects below the threshold."""
 
 
 @takes(RunOptions)
@@ -84,12 +84,12 @@ def smooth(
     Returns
     -------
     Solution
-        As `fuse` gives it, each row from the whole record.
+        As from `fuse`, each row from the whole record.
 
     Raises
     ------
     DataError
-        As of `fuse`, and for a filter that cannot be smoothed.
+        As `fuse`, and for a filter that cannot be smoothed.
 
     References
     ----------
@@ -130,12 +130,12 @@ def smooth(
 
 
 def both_ways(run: Run, report: Progress) -> Differences:
-    """Fill the output of a Run that has not begun with smoothed rows, and return how far the filter
-    was from them; `report` receives the fraction done. Its kernels must be compiled."""
+    """Fill the output of a Run that has not begun with smoothed rows, and return the differences of
+    the filter from them; `report` receives the fraction done. Its kernels must be compiled."""
     state = run.cursor.state[0]
     keeping = int(state.every), int(state.phase)
     state.save_step = address(_smoother(run).save_step)
-    state.phase = -1  # no rows on the way forwards: those of the way back take their place
+    state.phase = -1  # no rows from the forward pass: the backward pass writes them
     kept = [_stand(run)]
     for rows in run.chunks(RECORDED_ROWS):
         run.advance(rows)
@@ -145,15 +145,15 @@ def both_ways(run: Run, report: Progress) -> Differences:
 
 
 def _smoother(run: Run) -> Smoother:
-    """That of its filter, which has one: `smooth` refused the others."""
+    """Return the smoother of its filter; `smooth` has refused filters without one."""
     assert run.filter.smoother is not None
     return run.filter.smoother
 
 
 class _Stand(NamedTuple):
-    """Where a filter stands between two samples: next sample, calls so far, and of all its arrays
-    (the log apart, which is empty), one after the other, what is not 0, bit by bit: a
-    workspace has room for MAX_STATES, of which a run uses few."""
+    """The state of a filter between two samples: next sample, calls so far, and the nonzero bits of
+    all its arrays except the empty log. A workspace has room for MAX_STATES, of which a run uses
+    few."""
 
     row: int
     calls: int
@@ -168,7 +168,7 @@ def _stand(run: Run) -> _Stand:
 
 
 def _bits(run: Run) -> list[Ints]:
-    """The arrays of a run, flat, as integers: views, in which -0.0 is not 0."""
+    """Return the arrays of a run as flat integer views, in which -0.0 is not 0."""
     arrays = [part for part in (*run.belief, *run.cursor) if part is not run.cursor.log]
     return [part.reshape(-1).view(np.int64) for part in arrays]
 
@@ -185,13 +185,13 @@ def _restore(run: Run, stand: _Stand) -> None:
 def _backwards(
     run: Run, kept: Sequence[_Stand], keeping: tuple[int, int], report: Progress
 ) -> Differences:
-    """Fill `run.out` with smoothed rows, chunk after chunk from the end; `kept` are the stands
-    before each chunk and after the last.
+    """Fill `run.out` with smoothed rows, chunk by chunk from the end; `kept` are the states before
+    each chunk and after the last.
 
-    `keeping` says which rows there are: those whose number by the first is the second.
+    `keeping` selects the rows: those whose number modulo the first is the second.
     """
     events = Events(run.filter, run.recording.sources, run.events.vehicle)
-    run = run._replace(events=events)  # all is said already
+    run = run._replace(events=events)  # all events are already logged
     n, pairs = len(run.belief.P), list(zip(kept, kept[1:]))
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
     k, adjoint_step, (every, phase) = (
@@ -243,7 +243,8 @@ def _backwards(
 
 
 def _leave_out_considered(run: Run, room: Output, rows: int, nav: Array) -> None:
-    """Take from the covariances and standard deviations of these rows what made no gains."""
+    """Remove the part without gains (considered errors) from the covariances and standard
+    deviations of these rows."""
     considered = _smoother(run).considered
     if considered is None or not rows:
         return
@@ -254,18 +255,18 @@ def _leave_out_considered(run: Run, room: Output, rows: int, nav: Array) -> None
 
 
 class Differences:
-    """Squares of the differences between filter and smoother over their variance, which is that
-    of the filter less that of the smoother."""
+    """Squared differences between filter and smoother over their variance, which is that of the
+    filter minus that of the smoother."""
 
-    MIN_VARIANCE = 0.05  # part of the filter's variance below which there is nothing to compare
+    MIN_VARIANCE = 0.05  # part of the filter's variance below which no comparison is possible
 
     def __init__(self) -> None:
         self.sums, self.counts = np.zeros(9), np.zeros(9)
-        self._ratio: list[Array] = []  # of each row, the largest
+        self._ratio: list[Array] = []  # the largest of each row
         self._parts: list[Separation] = []
 
     def add(self, filtered: Array, smoothed: Array) -> None:
-        """Take in rows of the output of the filter and of the smoother, the last rows first."""
+        """Add rows of the output of the filter and of the smoother, the last rows first."""
         position = displacement(
             smoothed[:, solution_row.LLA : solution_row.V],
             filtered[:, solution_row.LLA : solution_row.V],
@@ -291,7 +292,8 @@ class Differences:
         self._parts.append(Separation(_lengths(compared), _lengths(variance)))
 
     def ratios(self) -> dict[str, float]:
-        """{what: mean of the squares}, 1 where both are right; of what was compared."""
+        """Return {quantity: mean of the squares} for the compared quantities; 1 where both are
+        consistent."""
         found = {}
         for what, states in (("position", POS), ("velocity", VEL)):
             if count := self.counts[states].sum():
@@ -299,12 +301,12 @@ class Differences:
         return found
 
     def separation(self) -> Separation:
-        """That of all rows, the first rows first."""
+        """Return the Separation of all rows, the first rows first."""
         return Separation(*map(np.concatenate, zip(*self._parts[::-1])))
 
     def tell(self, run: Run) -> None:
-        """Mark the rows of a smoothed run that are apart, or less than REACH s before such a row,
-        and say it."""
+        """Mark the rows of a smoothed run that differ, or are less than REACH s before such a row,
+        and log an event."""
         ratio = np.concatenate(self._ratio[::-1])
         rows = run.out.nav[: len(ratio)]
         t, status = rows[:, solution_row.T], rows[:, solution_row.ROW_STATUS]
@@ -315,14 +317,15 @@ class Differences:
 
 
 def _lengths(squares: Array) -> NDArray[np.float32]:
-    """(n, 3) of the squares (n, 9) of three vectors, of their known components; NaN without any."""
+    """Return (n, 3) from the squares (n, 9) of three vectors, over their known components; NaN
+    without any."""
     parts = squares.reshape(-1, 3, 3)
     known = np.isfinite(parts).any(axis=2)
     return np.where(known, np.sqrt(np.nansum(parts, axis=2)), np.nan).astype(np.float32)
 
 
 def _turn(first: Array, second: Array) -> Array:
-    """(n, 3) rad: the small rotation, in n, from one (n, 4) attitude to another."""
+    """Return the small rotation (n, 3), rad, in n, from one attitude (n, 4) to another."""
     w, v = first[:, :1], first[:, 1:]
     W, V = second[:, :1], second[:, 1:]
     return (

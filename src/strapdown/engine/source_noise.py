@@ -1,5 +1,5 @@
-"""Models of the errors of sources that are followed in a run: correlated, robust, adaptive. What is
-refused, what a filter cannot do, and the numbers that its loop gets."""
+"""Error models of sources in a run: correlated, robust, adaptive. Checks of their values, fallbacks
+for filters without them, and the numbers for the loop."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -16,8 +16,8 @@ from ..units.constants import MAX_TIME_CONSTANT
 
 
 def place_noise(source: SourceRow, a: Source, first: int) -> int:
-    """Write into a source how its errors are followed; the states of its correlated ones begin with
-    `first`. Returns how many they are."""
+    """Write the error model of a source into its row; the states of its correlated errors begin at
+    `first`. Return the number of these states."""
     source.robust, source.memory, source.kept = a.robust, a.adaptive, 1.0
     if a.correlated is None:
         return 0
@@ -30,14 +30,14 @@ def place_noise(source: SourceRow, a: Source, first: int) -> int:
 
 
 def correlated_rows(a: Source) -> list[int]:
-    """The rows of a source whose correlated errors are states."""
+    """Return the rows of a source whose correlated errors are states."""
     if a.correlated is None or not a.correlated.states:
         return []
     return [i for i, std in enumerate(a.correlated.std) if std > 0]
 
 
 def checked_noise(a: Source) -> Source:
-    """A source whose `correlated`, `robust` and `adaptive` can be. Raises DataError."""
+    """Return a source with checked `correlated`, `robust` and `adaptive`. Raises DataError."""
     what, many = a.name or a.kind, np.shape(a.std)[1] if np.ndim(a.std) == 2 else 1
     check_flag(a.robust, f"{what}: robust")
     check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=MAX_TIME_CONSTANT)
@@ -57,14 +57,14 @@ def checked_noise(a: Source) -> Source:
 
 
 def weighable(filter: Filter, sources: Sequence[Source]) -> tuple[Sequence[Source], list[str]]:
-    """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
-    note about that."""
+    """Return these sources, without robust or adaptive models where `filter` cannot use them, and a
+    note on that."""
     names = dict.fromkeys(a.name or a.kind for a in sources if a.robust or a.adaptive)
     if filter.weighs or not names:
         return sources, []
     return [replace(a, robust=False, adaptive=0.0) for a in sources], [
         f"{filter.name} has gains that do not depend on the noise of a fix: it ignores robust and "
-        f"adaptive of {', '.join(names)} and keeps its gate"
+        f"adaptive of {', '.join(names)} and keeps the gate"
     ]
 
 

@@ -1,4 +1,4 @@
-"""The sources that are robust or adaptive, where a caller says so."""
+"""Robust or adaptive sources by the choice of the caller."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -9,7 +9,7 @@ from ..data.recording import Recording
 from ..data.solution import Source
 
 Robust: TypeAlias = bool | str | Iterable[str]
-"""True of all sources, False of none, or their names or kinds."""
+"""True for all sources, False for none, or their names or kinds."""
 Adaptive: TypeAlias = float | Mapping[str, float]
 """Memory in s of all sources, 0 for none; or {name or kind: memory}."""
 
@@ -26,8 +26,8 @@ def with_weights(
 def apply_weights(
     sources: Iterable[Source], robust: Robust | None, adaptive: Adaptive | None
 ) -> tuple[Source, ...]:
-    """Return the sources with these of them robust or adaptive in place of what they say themselves;
-    as they are for None. Raises DataError."""
+    """Return the sources with these of them robust or adaptive, in place of their own settings;
+    unchanged for None. Raises DataError."""
     made = list(sources)
     if robust is not None:
         chosen = _robust(made, robust)

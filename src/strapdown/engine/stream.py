@@ -1,5 +1,5 @@
-"""The filters live: `Stream` takes samples and fixes as they come, gives what `fuse` gives, bit for
-bit, and says what `fuse` says."""
+"""Live filters: `Stream` takes samples and fixes as they arrive, and returns the results and
+messages of `fuse`, bit for bit."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -67,9 +67,9 @@ from .with_ahrs import SILENT, attitudes, choose_ahrs, notes_on, taken_by, whose
 AHEAD = 10.0
 """s by which a fix may be ahead of the newest sample, or the lag where that is longer."""
 HISTORY = 65536
-"""Samples that a stream keeps, at least the newer half of them."""
+"""Number of samples that a stream keeps, at least the newer half of them."""
 MAX_HISTORY = 10_000_000
-"""The most that it may keep, 4 GB; with covariances a fifth of that."""
+"""Largest number of samples that it may keep, 4 GB; with covariances a fifth of that."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
 
@@ -79,39 +79,39 @@ class Stream:
     """A filter run live: it takes samples and fixes as they come, and gives its state after each.
 
     Samples wait `lag` seconds for late events; then the stream uses all of them in time order. It
-    drops and counts later ones, and reports them as an event. Before the start nothing is late for
-    a fix. The result is that of `fuse` on the same events, bit for bit. A fix is used with the
-    sample that reaches its time, or slightly later if its clock is estimated; a sample with a NaN
-    is dropped. Fixes of sources that the filter cannot use change nothing. If a filter derives
-    options from the fixes of a recording, such as their interval, it uses these sources, or if they
-    hold no fixes, those before the start; `notes` lists the options. All kernels are compiled or
-    loaded when the constructor returns.
+    drops and counts later events, and reports them. Before the start, no fix is too late. The
+    result is that of `fuse` on the same events, bit for bit. A fix is used with the sample that
+    reaches its time, or slightly later if its clock is estimated; a sample with a NaN is dropped.
+    Fixes of sources that the filter cannot use have no effect. A filter that derives options from
+    the fixes of a recording, such as their interval, uses the fixes of these sources, or without
+    any, those before the start; `notes` lists the options. All kernels are compiled or loaded when
+    the constructor returns.
 
-    Without a complete start the stream finds it from the first samples and fixes, and then uses
-    them again from there on. It tries every 10 s. It takes a start with known heading at once, and
-    any other `align_within` s (of samples) after the first sample. Until then the state is NaN, the
-    status INVALID.
+    Without a complete start, the stream finds one from the first samples and fixes, and then uses
+    them again from there on. It tries every 10 s. It accepts a start with known heading at once,
+    and any other one `align_within` s (of samples) after the first sample. Until then the state is
+    NaN and the status INVALID.
 
     Parameters
     ----------
     filter : str or Filter
         Name of one of the filters, or one of your own.
     sources : sequence of Source
-        Their kind, parameters and gate describe the sources; their fixes are not used.
+        Kind, parameters and gate of each source; their fixes are not used.
     lag : float
         s that samples wait.
     on_event : callable
-        Called with (t, text) of each event when it begins; where it raises, an event says so and it
-        is not called again.
+        Function called with (t, text) of each event when it begins. If it raises, the stream
+        reports this as an event and does not call it again.
     align_within : float
         s of samples after which any start is taken.
     history : int
-        Samples of which `solution` and `verdict` tell; at least the newer half of so many are kept.
+        Number of samples for `solution` and `verdict`; at least the newer half of them is kept.
 
     Raises
     ------
     DataError
-        Where anything given is out of range.
+        If an argument is out of range.
     """
 
     def __init__(
@@ -175,13 +175,13 @@ class Stream:
             self.begin(start)
 
     def _follow(self, ahrs: "Stream", sources: Sequence[Source], rate: float) -> tuple[Source, ...]:
-        """The sources, with the attitudes of the stream of an AHRS."""
+        """Return the sources, with the attitudes of the AHRS stream."""
         self._ahrs = _Ahrs(ahrs, sources, rate)
         ahrs._row = self._take_attitude
         return (*sources, self._ahrs.made)
 
     def _serve(self, sources: Sequence[Source], of_imu: OfImu) -> None:
-        """Take these sources, and what of the IMU is estimated. Raises DataError."""
+        """Set these sources and the estimated parameters of the IMU. Raises DataError."""
         of_ahrs = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in sources]
         left = [a for a, elsewhere in zip(sources, of_ahrs) if not elsewhere]
         self._used, _ = usable(self._filter, left)
@@ -204,7 +204,7 @@ class Stream:
         self._waiting: list[tuple[float, int, int, UsableFix]] = []
         self._number = 0
         self.newest = -inf
-        # what is not later than this is too late
+        # events up to this time are too late
         self._late = self._late_fix = -inf
         self._began, self._stopped, self._looking = -inf, "", False
         self._live: LiveRun | None = None
@@ -212,8 +212,8 @@ class Stream:
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
 
     def _make_ready(self, sources: Sequence[Source], tries: bool) -> None:
-        """Compile or load all kernels that a step may need, those of the headings that a start
-        `tries` among them: no sample shall wait for them."""
+        """Compile or load all kernels that a step may need, so that no sample waits for them; with
+        `tries`, also those of heading hypotheses."""
         kinds = [a.kind for a in self._used]
         needed = stages_of(self._filter, self._used, self._of_imu)
         prepare(self._filter, kinds, self._asked["notify"], needed)
@@ -232,17 +232,17 @@ class Stream:
 
     @property
     def start(self) -> InitialState | None:
-        """Where its history begins: its start, until it forgets older samples; None before."""
+        """Beginning of its history: the start, until older samples are dropped; None before."""
         return self._live.start if self._live else None
 
     def align(self) -> InitialState:
-        """The InitialState that the samples and fixes so far tell, for `begin`; of a stream that has
-        started the one it has. Raises DataError where they tell none."""
+        """Return the InitialState from the samples and fixes so far, for `begin`; after the start,
+        the one in use. Raises DataError where there is none."""
         return self._find_start() if self._live is None else self._live.start
 
     def _find_start(self) -> InitialState:
-        """Return the start from the buffered data. Raises DataError, on the clock where that is why
-        they lack a position."""
+        """Return the start from the buffered data. Raises DataError, about the clock where it is
+        the reason for a missing position."""
         try:
             return self._gathered.start()
         except DataError:
@@ -254,8 +254,8 @@ class Stream:
             raise
 
     def begin(self, start: InitialState | None = None) -> FilterState:
-        """Start now, from this InitialState or the one of `align`, and run over what was gathered since.
-        Raises DataError."""
+        """Start now, from this InitialState or that of `align`, and run over the data buffered
+        since. Raises DataError."""
         if self._live is not None:
             raise DataError(f"the stream has started at {self._began:.3f} s; begin a new one")
         start = start or self.align()
@@ -270,7 +270,7 @@ class Stream:
                 self.noise,
                 self._spec,
                 options,
-                self._used,
+                sources,  # with the fixes that the start is made of
                 self._vehicle,
                 self._of_imu,
             ),
@@ -305,7 +305,7 @@ class Stream:
         return self.belief
 
     def _gather(self, sample: Sample, fixes: list[UsableFix]) -> None:
-        """Keep what cannot be used yet; start where it tells one that is worth it."""
+        """Buffer data before the start, and start as soon as a sufficient start is found."""
         gathered = self._gathered
         self._late, self._late_fix = sample[0], sample[0] - SAME_TIME
         if not gathered.take(sample, fixes):
@@ -326,12 +326,12 @@ class Stream:
             self._notifier.note(words.Said.POOR_START, 0, sample[0], because=start.note)
         self.begin(start)
 
-    # ---- going on
+    # ---- samples and fixes
 
     def step(self, event: Sample | Measurement) -> FilterState:
-        """Take a Sample or a Measurement, use what has waited long enough, and return the filter state
-        (updated in place). Raises DataError for what is neither, which changes nothing, and
-        where the stream stopped."""
+        """Take a Sample or a Measurement, use all data that have waited long enough, and return the
+        filter state (updated in place). Raises DataError for other objects, without any change, and
+        where the stream has stopped."""
         if isinstance(event, Sample):
             self._take_sample(event)
         elif isinstance(event, Measurement):
@@ -383,6 +383,8 @@ class Stream:
             self._notifier.drop(
                 "not finite", words.Said.FIXES_NOT_FINITE, place, self._event_time(fix.t)
             )
+        elif off := self._sources.length_error(fix):
+            self._notifier.drop("wrong length", words.Said.FIXES_OF_WRONG_LENGTH, place, fix.t, off)
         elif self._live is None and self._due_at(fix) <= self._late + SAME_TIME:
             if self._is_new(fix):
                 self._gathered.fixes.append(fix)
@@ -399,11 +401,11 @@ class Stream:
             heappush(self._waiting, (self._due_at(fix), fix.source, self._number, fix))
 
     def _due_at(self, fix: UsableFix) -> float:
-        """When it is used, s: one whose clock is estimated waits."""
+        """Return the time of its use, s: a fix whose clock is estimated waits."""
         return fix.t + self._waits[fix.source]
 
     def _compare_clocks(self, fix: UsableFix) -> None:
-        """Say where a fix is far ahead of the samples, once there are any."""
+        """Report a fix far ahead of the samples, once there are any."""
         ahead, place = fix.t - self.newest, self._places[fix.source]
         if ahead > max(AHEAD, self.lag) and self.newest > self._began and place is not None:
             self._notifier.note(words.Said.FIXES_AHEAD, place, self.newest, ahead)
@@ -413,8 +415,7 @@ class Stream:
             self._notifier.note(words.Said.AHRS_STOPPED, 0, event.t, because=text)
 
     def _hear(self, t: float, text: str) -> None:
-        """Pass on what the AHRS says of itself; what it says of samples and fixes the filter does
-        too."""
+        """Pass on the conditions of the AHRS; the filter itself reports on samples and fixes."""
         assert self._ahrs is not None  # whose this is
         if (said := f"{self._ahrs.made.name}: {text}") in self._notifier.events.of_ahrs:
             self._notifier.note(words.Said.AHRS_SAYS, self._notifier.events.of_ahrs.index(said), t)
@@ -457,7 +458,7 @@ class Stream:
             self._advance(live, sample, fixes)
 
     def _take_due(self, t: float) -> list[UsableFix]:
-        """The fixes up to `t`, each once."""
+        """Return the fixes up to `t`, each once."""
         fixes, waiting = [], self._waiting
         while waiting and waiting[0][0] <= t + SAME_TIME:
             fix = heappop(waiting)[3]
@@ -466,7 +467,7 @@ class Stream:
         return fixes
 
     def _is_new(self, fix: UsableFix) -> bool:
-        """True unless a measurement repeats the one before of its source; drops it then."""
+        """Return True unless a measurement repeats the one before of its source; then drop it."""
         before = self._before[fix.source]
         if before is not None and fix[:3] == before[:3]:
             self._drop_fix(fix)
@@ -475,7 +476,7 @@ class Stream:
         return True
 
     def _advance(self, live: LiveRun, sample: Sample, fixes: list[UsableFix]) -> None:
-        """Run over a sample and fixes of sources of which the filter may use some."""
+        """Run over a sample and fixes, and select the sources that the filter uses."""
         if fixes:
             found = [(fix, self._places[fix.source]) for fix in fixes]
             fixes = [fix._replace(source=place) for fix, place in found if place is not None]
@@ -507,7 +508,7 @@ class Stream:
             self._stop(t, f"IMU: {text}")
 
     def _stop(self, t: float, text: str) -> NoReturn:
-        """Raise DataError, now and at all samples that follow."""
+        """Raise DataError, now and at all following samples."""
         self._stopped = text
         self._notifier.note(words.Said.STOPPED, 0, t, because=text)
         self._notifier.tell(self._event_time(self.t))
@@ -515,7 +516,8 @@ class Stream:
 
     @property
     def now(self) -> FilterState:
-        """The filter state at the newest sample: a copy, propagated through what still waits."""
+        """Return the filter state at the newest sample: a copy, propagated through the waiting
+        data."""
         with self._ahead() as live:
             if live is None:
                 return self.belief
@@ -528,7 +530,7 @@ class Stream:
 
     @contextmanager
     def _ahead(self) -> Iterator[LiveRun | None]:
-        """Undo at the end of the block all that is used inside it; yields None before the start."""
+        """Undo at the end of the block all steps inside it; yield None before the start."""
         live = self._live
         if live is None:
             yield None
@@ -545,8 +547,8 @@ class Stream:
             self._late, self._late_fix = late
 
     def finish(self) -> FilterState:
-        """Use all that waits and return the filter state; one that has not started does so. Raises
-        DataError where there is nothing to start from."""
+        """Use all waiting data and return the filter state; a stream that has not started does so.
+        Raises DataError where no start is possible."""
         if self._ahrs is not None and not self._ahrs.stream._stopped:
             self._ahrs.stream.finish()
         self._use(inf)
@@ -561,7 +563,7 @@ class Stream:
         self._notifier.tell(self._event_time(self.t))
         return self.belief
 
-    # ---- what it says
+    # ---- reports
 
     def _event_time(self, t: float) -> float:
         """Return a time for an event: `t`, or the newest one where `t` is not finite."""
@@ -590,17 +592,17 @@ class Stream:
 
     @property
     def events(self) -> list[tuple[float, str]]:
-        """[(t, text)] of what a user must know, as of a Solution."""
+        """[(t, text)] of the events that the user must know, as in a Solution."""
         return (self._live.all_events() if self._live else self._notifier.events).all
 
     @property
     def dropped_by(self) -> dict[str, int]:
-        """Numbers of samples and fixes that were not used, by the reason."""
+        """Numbers of unused samples and fixes by reason."""
         return dict(self._notifier.dropped_by)
 
     @property
     def dropped(self) -> int:
-        """Number of samples and fixes that were not used; `dropped_by` says why."""
+        """Number of unused samples and fixes; `dropped_by` has the reasons."""
         return sum(self._notifier.dropped_by.values())
 
     @property
@@ -610,11 +612,11 @@ class Stream:
 
     @property
     def status(self) -> int:
-        """VALID, BRIDGED, INVALID or DOUBTFUL, as of a row of a Solution."""
+        """VALID, BRIDGED, INVALID or DOUBTFUL, as in a row of a Solution."""
         return self._live.status if self._live else INVALID
 
     def counts(self) -> list[tuple[int, int]]:
-        """(accepted, rejected) per source; (0, 0) of one that the filter cannot use."""
+        """(accepted, rejected) per source; (0, 0) for a source that the filter cannot use."""
         if self._live is None:
             return [(0, 0)] * len(self._places)
         cursor = self._live.cursor
@@ -623,7 +625,7 @@ class Stream:
 
     @property
     def solution(self) -> Solution:
-        """The Solution of the history, as `fuse` gives it. Raises DataError before the first
+        """Return the Solution of the history, as from `fuse`. Raises DataError before the first
         sample is used."""
         return self._used_live().solution(self._asked["every"], {**self._meta, "notes": self.notes})
 
@@ -634,27 +636,27 @@ class Stream:
 
     @property
     def recording(self) -> Recording:
-        """The Recording of the history: samples, and fixes of the sources that the filter can use.
-        Raises DataError before the first sample is used."""
+        """Return the Recording of the history: samples, and fixes of the sources that the filter
+        can use. Raises DataError before the first sample is used."""
         return self._used_live().recording({**self._meta, "notes": self.notes})
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on its `solution`: whether to trust its history, and why not."""
+        """Return the verdict on its `solution`: whether to trust the history, and the reasons."""
         return self.solution.verdict
 
 
 def _with_estimates(
     sources: tuple[Source, ...], estimate: Estimate | None
 ) -> tuple[tuple[Source, ...], OfImu]:
-    """The sources, and parameters of the IMU, with what is to be estimated. Raises DataError."""
+    """Return the sources and the IMU's parameters with those to estimate. Raises DataError."""
     return (sources, {}) if estimate is None else asked_of(sources, estimate)
 
 
 def _events(
     filter: Filter, used: Sequence[Source], vehicle: Vehicle, ahrs: Filter | None
 ) -> Events:
-    """The events of a stream, with the conditions of the AHRS beside it."""
+    """Return the events of a stream, with the conditions of its AHRS."""
     found = Events(filter, used, vehicle)
     if ahrs:
         found.of_ahrs = tuple(f"{ahrs.name}: {c.text}" for c in ahrs.conditions)
@@ -672,7 +674,7 @@ def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
 
 
 def _check(lag: float, align_within: float, history: int, covariance: bool) -> None:
-    """Refuse what is out of range. Raises DataError."""
+    """Refuse arguments out of range. Raises DataError."""
     check_number(lag, "lag", "s", least=0)
     check_number(align_within, "align_within", "s", least=0, infinite=True)
     most = MAX_HISTORY // 5 if covariance else MAX_HISTORY
@@ -680,7 +682,7 @@ def _check(lag: float, align_within: float, history: int, covariance: bool) -> N
 
 
 class _Ahrs:
-    """The stream of an AHRS beside another stream, which uses its attitudes as measurements. It is
+    """The stream of an AHRS for another stream, which uses its attitudes as measurements. It is
     never behind that stream."""
 
     def __init__(self, stream: Stream, sources: Sequence[Source], rate: float) -> None:
@@ -703,13 +705,13 @@ class _Ahrs:
         return notes
 
     def has_for_itself(self, a: Source) -> bool:
-        """True where only the AHRS gets this source, or its attitudes replace it."""
+        """True where only the AHRS uses this source, or its attitudes replace it."""
         return a is not self.made and (a.kind == "attitude" or any(a is b for b in self._taken))
 
     def take(self, event: Sample | Measurement) -> str:
-        """Give the AHRS a sample or a fix of the stream; what is to be said of that, once."""
+        """Pass a sample or a fix of the stream to the AHRS; return a message on it, once."""
         if isinstance(event, Measurement):
-            assert isinstance(event.source, int)  # the stream has looked its name up
+            assert isinstance(event.source, int)  # the stream has resolved its name
             place = self._places[event.source]
             if place is None:
                 return ""
@@ -725,7 +727,7 @@ class _Ahrs:
         return ""
 
     def fix(self, live: LiveRun, looking: bool) -> UsableFix | None:
-        """Its attitude after its newest sample, where one is due."""
+        """Return its attitude after its newest sample, when one is due."""
         if not self._every:
             own = live.rate
             if self._rate > own * 1.001:
@@ -744,7 +746,7 @@ class _Ahrs:
 
     @contextmanager
     def ahead(self) -> Iterator[None]:
-        """Undo at the end of the block all that the AHRS uses inside it."""
+        """Undo at the end of the block all steps of the AHRS inside it."""
         count, valid = self._count, self.valid
         with self.stream._ahead() as live:
             if live is not None:

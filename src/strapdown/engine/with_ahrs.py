@@ -1,8 +1,8 @@
-"""Attitude from an AHRS: a filter of attitude alone runs first, and its solution is the `attitude`
-aiding of another filter.
+"""Attitude from an AHRS: an attitude filter runs first, and its solution becomes the `attitude`
+source of another filter.
 
-Its errors wander over seconds to minutes, while every filter takes those of fixes for independent:
-at a high rate it is believed more than it is worth. `docs/how-to/fuse.md` tells what to expect.
+Its errors are correlated over seconds to minutes, but every filter treats the errors of fixes as
+independent: at a high rate it becomes overconfident. `docs/how-to/fuse.md` describes the effect.
 """
 
 import math
@@ -28,15 +28,15 @@ from .options import AHRS_RATE, RunOptions, run_options
 from .prepare import assumed_noise, check_needs, has_position, ready
 
 AHRS = "attitude-mekf"
-"""The one that runs where a filter needs attitude, the recording has none of it, and something
-in it measures the heading."""
+"""Default AHRS, where a filter needs an attitude, the recording has none, and one of its sources
+measures the heading."""
 HEADING_KINDS = ("magnetic-field", "heading")
 ASSUMED = np.radians([1.5, 1.5, 5.0])
 """rad: standard deviations forward, right and down where a filter claims none: the largest rms
-inclination and heading error of `mahony` in the five BROAD trials (docs/reference/evidence/attitude-broad.md),
-rounded up."""
+inclination and heading error of `mahony` in the five BROAD trials
+(docs/reference/evidence/attitude-broad.md), rounded up."""
 SILENT = 5.0
-"""s without an attitude that are said."""
+"""s without an attitude that cause a note."""
 UNUSABLE = "its samples are missing or implausible there; run it alone to see its events"
 REMEDY = (
     f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose "
@@ -48,12 +48,12 @@ REMEDY = (
 def with_ahrs(
     recording: Recording, filter: Filter, asked: RunOptions
 ) -> tuple[Recording, Source | None]:
-    """(Recording for `filter`, Source of the AHRS that ran first, or None): the attitude that the
-    filter needs is among the sources.
+    """(Recording for `filter`, Source of the AHRS that ran first, or None). The sources then
+    contain the attitude that the filter needs.
 
-    What measures the heading goes to the AHRS and not to the filter once more. A note says what ran.
-    Raises DataError where there is no attitude and nothing to make it of, where the AHRS that was
-    asked for cannot be used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
+    Sources of the heading go to the AHRS and not to the filter as well. A note names the AHRS.
+    Raises DataError where the attitude is missing and cannot be computed, where the requested AHRS
+    cannot be used, or where a rate other than `AHRS_RATE` is requested and no AHRS runs.
     """
     measured = {a.kind for a in recording.sources if len(a.t)}
     first = choose_ahrs(filter, measured, asked["ahrs"], asked["ahrs_rate"])
@@ -70,8 +70,8 @@ def with_ahrs(
 def choose_ahrs(
     filter: Filter, measured: Collection[str], ahrs: str | Filter | None, rate: float
 ) -> Filter | None:
-    """The AHRS that runs before `filter` where these kinds are measured, None where there is none
-    to run; arguments and errors as of `with_ahrs`."""
+    """Return the AHRS that runs before `filter` where these kinds are measured, None where none
+    runs; arguments and errors as in `with_ahrs`."""
     if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
         raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
     if ahrs is None:
@@ -98,14 +98,14 @@ def choose_ahrs(
 
 
 def whose(taken: Sequence[Source], replaced: Sequence[Source]) -> str:
-    """Return the words of a note on the sources that only the AHRS uses, and those that it
+    """Return the text of a note on the sources that only the AHRS uses, and those that it
     replaces."""
     text = f", which alone uses {_names(taken)}" if taken else ""
     return text + (f", in place of the recorded {_names(replaced)}" if replaced else "")
 
 
 def notes_on(ahrs: Filter, rate: float, aided: bool) -> list[str]:
-    """Notes on attitudes at that rate (Hz); `aided` as of `attitudes`."""
+    """Return notes on attitudes at that rate (Hz); `aided` as in `attitudes`."""
     notes = [f"attitude from {ahrs.name} at {rate:.4g} Hz"]
     if not ahrs.states:
         notes.append(
@@ -122,15 +122,15 @@ def notes_on(ahrs: Filter, rate: float, aided: bool) -> list[str]:
 
 
 def taken_by(ahrs: Filter, sources: Iterable[Source]) -> list[Source]:
-    """The sources that the AHRS has for itself: those of the heading that it uses."""
+    """Return the sources that only the AHRS uses: those of the heading."""
     return [
         a for a in sources if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
     ]
 
 
 def attitudes(ahrs: Filter, path: Trajectory, aided: bool) -> tuple[Array, Array]:
-    """(y, std) of the attitudes that an AHRS gave; `aided`: whether it measures the heading. One
-    that is not estimated, or drifts without saying so, is NaN."""
+    """(y, std) of the attitudes of an AHRS; `aided`: True where a source measures the heading. A
+    heading that is not estimated, or drifts without a growing std, is NaN."""
     y = path.rph.copy()
     std = deviations(path) if ahrs.states else np.tile(ASSUMED, (len(y), 1))
     if not aided and ATT.stop - 1 not in ahrs.states:
@@ -140,11 +140,11 @@ def attitudes(ahrs: Filter, path: Trajectory, aided: bool) -> tuple[Array, Array
 
 def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Source, list[str]]:
     """(Source of kind `attitude`, notes): the solution of the attitude filter `ahrs` at every n-th
-    IMU sample, n the whole number that comes nearest to the rate that is asked for.
+    IMU sample, with n the integer nearest to the requested rate.
 
-    Rows that are not VALID are left out. Where the start that is asked for knows the heading better
-    than alignment does, the AHRS begins with that. y: roll, pitch, heading, NaN where the filter
-    does not estimate a heading; std: claimed by it, else `ASSUMED`. Raises DataError.
+    Rows that are not VALID are left out. If the requested start has a better heading than
+    alignment, the AHRS begins with it. y: roll, pitch, heading, NaN where the filter does not
+    estimate a heading; std: claimed by the filter, else `ASSUMED`. Raises DataError.
     """
     rate, imu, noise = asked["ahrs_rate"], asked["imu"], asked["noise"]
     own = 1 / float(np.median(recording.imu.dt))
@@ -183,11 +183,11 @@ def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Sourc
 
 
 def deviations(path: Trajectory) -> Array:
-    """(n, 3) rad: the claimed standard deviations of the attitude, turned from north, east, down to
-    the horizontal forward and right and to down.
+    """(n, 3) rad: the claimed standard deviations of the attitude, rotated from north, east, down
+    to horizontal forward, right and down.
 
-    The correlation of the errors about north and east, which is not published, is left out; where
-    both are alike it is none.
+    The correlation of the errors about north and east is not available and left out; it has no
+    effect where both are equal.
     """
     assert path.std is not None
     north, east, down = path.std[:, ATT].T
@@ -197,7 +197,7 @@ def deviations(path: Trajectory) -> Array:
 
 
 def _silence(ahrs: Filter, given: Array, t: Array, rate: float) -> list[str]:
-    """Notes on an AHRS with rows at `t` that gave attitudes only at the times `given`."""
+    """Return notes on an AHRS with rows at `t` and attitudes only at the times `given`."""
     edges = np.r_[t[:1], given, t[-1:]]
     gaps = np.diff(edges)
     long = gaps > SILENT + 1 / rate
@@ -211,14 +211,14 @@ def _silence(ahrs: Filter, given: Array, t: Array, rate: float) -> list[str]:
 
 
 def _motion(ahrs: Filter, start: InitialState, imu: Imu) -> list[str]:
-    """Notes on an AHRS that began where the vehicle did not stand, by its InitialState: what moves it,
-    specific force alone takes for tilt."""
+    """Return notes on an AHRS whose InitialState is not at rest: from specific force alone, an
+    acceleration looks like tilt."""
     if "level from specific force alone" not in start.note or motionless(imu, start.t):
         return []
     return [
         f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of "
-        f"degrees for minutes, and more than its "
-        "standard deviations say; begin where the vehicle stands"
+        f"degrees for minutes, more than its "
+        "standard deviations; begin at a standstill"
     ]
 
 
@@ -227,7 +227,8 @@ def _alone() -> list[str]:
 
 
 def _find_ahrs(name: str | Filter) -> Filter:
-    """The Filter of that name; DataError with the AHRSs there are where it is unknown."""
+    """Return the Filter of that name. Raises DataError, which lists the AHRSs, for an unknown
+    one."""
     try:
         return filters.find(name)
     except ValueError:
@@ -239,10 +240,10 @@ def _find_ahrs(name: str | Filter) -> Filter:
 
 
 def _check(ahrs: Filter, filter: Filter) -> None:
-    """Raise DataError where `ahrs` is none, or `filter` has no use for an attitude."""
+    """Raise DataError where `ahrs` is not an AHRS, or `filter` does not use an attitude."""
     if has_position(ahrs):
         raise DataError(
-            f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(_alone())}"
+            f"{ahrs.name} is not an AHRS, because it needs positions; these are: {', '.join(_alone())}"
         )
     if filter.uses is not None and "attitude" not in filter.uses:
         raise DataError(
@@ -252,8 +253,8 @@ def _check(ahrs: Filter, filter: Filter) -> None:
 
 
 def _start(recording: Recording, spec: ImuSpec, given: InitialState | None) -> InitialState:
-    """The InitialState of the AHRS: where the record begins, or at the `given` one of the other
-    filter where that knows the heading better."""
+    """Return the InitialState of the AHRS: at the beginning of the record, or the `given` one of
+    the other filter if its heading is better."""
     start = align(recording, spec, position=False)
     if (
         given is None

@@ -1,1 +1,1 @@
-"""Many runs of several filters, and what they say."""
+"""Experiments: many runs of several filters, and their evaluation."""

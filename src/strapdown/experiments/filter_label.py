@@ -1,5 +1,5 @@
-"""Filters by label: a name, or a name with options and with what it estimates of the installation,
-as studies, comparisons and their tables have them."""
+"""Filters by label: a name, or a name with options and estimated installation parameters, as in
+studies, comparisons and their tables."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -11,8 +11,8 @@ from ..data import calibration_parameters
 from ..engine.prepare import check_options, new_belief
 
 ESTIMATE, NOTHING = "estimate", "none"
-"""The option of a label that names parameters of the installation, which become states, and what it
-says where there shall be none."""
+"""The option of a label that names the installation parameters to estimate, and its value for
+none."""
 ANYWHERE, NOISELESS = (
     InitialState(
         0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES
@@ -27,7 +27,7 @@ class Labelled(NamedTuple):
 
     filter: Filter
     options: dict[str, Any]
-    # parameters of the installation, as `fuse` has them; None where the label says nothing of them
+    # installation parameters, as in `fuse`; None where the label does not name them
     estimate: tuple[str, ...] | None = None
 
     @property
@@ -50,15 +50,15 @@ def parse_label(label: str) -> Labelled:
     pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
     if wrong := [key for key, equals, _ in pairs if not equals]:
         raise DataError(
-            f"filter {label!r}: {wrong[0]!r} is no option with a value; write "
+            f"filter {label!r}: {wrong[0]!r} is not an option with a value; write "
             f"{name}:option=value,option=value"
         )
     return labelled_filter(name, {key.strip(): _value(value) for key, _, value in pairs})
 
 
 def labelled_filter(name: str, options: Mapping[str, Any]) -> Labelled:
-    """The filter of that name with these options, which it takes; what they have under ESTIMATE,
-    names between "+" or a list of names, is no option of its own. Raises DataError."""
+    """Return the filter of that name with these options. ESTIMATE, names joined by "+" or a list of
+    names, is not one of its own options. Raises DataError."""
     filter, own = filters.find(name), dict(options)
     estimate = _estimate(filter, own.pop(ESTIMATE)) if ESTIMATE in own else None
     check_options(filter, own)
@@ -71,15 +71,15 @@ def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
         wanted = [] if wanted == NOTHING else wanted.split("+")
     if not isinstance(wanted, Sequence) or not all(isinstance(each, str) for each in wanted):
         raise DataError(
-            f"filter {filter.name!r}: {ESTIMATE} is {wanted!r}; it must be names with + between "
-            f"them, such as clock+lever-arm"
+            f"filter {filter.name!r}: {ESTIMATE} is {wanted!r}; it must be names joined by +, "
+            f"such as clock+lever-arm"
         )
     names = tuple(" ".join(each.split()) for each in wanted)
     for each in names:
         if "=" in each:
             raise DataError(
-                f"filter {filter.name!r}: {ESTIMATE} has {each!r}; a label takes names alone, priors "
-                f"stand in estimate= (--estimate) of all filters or in the recording"
+                f"filter {filter.name!r}: {ESTIMATE} has {each!r}; a label takes only names: give priors "
+                f"in estimate= (--estimate) for all filters or in the recording"
             )
         check_parameter(each)
     if names and not filter.installation:

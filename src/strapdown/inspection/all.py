@@ -5,8 +5,11 @@ from dataclasses import replace
 
 from ..data.recording import Recording
 from ..data.verdict import GRAVE, rank_reasons
+from ..preprocessing.receiver_classes import join_classes
 from . import (
     air_data,
+    baseline,
+    carrier_claims,
     clock_offsets as clock,
     field_turns,
     fix_noise,
@@ -27,6 +30,7 @@ CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     field_turns.check,
     gyro_scale.check,
     plane.check,
+    baseline.check,
     fix_noise.check,
     clock.check,
     heights.check,
@@ -42,6 +46,8 @@ SPOILT = ("frame", "unit", "unknown")
 
 def check(recording: Recording) -> Checked:
     """Return the findings of all checks of a Recording, the weightiest reason first."""
+    claims = carrier_claims.check(InspectedRecording(recording))
+    recording = replace(recording, sources=join_classes(recording.sources))
     found = position_velocity.check(InspectedRecording(recording))
     useless = {
         reason.source
@@ -55,4 +61,5 @@ def check(recording: Recording) -> Checked:
         found.inconclusive.append(f"{name} against the IMU: correct {name} first")
     for each in CHECKS:
         found.add(each(subject))
+    found.add(claims)
     return replace(found, reasons=rank_reasons(found.reasons))

@@ -50,7 +50,11 @@ def constants(sources: Sequence[Source]) -> tuple[Constant, ...]:
     """The constants that a recording with these sources has."""
     kinds = [a.kind for a in sources]
     gnss = tuple(i for i, kind in enumerate(kinds) if kind in GNSS)
-    found = [Constant(CLOCK, (i,)) for i in gnss]
+    clocks: dict[object, list[int]] = {}
+    for i in gnss:  # the classes of a receiver have one
+        a = sources[i]
+        clocks.setdefault((a.kind, a.receiver) if a.receiver else i, []).append(i)
+    found = [Constant(CLOCK, tuple(own)) for own in clocks.values()]
     antennas: dict[tuple[float, ...], list[int]] = {}
     for i in gnss:
         antennas.setdefault(tuple(lever_arm_of(sources[i])), []).append(i)

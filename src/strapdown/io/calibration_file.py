@@ -20,15 +20,14 @@ SECTIONS = {"gyro": "rad/s", "accel": "m/s^2", "magnetometer": "T"}
 HEATED = ("gyro", "accel")
 """Sections that take a temperature table."""
 MAX_BIAS = 1e-3
-"""T: beyond it no magnetometer of a vehicle reads."""
+"""T: largest reading of a vehicle's magnetometer."""
 MAX_NUMBER = 1e6
-"""Magnitude of a number of a calibration, SI or degC, which no sensor reaches: sums and products of
-what is far beyond it overflow."""
+"""Upper bound of the numbers of a calibration, SI or degC, beyond any sensor; sums and products of
+much larger ones would overflow."""
 
 
 class Correction(NamedTuple):
-    """One section: what turns raw samples of a sensor into right ones, SI, in the axes of the
-    columns."""
+    """One section: the correction of a sensor's raw samples, SI, in the axes of the columns."""
 
     bias: Array  # (3,)
     matrix: Array  # (3, 3)
@@ -36,8 +35,8 @@ class Correction(NamedTuple):
     temperature: tuple[tuple[float, ...], ...] = ()
 
     def at(self, temperature: Array) -> tuple[Array, Mask]:
-        """((n, 3) bias at temperatures (n,) degC, held at the ends of the table; (n,) bool:
-        outside the table)."""
+        """Return the bias (n, 3) at the temperatures (n,) degC, constant beyond the ends of the
+        table, and which of them are outside the table (n,)."""
         if not self.temperature:
             return np.tile(self.bias, (len(temperature), 1)), np.zeros(len(temperature), bool)
         low, high = self.temperature[0][0], self.temperature[-1][0]
@@ -54,8 +53,8 @@ def read_calibration(path: File) -> dict[str, tuple[Array, Array]]:
     """{"gyro": (bias (3,), matrix (3, 3)), "accel": ..., "magnetometer": ...}; corrected = matrix @
     (raw - bias), SI, in the axes of the columns.
 
-    gyro and accel that the file does not have are zero and identity; "magnetometer" is there only
-    where the file has it. Raises DataError.
+    A gyro or accel that the file lacks gets zero and identity; "magnetometer" is present only if
+    the file has it. Raises DataError.
     """
     return {name: (found.bias, found.matrix) for name, found in read_corrections(path).items()}
 
@@ -90,7 +89,7 @@ def _correction(path: File, name: str, section: Any) -> Correction:
         raise DataError(f"{path}: [{name}] matrix cannot be inverted; check its rows")
     if name == "magnetometer" and np.linalg.det(matrix) < 0:
         raise DataError(
-            f"{path}: [{name}] matrix mirrors the field (its determinant is below 0): check the "
+            f"{path}: [{name}] matrix mirrors the field (its determinant is negative): check the "
             f"sign of each row and column"
         )
     if name == "magnetometer" and np.abs(bias).max() > MAX_BIAS:
@@ -120,11 +119,11 @@ def _temperature(path: File, name: str, section: dict[str, Any]) -> tuple[tuple[
 def compose_corrections(
     section: str, bias: Array, matrix: Array, columns: Mapping[str, Any]
 ) -> dict[str, Correction]:
-    """{section: Correction} in the axes of the columns of what is matrix @ (x - bias) in body axes,
-    x = axes @ (own calibration of the columns).
+    """Return {section: Correction} in the axes of the columns, for corrections matrix @ (x - bias)
+    in body axes, with x = axes @ (own calibration of the columns).
 
-    columns: frames of `description.calibrations.frames`, that of the sensor itself; its key "gyro"
-    keeps a calibration of the gyro beside that of the accelerometer.
+    columns: the sensor's own frame from `description.calibrations.frames`; its key "gyro" keeps a
+    calibration of the gyro beside that of the accelerometer.
     """
     axes, own = np.array(columns.get("axes", np.eye(3))), _own_correction(columns)
     to_body = axes @ own.matrix
@@ -145,7 +144,8 @@ def _own_correction(columns: Mapping[str, Any]) -> Correction:
 
 
 def calibration_text(sections: Mapping[str, Correction], comments: Iterable[str]) -> str:
-    """The text of a calibration file: {section: Correction}, and lines to say where it is from."""
+    """Return the text of a calibration file: {section: Correction}, after comment lines on its
+    origin."""
 
     def numbers(values: Iterable[float]) -> str:
         return "[" + ", ".join(repr(float(f"{float(value):.12g}")) for value in values) + "]"

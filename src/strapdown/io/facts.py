@@ -1,5 +1,5 @@
-"""Facts about samples and fixes, in lines for people: rates, gaps, readings at rest, agreement of
-fixes and gyro."""
+"""Facts about samples and fixes as lines of text: rates, gaps, readings at rest, agreement of fixes
+and gyro."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -28,8 +28,8 @@ from .reader import Findings
 
 
 def recording_facts(recording: Recording, *more: str) -> Findings:
-    """Findings on a Recording: samples, fixes, magnetometers, then the lines `more`, reference and
-    notes."""
+    """Return the findings on a Recording: samples, fixes, magnetometers, the lines `more`,
+    reference and notes."""
     imu, reference = recording.imu, recording.reference
     unusual = unusual_imu(recording, gyro_bias_std(recording.meta))
     found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
@@ -45,13 +45,13 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
 
 
 MIN_REST = 5.0
-"""s of rest that no fix denies, where one denies some of it, for a reading of the gyro there to be a
-bias: an even turn and a roll that is even for a second look like rest to the IMU."""
+"""s of rest without contradicting fixes that a gyro bias needs where fixes contradict other rests:
+a steady turn, or a roll at a constant rate for a second, looks like rest to the IMU."""
 
 
 def unusual_imu(recording: Recording, gyro_bias_std: float) -> list[Reason]:
-    """Reasons of what is unusual about the IMU: `doubts`, but for a gyro bias at what the fixes say is no rest,
-    see `MIN_REST`."""
+    """Return Reasons for unusual features of the IMU: `doubts`, without a gyro bias at times when
+    fixes show motion, see `MIN_REST`."""
     imu = recording.imu
     found = doubts(imu, gyro_bias_std)
     if any(each.cause == "gyro" for each in found):
@@ -63,8 +63,8 @@ def unusual_imu(recording: Recording, gyro_bias_std: float) -> list[Reason]:
 
 
 def check_parts(recording: Recording) -> Checked:
-    """Return the findings of `inspection` on a recording, but for magnetometers whose dip tells already
-    that their axes are wrong."""
+    """Return the findings of `inspection` on a recording, without magnetometers whose dip already
+    shows incorrect axes."""
     right = tuple(
         source
         for source in recording.sources
@@ -74,8 +74,8 @@ def check_parts(recording: Recording) -> Checked:
 
 
 def own_reasons(recording: Recording, gyro_bias_std: float) -> Iterator[Reason]:
-    """A Reason for each problem of a sensor by itself or beside the IMU; those that `inspection`
-    finds are not among them. `gyro_bias_std` (rad/s) is what the description of the IMU allows."""
+    """Yield a Reason for each problem of a sensor alone or compared with the IMU, except those of
+    `inspection`. `gyro_bias_std` (rad/s) is the bias that the description of the IMU allows."""
     imu = recording.imu
     yield from unusual_imu(recording, gyro_bias_std)
     for source in recording.sources:
@@ -84,18 +84,18 @@ def own_reasons(recording: Recording, gyro_bias_std: float) -> Iterator[Reason]:
 
 
 def gyro_bias_std(meta: RecordingMeta) -> float:
-    """Return the std of the gyro bias by the IMU grade of a recording, rad/s; 0 without one."""
+    """Return the std of the gyro bias of the recording's IMU grade, rad/s; 0 without one."""
     named = meta.get("grade")
     return 0.0 if named is None else imu_spec(named).bias_std()[1]
 
 
 def clock_facts(imu: Imu, epoch: str | None) -> list[str]:
-    """A line on when it was, where the clock is absolute."""
+    """Return a line on the date and time, where the clock is absolute."""
     return [] if epoch is None else [f"clock: {span(utc(epoch, imu.t))}; t = 0 is {epoch}"]
 
 
 def temperature_facts(meta: RecordingMeta) -> list[str]:
-    """A line on how warm the IMU was, where it was measured."""
+    """Return a line on the temperature of the IMU, where it was measured."""
     if "temperature" not in meta:
         return []
     degrees = meta["temperature"][:, 1]
@@ -103,7 +103,7 @@ def temperature_facts(meta: RecordingMeta) -> list[str]:
 
 
 def imu_facts(imu: Imu) -> list[str]:
-    """Lines on rate, gaps, repeated samples and what the sensors read, over all and at rest."""
+    """Return lines on rate, gaps, repeated samples and the readings, overall and at rest."""
     steps, median = np.diff(imu.t), float(np.median(np.diff(imu.t)))
     missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
     gaps = np.flatnonzero(missing > 1e-6 * median + 1e-9 * np.abs(imu.t[1:]))
@@ -113,8 +113,8 @@ def imu_facts(imu: Imu) -> list[str]:
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
     rms = np.degrees(np.sqrt((rate**2).sum(axis=1).mean()))
     repeated = (
-        f"repeated values: {count_text(held, 'sample')} ({100 * held / len(steps):.1f} %) read the "
-        f"same as the one before"
+        f"repeated values: {count_text(held, 'sample')} ({100 * held / len(steps):.1f} %) equal "
+        f"the one before"
     )
     return [
         f"imu: {len(imu.t)} samples, {imu.t[0]:.3f} to {imu.t[-1]:.3f} s "
@@ -129,7 +129,8 @@ def imu_facts(imu: Imu) -> list[str]:
 
 
 def _gaps(imu: Imu, missing: Array, gaps: Ints, median: float) -> list[str]:
-    """Lines on gaps, those of a sample or two apart: many of them are jitter of the time stamps."""
+    """Return lines on gaps; those of one or two samples are separate, because many are time stamp
+    jitter."""
     if not len(gaps):
         return [f"gaps: none (no interval beyond {GAP_MEDIANS} medians)"]
     short = gaps[missing[gaps] <= SHORT_GAP * median]
@@ -159,7 +160,7 @@ def _rest_facts(imu: Imu, rate: Array, force: Array) -> list[str]:
     part = _longest(rest)
     f, w = force[part].mean(axis=0), rate[part].mean(axis=0)
     sign = (
-        "z is negative, as it must be"
+        "z is negative, as required"
         if f[2] < -0.7 * np.linalg.norm(f)
         else "z must read near -9.8 when level: forward-right-down"
     )
@@ -182,8 +183,8 @@ def _triple(values: Iterable[float], digits: int = 2) -> str:
 
 
 def source_facts(imu: Imu, sources: Iterable[Source], meta: RecordingMeta) -> Findings:
-    """Findings on fixes: their times, attitudes against those of the gyro, and what the parts of the
-    recording, whose `meta` it is, say of each other."""
+    """Return the findings on fixes: their times, attitudes compared with the gyro, and the mutual
+    checks of the parts of the recording, whose metadata is `meta`."""
     found, sources = Findings.of(), list(sources)
     for source in sources:
         found.add([_span(imu, source)])
@@ -196,19 +197,19 @@ def source_facts(imu: Imu, sources: Iterable[Source], meta: RecordingMeta) -> Fi
 
 
 def _of_fixes(imu: Imu, source: Source) -> tuple[list[str], list[Reason]]:
-    """(lines, Reasons) of fixes beside the samples of the IMU."""
+    """(lines, Reasons) on fixes compared with the IMU samples."""
     facts, reasons = of_attitude(source, imu) if source.kind == "attitude" else ([], [])
     if find(source.kind).recorded:
         reasons = [*little_overlap(imu, source), *reasons]
     if source.kind == "position" and len(source.t) and np.nanmax(np.abs(source.y[:, :2])) < 0.03:
         seen = "latitude and longitude within 1.8 deg of zero"
-        remedy = "are they in rad, or is a scale wrong?"
+        remedy = "check whether they are in rad, and their scale"
         reasons.append(Reason("unit", seen, remedy, source.name or source.kind))
     return facts, reasons
 
 
 def _of_magnetometer(imu: Imu, source: Source) -> tuple[list[str], list[Reason]]:
-    """The same of a magnetometer that knows the Earth's field."""
+    """(lines, Reasons) on a magnetometer with a known Earth's field."""
     known = find(source.kind).parameters == "field" and source.parameters
     return of_field(source, imu) if known else ([], [])
 
@@ -223,5 +224,5 @@ def _span(imu: Imu, source: Source) -> str:
     )
     return (
         f"{source.name}: {len(source.t)} fixes, {source.t[0]:.3f} to {source.t[-1]:.3f} s{pace}, "
-        f"{max(0.0, stop - start):.1f} s of it with the IMU"
+        f"{max(0.0, stop - start):.1f} s of them within the IMU record"
     )

@@ -1,5 +1,5 @@
-"""Inspection of a file: its content, likely mistakes and what could not be checked, in lines for
-people; works where reading would refuse."""
+"""Inspection of a file: its content, likely mistakes and what could not be checked, as lines of
+text. It also works where reading would refuse the file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,9 +15,9 @@ from .registry import ask, looker
 
 
 class Inspection(NamedTuple):
-    """`facts` and `problems` are lines; a problem names the field and the remedy. `reasons` are
-    those among the problems that the parts of the recording say of each other, `inconclusive` lines
-    on what they do not tell."""
+    """`facts` and `problems` are lines; a problem names the field and the remedy. `reasons` are the
+    problems that the mutual checks of the recording's parts found, `inconclusive` are lines on
+    checks without a result."""
 
     path: str
     facts: tuple[str, ...]
@@ -38,8 +38,8 @@ class Inspection(NamedTuple):
 
 
 def inspect(path: File, /, *more: File, **instances: int | None) -> Inspection:
-    """The Inspection of a recording in any format, of files that make one together, as `read` takes
-    them, or of a bare table, as which every file is taken whose format is not known.
+    """Return the Inspection of a recording in any format, of files that make one together, as for
+    `read`, or of a bare table. A file of unknown format is treated as a bare table.
 
     Raises DataError only where the file itself cannot be read.
     """
@@ -58,13 +58,13 @@ def inspect(path: File, /, *more: File, **instances: int | None) -> Inspection:
         facts, problems, *rest = map(tuple, found)
     except (TypeError, ValueError):
         raise DataError(
-            f"{path}: the reader {reader.name!r} gives no facts and problems but a {type(found).__name__}"
+            f"{path}: the reader {reader.name!r} returns a {type(found).__name__} instead of facts and problems"
         ) from None
     return Inspection(str(path), facts, tuple(dict.fromkeys(problems)), *rest[:2])
 
 
 def check_drafted(paths: Sequence[Path]) -> None:
-    """Refuse files for which there is nothing to draft. Raises DataError."""
+    """Refuse files that need no draft. Raises DataError."""
     for path in paths:
         reader = looker(path)
         if reader.open is None:
@@ -76,10 +76,10 @@ def check_drafted(paths: Sequence[Path]) -> None:
 def draft(
     paths: Sequence[Path], take: Mapping[str, int | None], folder: Path, grade: str | None = None
 ) -> str:
-    """Text of the `recording.toml` in `folder` that says what `read` takes from the files; `grade`:
-    of the IMU, else one is assumed.
+    """Return the text of the `recording.toml` in `folder` that states what `read` takes from the
+    files; `grade`: of the IMU, else one is assumed.
 
-    Raises DataError, also where a file is a recording already.
+    Raises DataError, also where a file is already a recording.
     """
     check_drafted(paths)
     from .description.logs import join, open_logs

@@ -1,4 +1,4 @@
-"""Where files are: the data folder, and the paths that a description names."""
+"""Locations of files: the data folder, and the paths in a description."""
 
 import os
 import re
@@ -11,8 +11,8 @@ VARIABLE = "STRAPDOWN_DATA"
 
 
 def data_folder(start: File = ".") -> Path:
-    """The folder of recorded data: `STRAPDOWN_DATA`, else `shared/data` in the nearest folder at
-    or above `start` or here. Raises DataError."""
+    """Return the folder of recorded data: `STRAPDOWN_DATA`, else `shared/data` in the nearest
+    folder at or above `start` or the current one. Raises DataError."""
     named = os.environ.get(VARIABLE)
     if named:
         if not Path(named).is_dir():
@@ -32,13 +32,13 @@ def data_folder(start: File = ".") -> Path:
 
 
 def locate(file: str, folder: File) -> Path:
-    """The path that a description in `folder` means by `file`: `${STRAPDOWN_DATA}` is the data
+    """Return the path of `file` in a description in `folder`: `${STRAPDOWN_DATA}` is the data
     folder, relative paths start at `folder`."""
     for name in re.findall(r"\$\{(\w*)\}", file):
         if name != VARIABLE:
             raise DataError(
                 f"{file}: only ${{{VARIABLE}}} is replaced in file names, not ${{{name}}}; write "
-                f"the path out"
+                f"the full path"
             )
     if "${" in file:
         file = file.replace(f"${{{VARIABLE}}}", str(data_folder(folder)))

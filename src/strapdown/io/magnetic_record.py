@@ -1,8 +1,8 @@
-"""Checks of a magnetometer's samples: stuck and saturated ones, where the vertical is known,
-strength and dip against those of the Earth's field.
+"""Checks of a magnetometer's samples: stuck and saturated samples, and, where the vertical is
+known, strength and dip compared with the Earth's field.
 
-The field of a sound, calibrated magnetometer has the same strength and the same angle to the
-vertical (its dip) in every attitude: that is what the checks rest on.
+The checks use that a working, calibrated magnetometer measures the same strength and the same angle
+to the vertical (the dip) in every attitude.
 """
 
 import numpy as np
@@ -24,30 +24,30 @@ from ..units.constants import STANDARD_GRAVITY
 from ..units.wording import count_text
 
 MIN_LEVELS, PILE, TIMES = 20, 0.01, 5
-"""A column is saturated where it has more than MIN_LEVELS values and its extreme one holds more
-than PILE of the samples and TIMES those of the next (at the turning point of an oscillation the
-last level holds 2.4 times as many as the next, or fewer)."""
+"""A column is saturated where it has more than MIN_LEVELS values, and its extreme value occurs in
+more than PILE of the samples and TIMES as often as the next value. (At the turning point of an
+oscillation, the extreme value occurs at most 2.4 times as often as the next.)"""
 QUIET_FORCE, QUIET_RATE, QUIET_WINDOW = 0.4, 0.35, 0.5
 """The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE
 (m/s^2) of gravity and the rate below QUIET_RATE (rad/s)."""
 VARIATION = 0.2
-"""Relative variation of the strength, and difference from the Earth's field, above which a
+"""Relative variation of the strength, and relative difference from the Earth's field, above which a
 magnetometer needs calibration."""
 SCATTER, CLEARER = np.radians(5), 2.0
-"""Axes are doubted where the dip scatters by more than SCATTER (rad) and with others by less
-than a CLEARER-th of that."""
+"""Axes count as doubtful where the dip scatters by more than SCATTER (rad), and with other axes by
+less than 1 / CLEARER of that."""
 BROKEN_AXIS_TURN = np.radians(30)
 """An axis that never changes while the body turns about the others by more than BROKEN_AXIS_TURN
-(rad) is broken; from STUCK_TURN on it is noted."""
+(rad) is broken; above STUCK_TURN there is a note."""
 AS_THE_BODY = np.eye(3)
-"""The matrix of a sensor whose axes are those of the body."""
+"""Matrix of a sensor with the axes of the body."""
 
 
 def sound_samples(
     t: Array, raw: Array, imu: Imu, name: str, origin: Origin, matrix: Array = AS_THE_BODY
 ) -> tuple[Mask, list[str]]:
-    """(mask (m,), notes): the samples that are neither stuck nor saturated, and how many were; t
-    (m,) s, raw (m, 3) as in the file.
+    """(mask (m,), notes): the samples that are neither stuck nor saturated, and notes with the
+    counts of the others; t (m,) s, raw (m, 3) as in the file.
 
     name: of the source, origin: Origin of the rows, matrix: from its columns to the body. Raises
     DataError where all are stuck or saturated, or one axis is.
@@ -61,7 +61,7 @@ def sound_samples(
             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
         )
     elif len(t) > 10 and (raw == raw[0]).all():
-        notes.append(f"{name}: it never changes; nothing here shows that the sensor works")
+        notes.append(f"{name}: it never changes; check that the sensor works")
     full = _is_saturated(raw[~held])
     mask = ~held
     if full.any():
@@ -80,8 +80,8 @@ def sound_samples(
 def _constant_axis(
     t: Array, raw: Array, imu: Imu, name: str, origin: Origin, matrix: Array
 ) -> list[str]:
-    """Notes on one axis that never changes though the others do and the body turns about them.
-    Raises DataError where it turns by BROKEN_AXIS_TURN."""
+    """Return notes on one axis that never changes while the others do and the body turns about
+    them. Raises DataError where it turns by BROKEN_AXIS_TURN."""
     known = np.isfinite(t) & np.isfinite(raw).all(axis=1)
     constant = np.ptp(raw[known], axis=0) == 0 if known.sum() > 10 else np.zeros(3, bool)
     if not constant.any() or constant.all():
@@ -89,7 +89,7 @@ def _constant_axis(
     begin, end = np.searchsorted(imu.t, (t[known].min(), t[known].max()))
     turns = np.abs(matrix.T) @ np.ptp(turned_by(imu)[begin : end + 1], axis=0)  # about each column
     k = int(np.argmax(constant))
-    # a turn about the axis itself leaves its reading as it is
+    # a turn about the axis itself does not change its reading
     turned = float(np.delete(turns, k).max())
     text = f"{'xyz'[k]} is constant while the body turns by {np.degrees(turned):.0f} deg about another axis: the sensor is stuck"
     if turned > BROKEN_AXIS_TURN:
@@ -98,8 +98,8 @@ def _constant_axis(
 
 
 def _is_saturated(raw: Array) -> Mask:
-    """(m,) bool: a column stands at its largest or smallest value, and far more samples do than
-    at the next one."""
+    """(m,) bool: a column is at its largest or smallest value, in far more samples than at the next
+    value."""
     full = np.zeros(len(raw), bool)
     for column in raw.T:
         values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
@@ -141,7 +141,8 @@ def vertical(t: Array, imu: Imu) -> tuple[Array, Mask]:
 
 
 def _strength(source: Source, field: ArrayLike | None, is_calibrated: bool) -> list[Reason]:
-    """A Reason where the strength (T) varies, or is not that of `field` (3,) T; None: unknown."""
+    """Return a Reason where the strength (T) varies or differs from that of `field` (3,) T; None:
+    unknown."""
     if len(source.t) < 10:
         return []
     name = source.name or source.kind
@@ -155,14 +156,14 @@ def _strength(source: Source, field: ArrayLike | None, is_calibrated: bool) -> l
     )
     if not median > 0 or (high - low) / median > VARIATION:
         seen = (
-            f"its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where the Earth's "
+            f"its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, but that of the Earth's "
             f"field does not"
         )
         return [Reason("calibration", seen, remedy, name)]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
         seen = (
-            f"its median strength is {median * 1e6:.3g} uT, that of the Earth's field "
+            f"its median strength is {median * 1e6:.3g} uT, but that of the Earth's field is "
             f"{total * 1e6:.3g} uT"
         )
         return [Reason("calibration", seen, f"check the unit, or {remedy}", name)]
@@ -176,15 +177,15 @@ def facts_and_reasons(
     known: bool = True,
     is_calibrated: bool = True,
 ) -> tuple[list[str], list[Reason]]:
-    """(lines, Reasons) of a magnetometer that was read: its dip over quiet samples, a strength that
-    is wrong, axes that fit clearly better.
+    """(lines, Reasons) on a magnetometer: its dip over quiet samples, an incorrect strength, axes
+    that fit clearly better.
 
-    matrix: from its columns to the body; known: whether the parameters are the Earth's field, not
-    that of the record itself.
+    matrix: from its columns to the body; known: True where the parameters are the Earth's field,
+    not that of the record itself.
     """
     facts, of_axes = _axes(source, imu, matrix, known)
     of_strength = _strength(source, source.parameters if known else None, is_calibrated)
-    return facts, of_strength or of_axes  # uncalibrated, the dip says little
+    return facts, of_strength or of_axes  # without calibration the dip is not reliable
 
 
 def _axes(source: Source, imu: Imu, matrix: Array, known: bool) -> tuple[list[str], list[Reason]]:
@@ -197,7 +198,7 @@ def _axes(source: Source, imu: Imu, matrix: Array, known: bool) -> tuple[list[st
     field = source.y[rows] / np.linalg.norm(source.y[rows], axis=1)[:, None]
     reference = np.array(source.parameters[:3])
     earth = np.arcsin(reference[2] / np.linalg.norm(reference)) if known else None
-    table = np.einsum("ni,nj->nij", down[rows], field @ matrix)  # back in the axes of the columns
+    table = np.einsum("ni,nj->nij", down[rows], field @ matrix)  # in the axes of the columns
 
     def misfit(signed: Array) -> tuple[float, float]:
         dip = np.arcsin(np.clip(np.einsum("nij,ij->n", table, signed), -1, 1))
@@ -212,7 +213,7 @@ def _axes(source: Source, imu: Imu, matrix: Array, known: bool) -> tuple[list[st
         else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
     )
     facts = [
-        f"{name}: dip {np.degrees(dip):.1f} deg in the mean of "
+        f"{name}: mean dip {np.degrees(dip):.1f} deg over "
         f"{count_text(len(rows), 'quiet sample')}, "
         f"{compared} {np.degrees(now):.1f} deg"
     ]
@@ -229,13 +230,13 @@ def _axes(source: Source, imu: Imu, matrix: Array, known: bool) -> tuple[list[st
         for k, (found, candidate) in enumerate(candidates)
         if found < 1.2 * least + np.radians(0.5)
     ]
-    best, other = candidates[min(fitting)[2]]  # a right-handed one where there is any
+    best, other = candidates[min(fitting)[2]]  # right-handed, if there is one
     if best > now / CLEARER:
         return facts, []
     remedy = (
         "check axes"
         if np.linalg.det(other) > 0
-        else "they are left-handed, so one column has the wrong sign: put it right in the table"
+        else "they are left-handed, so one column has the opposite sign: correct it in the table"
     )
     seen = (
         f"{name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "

@@ -1,5 +1,5 @@
-"""Files that change the noise of a recording's sources, whatever the format of the recording: a
-factor on their standard deviations and their correlated errors, as `tune` found them."""
+"""Files that change the noise of a recording's sources in any format: a factor on their standard
+deviations and their correlated errors, as `tune` finds them."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -26,11 +26,11 @@ class SourceNoise(NamedTuple):
     factor: tuple[float, ...] = (1.0,)  # on its standard deviations: one, or one per row
     # std in the units of tables, one or one per row; None: as the recording has them
     correlated: Correlated | None = None
-    said: str = ""  # comment behind the factor
+    said: str = ""  # comment after the factor
 
 
 def read_noise(path: File) -> dict[str, SourceNoise]:
-    """{name of a source: SourceNoise} of a file. Raises DataError."""
+    """Return {name of a source: SourceNoise} of a file. Raises DataError."""
     table = read_toml(path, "give the file that `strapdown tune` wrote")
     with locate_errors(path):
         return {
@@ -39,7 +39,7 @@ def read_noise(path: File) -> dict[str, SourceNoise]:
 
 
 def with_noise(recording: Recording, file: File) -> Recording:
-    """Return the recording with the noise of its sources as a file of `strapdown tune` says.
+    """Return the recording with the noise of its sources from a file of `strapdown tune`.
 
     Parameters
     ----------
@@ -56,7 +56,8 @@ def with_noise(recording: Recording, file: File) -> Recording:
     Raises
     ------
     DataError
-        Where the file cannot be read, or names a source that the recording has not, or has twice.
+        If the file cannot be read, or names a source that the recording does not have, or has
+        twice.
     """
     check_recording(recording)
     check_path(file, "file")
@@ -74,7 +75,7 @@ def with_noise(recording: Recording, file: File) -> Recording:
         a if noise is None else _with_noise(a, noise, f"{file}: [{name}]")
         for a, name, noise in zip(recording.sources, names, noises)
     ]
-    # it is no longer as its own file has it
+    # it no longer agrees with its own file
     return replace(recording, sources=tuple(sources)).without_meta("installed")
 
 
@@ -92,13 +93,14 @@ def write_noise(path: File, noises: Mapping[str, SourceNoise], comments: Iterabl
 
 
 def in_tables(correlated: Correlated, kind: str) -> Correlated:
-    """Correlated errors of a kind of source in the units of tables, of SI."""
+    """Convert correlated errors of a kind of source from SI to the units of tables."""
     sizes = [shown_unit(quantity)[1] for quantity in find(kind).quantities]
     return correlated._replace(std=tuple(std * size for std, size in zip(correlated.std, sizes)))
 
 
 def correlated_text(correlated: Correlated) -> str:
-    """The value of the key `correlated` in TOML, of standard deviations in the units of tables."""
+    """Return the value of the key `correlated` in TOML, for standard deviations in the units of
+    tables."""
     std = ", ".join(f"{each:.4g}" for each in correlated.std)
     states = "" if correlated.states else ", states = false"
     return f"{{ std = [{std}], time = {correlated.time:.4g}{states} }}"
@@ -110,7 +112,8 @@ def _factors_text(factor: tuple[float, ...]) -> str:
 
 
 def _quote_key(name: str) -> str:
-    """A name as a key of TOML; a Recording's are printable, being checked."""
+    """Return a name as a key of TOML; the names of a Recording are printable, because they are
+    checked."""
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -146,7 +149,7 @@ KEYS = {FACTOR: Key("factor", _factor), CORRELATED: Key("correlated", _read_corr
 
 
 def _with_noise(a: Source, noise: SourceNoise, where: str) -> Source:
-    """A source with that noise. Raises DataError."""
+    """Return a source with that noise. Raises DataError."""
     sizes = [shown_unit(quantity)[1] for quantity in find(a.kind).quantities]
     factor = _of_each(noise.factor, len(sizes), f"{where} {FACTOR}", a.kind)
     a = replace(a, std=a.std * factor)
@@ -160,7 +163,7 @@ def _with_noise(a: Source, noise: SourceNoise, where: str) -> Source:
 
 
 def _of_each(values: tuple[float, ...], many: int, where: str, kind: str) -> tuple[float, ...]:
-    """As many values, which may be given as one. Raises DataError."""
+    """Return `many` values, which may be given as one. Raises DataError."""
     if len(values) not in (1, many):
         raise DataError(f"{where}: {len(values)} given; {kind} has {many}")
     return values * many if len(values) == 1 else values

@@ -1,4 +1,4 @@
-"""From files to a Recording, whatever their formats."""
+"""Make a Recording from files of any format."""
 
 from pathlib import Path
 
@@ -46,12 +46,14 @@ def read(path: File, /, *more: File, **instances: int | None) -> Recording:
     reader = [taker(each) for each in paths][0]
     if len(paths) == 1 and reader.read is not None:
         if instances:
-            raise DataError(f"{path}: is a whole recording; there are no instances to choose from")
+            raise DataError(
+                f"{path}: is a complete recording; there are no instances to choose from"
+            )
         found = ask(reader, "read", paths[0])
         if not isinstance(found, Recording):
             raise DataError(
-                f"{path}: the reader {reader.name!r} gives no Recording but a "
-                f"{type(found).__name__}"
+                f"{path}: the reader {reader.name!r} returns a "
+                f"{type(found).__name__} instead of a Recording"
             )
         return _printable(found)
     from .description.logs import read_logs  # loads pydantic: 0.2 s
@@ -61,7 +63,7 @@ def read(path: File, /, *more: File, **instances: int | None) -> Recording:
 
 
 def _printable(recording: Recording) -> Recording:
-    """The same with lines that are told without control characters, which names in files may have."""
+    """Return a copy whose texts have no control characters, which names in files may contain."""
     notes, read = recording.meta.get("notes"), recording.meta.get("read")
     if isinstance(notes, list):
         recording = recording.with_meta(notes=[*map(printable, map(str, notes))])

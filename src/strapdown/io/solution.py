@@ -1,8 +1,8 @@
-"""Solutions on disk: NetCDF holds everything and reads back as it was, CSV holds the table, KML, GPX and
-GeoJSON the track, TUM the poses.
+"""Solutions on disk: NetCDF holds everything and reads back unchanged, CSV holds the table, KML,
+GPX and GeoJSON the track, TUM the poses.
 
-Every column says its unit: as an attribute in NetCDF, in brackets behind the name in CSV (`lat
-[deg]`). docs/how-to/report.md lists them.
+Every column has its unit: as an attribute in NetCDF, in brackets after the name in CSV (`lat
+[deg]`). docs/how-to/report.md lists the columns.
 """
 
 import os
@@ -26,38 +26,38 @@ TRACKS: dict[str, Callable[[Solution, Path], bytes]] = {
     "gpx": gpx,
     "geojson": geojson,
 }
-"""Formats that are only written, in geodetic positions, by ending: the bytes of a Solution that goes to
-a path."""
+"""Write-only formats with geodetic positions, by ending: functions that return the bytes of a
+Solution for a path."""
 LOCAL = {"tum": tum}
-"""Those in positions from an origin."""
+"""The same for formats with positions from an origin."""
 READ = ("nc", "csv", "csv.gz", "csv.xz")
-"""Endings that are read back."""
+"""Endings of formats that can be read."""
 ENDINGS = (*READ, *TRACKS, *LOCAL)
 
 
 def write_solution(
     solution: Solution, path: File, *, utc: bool = False, origin: ArrayLike | None = None
 ) -> None:
-    """Write a Solution to a file, whole or not at all.
+    """Write a Solution to a file. The file is complete, or not written.
 
     Parameters
     ----------
     solution : Solution
         It needs a position for .kml, .gpx, .geojson and .tum.
     path : str or path
-        Its ending says the format: .nc, .csv, .csv.gz, .csv.xz, .kml, .gpx, .geojson or .tum.
+        Its ending chooses the format: .nc, .csv, .csv.gz, .csv.xz, .kml, .gpx, .geojson or .tum.
     utc : bool
-        A CSV has a second column, ISO 8601 in UTC, where the recording has an absolute clock; the
-        other formats have such times without it.
+        Add a second column to a CSV, ISO 8601 in UTC, if the recording has an absolute clock; the
+        other formats always have such times.
     origin : array_like, shape (3,), optional
-        Of the local frame of .tum, whose positions are m east, north and up from it: latitude and
-        longitude in rad, height above the ellipsoid in m. By default the first position. The file
-        says it, and `read_origin` reads it back.
+        Origin of the local frame of .tum, in which positions are m east, north and up: latitude and
+        longitude in rad, height above the ellipsoid in m; default: the first position. The file
+        contains it, and `read_origin` reads it back.
 
     Raises
     ------
     DataError
-        Where the solution or the format has no place for what is asked.
+        If the solution or the format does not support the request.
 
     Examples
     --------
@@ -93,17 +93,17 @@ def read_solution(path: File) -> Solution:
     Parameters
     ----------
     path : str or path
-        A .nc, .csv, .csv.gz or .csv.xz. A CSV brings no innovations, events or covariance.
+        A .nc, .csv, .csv.gz or .csv.xz. A CSV has no innovations, events or covariance.
 
     Returns
     -------
     Solution
-        Without the recording that it was made of.
+        Without the original recording.
 
     Raises
     ------
     DataError
-        Where the file cannot be read, is damaged or is no solution.
+        If the file cannot be read, is damaged or is not a solution.
 
     Examples
     --------
@@ -130,4 +130,4 @@ def _ending(path: File, known: Iterable[str]) -> str:
     for ending in known:
         if Path(path).name.lower().endswith(f".{ending}"):
             return ending
-    raise DataError(f"{path}: this ending is not one of a solution; use .{', .'.join(known)}")
+    raise DataError(f"{path}: a solution cannot have this ending; use .{', .'.join(known)}")

@@ -1,5 +1,5 @@
-"""A gyro that claims tilting which the accelerometer does not feel: in a wrong unit, or on a
-multicopter. The fixes decide, else the vehicle."""
+"""A gyro that measures tilting which the accelerometer does not show: its unit is incorrect, or it
+is on a multicopter. The fixes decide, or without them the vehicle."""
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from ..preprocessing.plausible import UNFELT, mistakes
 def accusation(
     imu: Imu, kind: str | None, vehicle: GivenVehicle | None, where: str, field: bool = True
 ) -> str:
-    """The line against a gyro that claims such tilting, "" without one; `where` begins the line, and
-    `field` says whether the key of [imu] follows. Raises DataError for other mistakes."""
+    """Return the line on a gyro with such tilting, "" without any; `where` begins the line, and
+    `field` is True if the key of [imu] follows. Raises DataError for other mistakes."""
     accused = ""
     for key, text in mistakes(imu, kind, vehicle):
         line = f"{where}: {f'[imu] {key}' if field else 'imu'}: {text}"
@@ -27,7 +27,7 @@ def accusation(
 
 
 def in_degrees(recording: Recording) -> float:
-    """The logarithm of the likelihood that the fixes give a gyro in deg/s over one in rad/s."""
+    """Return the log likelihood ratio of a gyro in deg/s over one in rad/s, from the fixes."""
     return likelier(InspectedRecording(recording), np.radians(1))
 
 
@@ -37,9 +37,9 @@ def fixes_confirm(recording: Recording) -> bool:
 
 
 def decide_accusation(recording: Recording, accused: str) -> Recording:
-    """The recording with what its fixes or its vehicle say of an `accusation`: a note where the
-    fixes contradict it, and where nothing decides the line itself, for whoever names the vehicle
-    later. Raises DataError where it holds."""
+    """Return the recording with the decision of its fixes or its vehicle on an `accusation`: a note
+    where the fixes contradict it; where nothing decides, the line itself, in case the vehicle is
+    named later. Raises DataError where it is confirmed."""
     if not accused:
         return recording
     evidence = in_degrees(recording)

@@ -1,8 +1,8 @@
-"""The library of the package's kernels, built: `python -m strapdown.native.build OUT`.
+"""Build the library of the package's kernels: `python -m strapdown.native.build OUT`.
 
-Leaves in OUT one kernels-LEVEL.bin per level of processor, and kernels.json, by which
-`core/compile/library.py` knows it. It can be built for any system on any other. What did not change since
-the last build is taken from the cache.
+It writes to OUT one kernels-LEVEL.bin per processor level, and kernels.json, which
+`core/compile/library.py` reads. Any system can build it for any other. Unchanged kernels come from
+the cache of the last build.
 """
 
 import argparse
@@ -32,11 +32,11 @@ from ..fileio.locks import part_of
 from . import emit, ir, relocation
 
 SLOW = ("core.loop", "xkf", "two_stage", "sigma_point", "particle", "nlo", "flight", "ekf")
-"""Parts of the names of kernels that take longest: they come first, so that none of them is left over
-for one core at the end."""
+"""Parts of the names of the slowest kernels: they are compiled first, so that none of them occupies
+a single core at the end."""
 TASKS = 60
-"""Kernels after which processes are replaced by new ones: numba keeps all that it ever compiled, 1.4 GB of
-so many. Fewer would each type and lower again the helpers that kernels share."""
+"""Number of kernels after which a process is replaced by a new one: numba keeps everything that it
+compiles, 1.4 GB for so many. With fewer, each process would compile the shared helpers again."""
 KEEP = 3
 """Versions of one object that stay in the cache."""
 
@@ -44,7 +44,7 @@ Notify = Callable[[str], None]
 
 
 COMPILING = ("compiler", "numba_parts", "records", "lane_types", "signatures")
-"""Modules of core/compile that decide what machine code is made of a kernel."""
+"""Modules of core/compile that determine the machine code of a kernel."""
 
 
 TAGS = {
@@ -54,26 +54,28 @@ TAGS = {
     "darwin x86_64": "macosx_10_13_x86_64",
     "win32 AMD64": "win_amd64",
 }
-"""Tags of wheels by system. manylinux_2_17 is the oldest that package indexes take of both processors."""
+"""Tags of wheels by system. manylinux_2_17 is the oldest that package indexes accept for both
+processors."""
 
 
 def levels_here() -> tuple[str, ...]:
-    """The levels of this system, best first. Raises DataError where there are none."""
+    """Return the levels of this system, best first. Raises DataError where there are none."""
     if not (levels := tuple(library.LEVELS.get(library.system(), ()))):
         raise DataError(
-            f"a library of kernels is for {', '.join(library.LEVELS)}; this is {library.system()}"
+            f"libraries of kernels exist for {', '.join(library.LEVELS)}, but this system is {library.system()}"
         )
     return levels
 
 
 def tag(levels: Sequence[str]) -> str:
-    """Platform in the tag of a wheel with these levels: `any` where they are of several systems."""
+    """Return the platform in the tag of a wheel with these levels: `any` for several systems."""
     systems = [system for system, of in library.LEVELS.items() if {*of} & {*levels}]
     return TAGS[systems[0]] if len(systems) == 1 else "any"
 
 
 def kernels_of_package(only: Sequence[str] = ()) -> list[Kernel]:
-    """All kernels of the package, or those of these stems, the slow ones first. Raises DataError."""
+    """Return all kernels of the package, or those of these stems, the slow ones first. Raises
+    DataError."""
     found = {
         kernel.stem: kernel
         for module in ir.modules(strapdown)
@@ -87,13 +89,13 @@ def kernels_of_package(only: Sequence[str] = ()) -> list[Kernel]:
 
 
 def build(folder: Path, levels: Sequence[str], only: Sequence[str], notify: Notify) -> str:
-    """Build the library into a folder, all of it or nothing; the platform that it is for.
+    """Build the complete library into a folder, or nothing, and return its platform.
 
-    only: stems of kernels, for all of them none. Raises DataError with what is missing, RuntimeError
-    where a kernel cannot be in a library, OSError.
+    only: stems of kernels, empty for all. Raises DataError for missing requirements, RuntimeError
+    where a kernel cannot be in a library, and OSError.
     """
     if not levels:
-        raise DataError(f"this processor is below {levels_here()[-1]}, the least that there is")
+        raise DataError(f"this processor is below {levels_here()[-1]}, the lowest supported level")
     for level in levels:
         check_choice(level, "--levels", emit.LIBRARY)
     kernels = kernels_of_package(only)
@@ -121,7 +123,7 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], notify: Noti
 def _objects(
     kernels: Sequence[Kernel], levels: Sequence[str], place: Path, notify: Notify
 ) -> dict[str, list[Path]]:
-    """Objects of all kernels by level, in a folder; in as many processes as there are cores."""
+    """Write the objects of all kernels by level to a folder, with one process per core."""
     paths = {
         kernel.stem: {level: place / _name(kernel, level) for level in levels} for kernel in kernels
     }
@@ -132,7 +134,7 @@ def _objects(
     if done:
         notify(f"{done} of {len(paths)} kernels did not change")
     cores = os.cpu_count() or 1
-    # not max_tasks_per_child, with which Python 3.11 and 3.12 wait for ever
+    # max_tasks_per_child would make Python 3.11 and 3.12 wait forever
     for first in range(0, len(todo), TASKS * cores):
         pool = ProcessPoolExecutor(cores, mp_context=get_context("spawn"))
         try:
@@ -156,7 +158,7 @@ def _emit_objects(stem: str, paths: dict[str, Path]) -> None:
     kernel = ir.of_stem(stem)
     try:
         text = ir.text_of(kernel)
-    except Exception as error:  # of numba, with all that it knows on many lines
+    except Exception as error:  # numba's messages have many lines
         raise RuntimeError(f"{stem}: {' '.join(str(error).split()) or repr(error)}") from None
     for level, path in paths.items():
         made = emit.emit([text], emit.LIBRARY[level], [kernel.symbol])
@@ -168,7 +170,7 @@ def _emit_objects(stem: str, paths: dict[str, Path]) -> None:
 
 
 def _cache() -> Path | None:
-    """Where objects are kept between builds, or None where nothing can be written."""
+    """Return the cache of objects between builds, or None where it cannot be written."""
     place = kernel_cache.folder()
     if place is None:
         return None
@@ -180,7 +182,7 @@ def _cache() -> Path | None:
 
 
 def _name(kernel: Kernel, level: str) -> str:
-    """File of a kernel's object, after all that it comes from."""
+    """Return the file of a kernel's object, named by a hash of everything that determines it."""
     importlib.import_module(kernel_cache.COMPILER)
     code = (kernel_cache.COMPILER, ir.__name__, emit.__name__)
     parts = (
@@ -204,7 +206,7 @@ def _sweep(path: Path) -> None:
             old.unlink(missing_ok=True)
 
 
-# ---- what the library says of itself
+# ---- the manifest of the library
 
 
 def _sources(kernel: Kernel) -> tuple[str, ...]:
@@ -261,7 +263,8 @@ def _manifest(
 
 
 def _put_library(folder: Path, made: dict[str, bytes], manifest: dict[str, Any]) -> None:
-    """Write the library. Without kernels.json, which goes first and comes last, there is none."""
+    """Write the library. kernels.json is removed first and written last: without it, the library
+    does not count as present."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / library.MANIFEST).unlink(missing_ok=True)
     for old in folder.glob("kernels-*.bin"):
@@ -278,11 +281,11 @@ def _main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("strapdown.native.build", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument(
-        "--levels", help="of processors, or `all` of this system; this one's if not said"
+        "--levels", help="processor levels, or `all` of this system; default: this processor's"
     )
-    parser.add_argument("--only", default="", help="kernels, MODULE.NAME,.. ; all if not said")
+    parser.add_argument("--only", default="", help="kernels, MODULE.NAME,.. ; default: all")
     said = parser.parse_args(arguments)
-    # processes that this one starts import numba under these; here it is imported already
+    # child processes import numba with these settings; in this process it is already imported
     os.environ.update(ir.NEUTRAL)
     begin = time.perf_counter()
     try:

@@ -1,4 +1,4 @@
-"""From the intermediate representation of kernels to an object for a target, optimised there.
+"""Compile the intermediate representation of kernels to an optimised object for a target.
 
 made = emit([text], TARGETS["cortex-m7"], ["strapdown_aiding_position_observe"])
 made.content, made.needed, made.stack
@@ -19,7 +19,7 @@ from .object_files import undefined_symbols
 
 
 class TargetMachine(NamedTuple):
-    """A machine to make objects for."""
+    """A machine for which objects are made."""
 
     name: str
     about: str
@@ -28,7 +28,7 @@ class TargetMachine(NamedTuple):
     features: str = ""
     relocation: str = "pic"
     speed: int = 3  # 0 to 3
-    size: int = 0  # 1: small functions rather than fast ones, 2: as small as can be
+    size: int = 0  # 1: small functions rather than fast ones, 2: as small as possible
     call: int = 0  # bytes that a call itself puts on the stack
 
 
@@ -110,8 +110,8 @@ LIBRARY: Mapping[str, TargetMachine] = {
         )
     },
 }
-"""Machines that there is a library of kernels for, by the name of its level; ELF for all, which
-`placing` reads. Nothing was ever run on macOS and Windows."""
+"""Machines with a library of kernels, by the name of its level; all use ELF, which `relocation`
+reads. Those for macOS and Windows were never run."""
 
 LIBM = frozenset(
     "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs "
@@ -121,8 +121,8 @@ LIBM = frozenset(
 )
 MEMORY = frozenset(("memset", "memcpy", "memmove"))
 OF_THE_COMPILER = re.compile(r"__aeabi_\w+|__chkstk")
-"""Functions that every C compiler for ARM brings along, doubles in software and those of MEMORY;
-and what Windows calls for a large frame on the stack."""
+"""Functions that every C compiler for ARM provides, for doubles in software and those of MEMORY,
+and the function that Windows calls for a large stack frame."""
 
 DEFINITION = re.compile(r"^(define .*\))([^()\n]*) \{$", re.MULTILINE)
 LOOSE = re.compile(
@@ -130,7 +130,7 @@ LOOSE = re.compile(
     r"(?:reassoc|nnan|ninf|nsz|arcp|contract|afn|fast)\b|@llvm\.fmuladd",
     re.MULTILINE,
 )
-"""Arithmetic whose last bits the compiler may choose."""
+"""Arithmetic whose last bits depend on the compiler."""
 HERE_ONLY = re.compile(r"inttoptr \(i64 \d{6,} to ptr\)")
 """An address in the process that wrote the representation."""
 FRAME = re.compile(r".*stack frame size \((\d+)\) exceeds limit \(0\) in function '(.*)'")
@@ -138,11 +138,11 @@ OPTIMISED_FOR_SIZE = ("", " optsize", " minsize optsize")
 
 
 class Object(NamedTuple):
-    """An object file, and what is known of it."""
+    """An object file and its properties."""
 
     content: bytes
     exported: tuple[str, ...]
-    needed: tuple[str, ...]  # functions it asks for, of the C library
+    needed: tuple[str, ...]  # functions that it needs from the C library
     stack: dict[str, int]  # bytes at most, by exported function, the C library's own left out;
     # empty for WebAssembly
 
@@ -153,13 +153,13 @@ def emit(
     exported: Sequence[str],
     inside: Sequence[str] = (),
 ) -> Object:
-    """The object of these functions and what they call.
+    """Return the object of these functions and their callees.
 
     texts: as `ir.write` leaves them, linked into one.
     inside: functions by which the texts call each other, and which the object does not show.
 
-    Raises RuntimeError, with the function and the symbol, where arithmetic is not strict or something
-    other than the mathematics of C and its memory functions is needed.
+    Raises RuntimeError, with the function and the symbol, where arithmetic is not strict or
+    functions other than C's mathematics and memory functions are needed.
     """
     machine, layout = _machine(target)
     module = None
@@ -183,14 +183,14 @@ def emit(
     _optimise(module, machine, target)
     if HERE_ONLY.search(str(module)):
         raise RuntimeError(
-            f"{_symbols_text(exported)}: an address of the building process is in the code"
+            f"{_symbols_text(exported)}: the code contains an address of the building process"
         )
     with _llvm_lines() as lines:
         content = machine.emit_object(module)
     needed = undefined_symbols(content)
     if foreign := [name for name in needed if not _of_c(name)]:
         raise RuntimeError(
-            f"{_symbols_text(exported)}: {', '.join(foreign)} would be needed, and is not of C's libm"
+            f"{_symbols_text(exported)}: it needs {', '.join(foreign)}, which C's libm does not have"
         )
     stack = _stack(module, exported, inside, lines, target)
     return Object(content, tuple(exported), needed, stack)
@@ -228,8 +228,8 @@ def _strict(text: str, symbols: Sequence[str]) -> None:
 
 
 def _neutral(text: str, target: TargetMachine, layout: str) -> str:
-    """The text for another machine: the host's triple, layout and processor stand in it. Each function
-    is to say the size of its frame."""
+    """Return the text for another machine, in which the host's triple, layout and processor are
+    replaced. Each function reports the size of its frame."""
     text = re.sub(r'^target triple = ".*"', f'target triple = "{target.triple}"', text, flags=re.M)
     text = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{layout}"', text, flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
@@ -238,8 +238,8 @@ def _neutral(text: str, target: TargetMachine, layout: str) -> str:
 
 
 def _prepare(module: Any, machine: Any) -> None:
-    """Optimise once before, as numba does: loops that are turned early make more vector code, which
-    is worth 3 % of the closed loop."""
+    """Optimise once before, as numba does: early loop rotation gives more vector code, which makes
+    the closed loop 3 % faster."""
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = True
     builder = llvm.create_pass_builder(machine, options)
@@ -272,7 +272,7 @@ def _optimise(module: Any, machine: Any, target: TargetMachine) -> None:
 
 @contextmanager
 def _llvm_lines() -> Iterator[list[str]]:
-    """Lines that LLVM writes to standard error meanwhile: it has no other way to say them."""
+    """Collect the lines that LLVM writes to standard error, its only output for them."""
     lines: list[str] = []
     sys.stderr.flush()
     with tempfile.TemporaryFile() as file:
@@ -297,9 +297,9 @@ def _stack(
     lines: Sequence[str],
     target: TargetMachine,
 ) -> dict[str, int]:
-    """Bytes at most, by exported function. A call by address may reach every function of these names
-    that takes and returns the same."""
-    if target.triple.startswith("wasm"):  # of which LLVM tells nothing
+    """Return the largest stack in bytes by exported function. A call by address may reach every
+    function of these names with the same type."""
+    if target.triple.startswith("wasm"):  # LLVM reports no frames for it
         return {}
     frames = {
         found[2]: int(found[1]) for found in map(FRAME.match, lines) if found
@@ -328,7 +328,7 @@ def _stack(
 
 
 def _called_functions(function: Any) -> Iterator[tuple[str, str]]:
-    """(name, kind) of what a function calls; no name where it calls an address."""
+    """(name, kind) of the functions that a function calls; no name for a call by address."""
     for block in function.blocks:
         for instruction in block.instructions:
             if instruction.opcode == "call":

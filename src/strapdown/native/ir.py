@@ -1,7 +1,7 @@
-"""LLVM's intermediate representation of kernels, not optimised and the same for every processor, each
+"""LLVM's intermediate representation of kernels, not optimised and equal for all processors, each
 behind one C function.
 
-numba reads its settings when it is imported, so this is a program of its own, which `write` runs:
+numba reads its settings on import, so this is a separate program, which `write` runs:
 `python -m strapdown.native.ir OUT SMALL SIZES STEM..`.
 """
 
@@ -28,7 +28,7 @@ NEUTRAL = {
     "NUMBA_SLP_VECTORIZE": "0",
     "NUMBA_DISABLE_JIT": "0",
 }
-"""Settings of numba under which it leaves optimising, and the processor, to whoever comes after it."""
+"""Settings with which numba leaves optimisation and the choice of the processor to later steps."""
 C_FUNCTION = """
 define {result} @{symbol}({parameters}) {{
   %ret = alloca {slot}
@@ -70,9 +70,9 @@ def write(
     small: bool = False,
     sizes: Mapping[str, int] | None = None,
 ) -> Iterator[str]:
-    """Write SYMBOL.ll of each kernel into a folder, in a process of its own; the symbols as they
-    are done. small: leave all inlining to LLVM; sizes: those that are constants, by name. Raises
-    RuntimeError with what the compiler said."""
+    """Write SYMBOL.ll of each kernel into a folder in a separate process, and yield the finished
+    symbols. small: leave all inlining to LLVM; sizes: constant sizes by name. Raises RuntimeError
+    with the compiler's message."""
     folder.mkdir(parents=True, exist_ok=True)
     constants = json.dumps(dict(sizes or {}))
     command = [sys.executable, "-m", __name__, str(folder), str(int(small)), constants]
@@ -88,7 +88,9 @@ def write(
             yield line.strip()
         said = process.stderr.read().strip()
     if process.returncode:
-        raise RuntimeError(said.splitlines()[-1] if said else "the compiler ended without a word")
+        raise RuntimeError(
+            said.splitlines()[-1] if said else "the compiler ended without a message"
+        )
 
 
 def c_types(signature: Signature) -> tuple[str, list[str]]:

@@ -1,9 +1,9 @@
-"""From the objects of kernels to one block of code that runs at any address.
+"""Link the objects of kernels to one block of code that runs at any address.
 
-Code and constants of all objects stand one behind another. Code built to run anywhere refers to both by
-their distance, so that every relocation is resolved here, and nothing is left for whoever loads the
-block. Functions of the C library are called through a table of their addresses that stands in front of
-the block (`core/compile/machine_code.py`), by a jump at its beginning.
+Code and constants of all objects are concatenated. Position-independent code refers to both by
+their distance, so every relocation is resolved here and none is left for the loader. Functions of
+the C library are called by a jump at the beginning of the block through a table of their addresses
+in front of it (`core/compile/machine_code.py`).
 """
 
 import struct
@@ -30,8 +30,8 @@ class Block(NamedTuple):
 
 
 def place(objects: Sequence[bytes]) -> Block:
-    """The block of these objects, all for one processor. Raises RuntimeError where one has variables,
-    or a relocation that depends on the address of the block."""
+    """Return the block of these objects, all for one processor. Raises RuntimeError where one has
+    variables, or a relocation that depends on the address of the block."""
     processor = PROCESSORS[_processor(objects[0])]
     needed = sorted({name for each in objects for name in object_files.undefined_symbols(each)})
     code = bytearray(
@@ -64,7 +64,7 @@ def _processor(content: bytes) -> int:
 
 
 def _append(code: bytearray, listed: list[ObjectSection]) -> dict[int, int]:
-    """Add what an object has in memory; where each section begins."""
+    """Append the loaded sections of an object; return the beginning of each."""
     first = {}
     code += bytes(-len(code) % ALIGN)
     for number, one in enumerate(listed):

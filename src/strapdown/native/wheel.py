@@ -18,8 +18,8 @@ CHECKOUT = library.PACKAGE.parents[1]
 
 
 def build_wheel(dist: Path, levels: str = "all") -> Path:
-    """Build the library into build/library of the checkout, and a wheel with it; without it where that
-    cannot be built. Raises RuntimeError where there is no wheel either."""
+    """Build the library into build/library of the checkout, and a wheel with it, or without it
+    where it cannot be built. Raises RuntimeError where the wheel fails too."""
     folder = CHECKOUT / "build" / "library"
     shutil.rmtree(folder, ignore_errors=True)
     subprocess.run(

@@ -1,2 +1,2 @@
-"""From arrays as files have them to samples and fixes: units, axes, order, gaps, what is
-possible, when the vehicle stood still."""
+"""Samples and fixes from the arrays of files: units, axes, order, gaps, checks of possible values,
+and standstills of the vehicle."""

@@ -1,7 +1,7 @@
-"""An attitude record against the IMU beside it: stuck fixes, mistaken units, axes and clocks.
+"""Compare an attitude record with the IMU beside it: stuck fixes, mistaken units, axes and clocks.
 
-An attitude and a gyro that belong together turn alike: by the same angle about the same axes at the
-same time. That is what the checks rest on.
+The checks use that an attitude and a gyro on one body rotate by the same angle about the same axes
+at the same time.
 """
 
 from collections.abc import Callable
@@ -23,15 +23,15 @@ SECOND, MIN_TURN, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
 """Turns are compared over about SECOND (s), where the gyro turned by MIN_TURN (rad) and more; at
 most PAIRS of them and at least ENOUGH."""
 MAX_SHIFT = 3.0
-"""s: clocks are compared up to this shift."""
+"""s: largest shift for which clocks are compared."""
 
 
 def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple[Mask, list[str]]:
-    """(mask (m,), notes): the fixes that are not stuck, and how many were; t (m,) s, y (m, 3) roll,
-    pitch, heading, rad. Raises DataError where all are stuck, or where rad was read as deg.
+    """(mask (m,), notes): the fixes that are not stuck, and a note with the number of others; t
+    (m,) s, y (m, 3) roll, pitch, heading, rad. Raises DataError where all are stuck, or where rad
+    was read as deg.
 
-    Rows in which something is missing are none of its business: they are kept, and between rows
-    that are whole they do not count as a change.
+    Incomplete rows are kept, and between complete rows they do not count as a change.
     """
     level, heading = np.isfinite(t) & np.isfinite(y[:, :2]).all(axis=1), np.isfinite(y[:, 2])
     held = np.zeros(len(t), bool)
@@ -39,7 +39,7 @@ def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple
         (np.flatnonzero(level & heading), 3),
         (np.flatnonzero(level & ~heading), 2),
     ):
-        # two do not see turns about the vertical
+        # roll and pitch do not change with turns about the vertical
         held[rows] = stuck_samples(
             t[rows], np.c_[y[rows, :columns], _pieces(t[rows])], imu, slice(0, columns)
         )
@@ -64,7 +64,7 @@ def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple
 
 
 def refuse_unit(t: Array, y: Array, imu: Imu, where: str) -> None:
-    """Raise DataError where these attitudes, in order, turn about a 57th of what the gyro does."""
+    """Raise DataError where these attitudes, in order, turn by about 1/57 of the gyro's angle."""
     recorded, gyro = turns(t, y, imu)()
     if len(gyro) >= ENOUGH and 0.5 < np.degrees(ratio(recorded, gyro)) < 2:
         raise DataError(
@@ -74,8 +74,8 @@ def refuse_unit(t: Array, y: Array, imu: Imu, where: str) -> None:
 
 
 def _pieces(t: Array) -> Array:
-    """(n,) number of the unbroken piece of a record that each time belongs to: a value that is
-    there again after a pause was not held."""
+    """(n,) number of the unbroken piece of a record of each time; a value that recurs after a pause
+    was not stuck."""
     step = np.diff(t)
     return (
         np.r_[0, np.cumsum(step > max(STUCK_TIME, 3 * np.median(step)))]
@@ -85,17 +85,18 @@ def _pieces(t: Array) -> Array:
 
 
 def ratio(recorded: Array, gyro: Array) -> float:
-    """Size of the attitude's turns (k, 3) over that of the gyro's (k, 3), rad each."""
+    """Ratio of the magnitude of the attitude's turns (k, 3) to that of the gyro's (k, 3), rad
+    each."""
     size = float(np.median(np.linalg.norm(gyro, axis=1)))
     return float(np.median(np.linalg.norm(recorded, axis=1))) / size if size else np.nan
 
 
 def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
-    """Function of a shift of the IMU's time (s): turns of the attitude and of the gyro, (k, 3) rad
-    each, body, k the same for all shifts.
+    """Return a function of a shift of the IMU's time (s) that gives the turns of the attitude and
+    of the gyro, (k, 3) rad each, body, with the same k for all shifts.
 
-    They are rotation vectors over about a second; of an attitude without heading the turns of the
-    vertical alone.
+    They are rotation vectors over about a second; without a heading, only the turns of the
+    vertical.
     """
     whole = np.isfinite(y).all(axis=1)
     heading = whole.sum() > 0.5 * len(y)
@@ -145,19 +146,18 @@ def _no_turns(shift: float = 0.0) -> tuple[Array, Array]:
 
 
 def _margin(imu: Imu) -> float:
-    """s at both ends of a record that a shift of time may need."""
+    """s to leave at both ends of a record for a shift of time."""
     return MAX_SHIFT if np.ptp(imu.t) > 4 * MAX_SHIFT else 0.0
 
 
 def _gyro_path(imu: Imu) -> RotationPath:
-    """Attitude of the body since the first sample by the gyro alone, without its
-    mean at rest."""
+    """Attitude of the body since the first sample from the gyro alone, without its mean at rest."""
     return RotationPath(imu.t, running_products(Rotation.from_rotvec(without_bias(imu))))
 
 
 def facts_and_reasons(source: Source, imu: Imu) -> tuple[list[str], list[Reason]]:
-    """(lines, Reasons) on an attitude beside an IMU: how well it turns as the gyro does, what is
-    probably wrong with unit, axes or clock."""
+    """(lines, Reasons) on an attitude compared with an IMU: agreement of their turns, and likely
+    mistakes of unit, axes or clock."""
     facts, reasons = _level(source, imu)
     name = source.name or source.kind
     fit = turns(source.t, source.y, imu)
@@ -174,7 +174,7 @@ def facts_and_reasons(source: Source, imu: Imu) -> tuple[list[str], list[Reason]
         likely = (
             "rad read as deg"
             if 0.5 < np.degrees(factor) < 2
-            else "a wrong unit or scale, or other columns"
+            else "an incorrect unit or scale, or other columns"
         )
         seen = f"{name} unit: it turns {factor:.3g} times as much as the gyro: {likely}"
         return facts, [Reason("unit", seen, "check its unit and columns", name), *reasons]
@@ -194,23 +194,20 @@ def facts_and_reasons(source: Source, imu: Imu) -> tuple[list[str], list[Reason]
         ]
         likeness, _, other = max(fits, key=lambda each: (round(each[0], 2), each[1]))
         if likeness > 0.9:
-            seen = (
-                f"{name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would"
-            )
+            seen = f"{name} axes: it turns like a gyro with the axes {named_permutation(other)!r}"
             remedy = "check axes, order and signs of its columns against those of the IMU"
             reasons.append(Reason("frame", seen, remedy, name))
     return facts, reasons
 
 
 def _likeness(recorded: Array, gyro: Array) -> float:
-    """Correlation of vectors, 1 where they are alike; nothing is subtracted."""
+    """Correlation of vectors without subtraction of a mean, 1 where they are equal."""
     size = np.sqrt((recorded**2).sum() * (gyro**2).sum())
     return float((recorded * gyro).sum() / size) if size > 0 else 0.0
 
 
 def _level(source: Source, imu: Imu) -> tuple[list[str], list[Reason]]:
-    """(lines, Reasons) from the vertical at rest: that of the attitude against that of the
-    accelerometer."""
+    """(lines, Reasons) from the verticals at rest, of the attitude and of the accelerometer."""
     rest = at_rest(imu)
     row = np.minimum(np.searchsorted(imu.t, source.t), len(imu.t) - 1)
     still = (

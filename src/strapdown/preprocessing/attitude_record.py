@@ -1,5 +1,5 @@
-"""Attitudes as files have them: angles or quaternions, in axes of other conventions, brought to
-roll, pitch and heading of FRD in NED."""
+"""Attitudes from files, as angles or quaternions in various axes, converted to roll, pitch and
+heading of FRD in NED."""
 
 from typing import Literal, TypeAlias
 
@@ -14,9 +14,10 @@ from .origin import Origin
 
 QuaternionOrder: TypeAlias = Literal["wxyz", "xyzw"]
 ORDERS: dict[QuaternionOrder, list[int]] = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
-"""Where scalar, x, y and z stand among the columns of a quaternion."""
+"""Positions of scalar, x, y and z among the columns of a quaternion."""
 UNIT_NORM = 0.01
-"""A quaternion's norm is off 1 by at most this; what is left is rounding and is normalised away."""
+"""Largest difference of a quaternion's norm from 1; smaller ones are rounding and are
+normalised."""
 MAX_PITCH, MAX_TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
 """Largest pitch and largest roll or heading that a record can hold, rad."""
 
@@ -27,9 +28,9 @@ def axes_of(text: str) -> tuple[Array, Array]:
     body, to, navigation = text.partition(" to ")
     if not to:
         raise DataError(
-            f"{text!r}: write the axes of the body and those that its attitude is told in, such as "
+            f"{text!r}: write the axes of the body and the reference axes of its attitude, such as "
             f'"FLU to ENU"; '
-            "FRD to NED are the library's"
+            "the default is FRD to NED"
         )
     if navigation.strip() == "ECEF":
         return axes_matrix(body.strip(), BODY_AXES), np.eye(3)
@@ -45,11 +46,11 @@ def axes_of(text: str) -> tuple[Array, Array]:
 def quaternions(
     values: Array, order: QuaternionOrder | None, axes: str | None, origin: Origin
 ) -> Array:
-    """(n, 4) attitude of the body (FRD) in NED, scalar first, from what the columns hold; rows with
-    a missing number are NaN.
+    """(n, 4) attitude of the body (FRD) in NED, scalar first, from the columns; rows with a missing
+    number are NaN.
 
     values: (n, 3) roll, pitch, heading, rad, or (n, 4) with `order` a name of `ORDERS`; axes: text
-    of `axes_of` or None. Raises DataError naming the row of a quaternion that is none.
+    of `axes_of` or None. Raises DataError naming the row of an invalid quaternion.
     """
     known, found = np.all(np.isfinite(values), axis=1), np.full((len(values), 4), np.nan)
     if not known.any():
@@ -75,7 +76,7 @@ def _unit(q: Array, origin: Origin) -> Array:
             f"quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm {norm[row]:.4g}, not "
             f"1; "
             + (
-                "empty its cells or leave the row out where the attitude is not known"
+                "empty its cells or leave the row out where the attitude is unknown"
                 if not norm[row]
                 else "check columns and scale"
             )
@@ -85,11 +86,11 @@ def _unit(q: Array, origin: Origin) -> Array:
 
 
 def angles(values: Array, order: QuaternionOrder | None, axes: str | None, origin: Origin) -> Array:
-    """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a
-    heading (a column less, or NaN) it stays NaN.
+    """(n, 3) roll, pitch, heading of the body in NED, rad, with arguments as in `quaternions`; a
+    missing heading (one column less, or NaN) stays NaN.
 
-    Raises DataError naming the row of angles that none can be, before they are turned: afterwards
-    they are always possible.
+    Raises DataError naming the row of impossible angles. The check comes before the rotation, after
+    which all angles are possible.
     """
     if order is None:
         values = np.c_[
@@ -110,14 +111,12 @@ def angles(values: Array, order: QuaternionOrder | None, axes: str | None, origi
 
 
 def together(y: Array) -> Array:
-    """(m, 3) roll, pitch, heading without those rows of which roll or pitch is missing: NaN
-    whole."""
+    """(m, 3) roll, pitch, heading, with NaN in the whole row where roll or pitch is missing."""
     return np.where(np.any(np.isnan(y[:, :2]), axis=1)[:, None], np.nan, y)
 
 
 def possible_attitude(y: Array, origin: Origin) -> None:
-    """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what
-    such an angle can be.
+    """Raise DataError naming the first row with an impossible roll, pitch or heading (m, 3), rad.
 
     Infinite ones count as missing.
     """
@@ -127,9 +126,9 @@ def possible_attitude(y: Array, origin: Origin) -> None:
         origin.refuse(
             (np.abs(column) > limit) & np.isfinite(column),
             lambda row: (
-                f"{name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is "
+                f"{name} is {np.degrees(column[row]):.6g} deg, but at most {np.degrees(limit):.0f} is "
                 f"expected; "
                 "check the unit (deg read as rad?) and the order of the columns, and wrap angles "
-                "that count turns"
+                "that exceed a turn"
             ),
         )

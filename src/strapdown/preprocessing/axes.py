@@ -1,5 +1,5 @@
-"""Axes of sensors and of vectors in files, as matrices that turn them into body FRD or
-navigation NED axes."""
+"""Axes of sensors and of vectors in files, as matrices from them to body FRD or navigation NED
+axes."""
 
 from collections.abc import Iterator, Mapping
 from itertools import permutations, product
@@ -32,10 +32,10 @@ def axes_matrix(text: str, named: Mapping[str, str], right_handed: bool = True) 
         row["xyz".index(part[1])] = 1.0 if part[0] == "+" else -1.0
     determinant = np.linalg.det(matrix)
     if abs(determinant) < 0.5:
-        raise DataError(f"axes {text!r} use an axis twice; each of x, y and z must stand once")
+        raise DataError(f"axes {text!r} use an axis twice; use each of x, y and z once")
     if right_handed and determinant < 0:
         raise DataError(
-            f"axes {text!r} are left-handed, so no turned sensor has them; change one sign or swap "
+            f"axes {text!r} are left-handed, so no rotated sensor has them; change one sign or swap "
             f"two axes"
         )
     return matrix
@@ -64,16 +64,16 @@ def signed_permutations() -> Iterator[Array]:
 
 
 def named_permutation(matrix: Array) -> str:
-    """Its text as `axes_matrix` reads it, such as "+y +x -z"."""
+    """Return its text in the form of `axes_matrix`, such as "+y +x -z"."""
     source = np.abs(matrix).argmax(axis=1)
     return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))
 
 
 def permute_axes(vectors: Array, matrix: Array) -> Array:
-    """The vectors (n, 3) in the axes of a signed permutation (3, 3), which keeps a NaN where it is
-    (a matrix product would spread it)."""
+    """Return the vectors (n, 3) in the axes of a signed permutation (3, 3). A NaN stays in its
+    component (a matrix product would spread it)."""
     found = np.empty(vectors.shape)
     for k, source in enumerate(np.abs(matrix).argmax(axis=1)):
         np.multiply(vectors[:, source], matrix[k, source], out=found[:, k])
-    found += 0.0  # no zero has a sign, as in a matrix product
+    found += 0.0  # removes the sign of zeros, as a matrix product does
     return found

@@ -1,5 +1,5 @@
-"""Fixes of a source and rows of a reference: cleaned, put in order, checked against what is
-possible and against the span of the IMU."""
+"""Clean, sort and check the fixes of a source and the rows of a reference: possible values, and
+overlap with the IMU record."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -19,15 +19,16 @@ from ..units.time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
 from ..units.wording import count_text
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
+from .baseline_length import check_baseline
 from .imu_samples import imu_from_arrays, sort_rows
 from .origin import Origin, RowsOfFile
 
 PRESSURES = (5e3, 200e3)
-"""Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
-standard atmosphere of the library ends, and a pressurised or submerged sensor."""
+"""Lowest and highest air pressure for a vehicle, Pa: 20 km above the sea, where the library's
+standard atmosphere ends, and a pressurised or submerged sensor."""
 MIN_SHARE, LONG_RECORD = 0.2, 10.0
-"""A source and an IMU record, both longer than LONG_RECORD (s), that have less than MIN_SHARE of
-one of them in common, probably differ in clock."""
+"""A source and an IMU record, both longer than LONG_RECORD (s), probably have different clocks if
+they overlap by less than MIN_SHARE of either."""
 PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
     1e-3: "kPa read as Pa",
@@ -38,7 +39,7 @@ PRESSURE_SLIPS = {
     1e3: "Pa read as kPa",
     1e5: "Pa read as bar",
 }
-"""Factors that a mistaken unit makes in the pressure near the ground, and what to say then."""
+"""Factors of mistaken units in the pressure near the ground, and their messages."""
 AIR_PRESSURE, AIR_TEMPERATURE = (10e3, 110e3), (180.0, 340.0)
 """Pa and K, of a weather station or aloft."""
 
@@ -51,8 +52,8 @@ def clean_recording(
     kind: str,
     vehicle: GivenVehicle | None,
 ) -> tuple[Imu, tuple[Source, ...], list[str]]:
-    """(Imu, sources, notes) of a recording from arrays, as `Recording.from_arrays` takes them, cleaned
-    and checked. Raises DataError."""
+    """(Imu, sources, notes), cleaned and checked, of a recording from the arrays of
+    `Recording.from_arrays`. Raises DataError."""
     imu, notes = imu_from_arrays(t, gyro, accel, kind, vehicle)
     checked, more = checked_sources(imu, sources)
     return imu, checked, [*notes, *more]
@@ -63,8 +64,8 @@ def _check_parameters(source: Source) -> None:
     meaning, given = find(source.kind).parameters, tuple(source.parameters)
     if meaning == "field" and not 1e-6 <= np.linalg.norm(given) <= 100e-6:
         raise DataError(
-            f"{source.name or source.kind}: parameters are {given}, where the Earth's field north, "
-            f"east, down in T is needed; geomagnetic_field gives it"
+            f"{source.name or source.kind}: parameters are {given}, but the Earth's field north, "
+            f"east, down in T is needed; geomagnetic_field returns it"
         )
     if meaning == "atmosphere" and any(given):
         pressure, temperature, *_ = *given, 0.0, 0.0
@@ -86,6 +87,7 @@ def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, 
     notes: list[str] = []
     for source in sources:
         _check_parameters(source)
+        check_baseline(source)
         if source.kind == "attitude":
             possible_attitude(np.asarray(source.y, float), Origin(source.name or source.kind))
         source, more = clean(source, find(source.kind))
@@ -102,11 +104,11 @@ def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, 
 def clean(
     source: Source, sensor: MeasurementModel, origin: Origin | None = None
 ) -> tuple[Source, list[str]]:
-    """(Source, notes): rows without a time or a value are dropped, late ones sorted, repeated ones
+    """(Source, notes): rows without a time or a value are dropped, late rows sorted, repeated rows
     dropped. Raises DataError naming the row.
 
-    A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together.
-    A row whose standard deviation is missing is dropped, one where it is zero or negative is
+    A single missing component stays NaN; infinite components become NaN; without roll or pitch,
+    both become NaN. A row without a standard deviation is dropped; a zero or negative one is
     refused.
     """
     origin = origin or Origin(source.name or source.kind)
@@ -126,7 +128,7 @@ def clean(
     repeated = (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)
     rows = rows.without(np.r_[False, repeated][: len(t)], "repeated row")
     t, y, std = rows.columns
-    # its angles are judged as they were recorded, before anything turned them
+    # angles are checked as recorded, before any rotation
     if sensor.name != "attitude":
         possible(y, sensor.quantities, rows.origin)
     wrong = np.any(~np.isnan(y) & ~(std > 0), axis=1)
@@ -142,8 +144,8 @@ def clean(
 
 
 def _without_heading(t: Array, y: Array, name: str) -> list[str]:
-    """Notes on an attitude that has its heading in some rows only: how many lack it, and the
-    longest time without one."""
+    """Return notes on an attitude with a heading in some rows only: the number of rows without it,
+    and the longest time without it."""
     known = np.isfinite(y[:, 2])
     if known.all() or not known.any():
         return []
@@ -179,8 +181,8 @@ def _arrays(source: Source, sensor: MeasurementModel, origin: Origin) -> tuple[A
 
 
 def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
-    """Raise DataError naming the first row of y (m, k), SI and radians, whose latitude is
-    impossible or beyond the library's limit, or whose magnitude no vehicle has."""
+    """Raise DataError naming the first row of y (m, k), SI and radians, with a latitude that is
+    impossible or beyond the library's limit, or a magnitude that is impossible for a vehicle."""
     for quantity, column in zip(quantities, y.T):
         size = np.abs(column)
         if quantity == "latitude":
@@ -191,7 +193,7 @@ def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
             row = int(np.nanargmax(size))
             raise DataError(
                 f"{origin.row(row)}: {quantity} is {column[row]:.6g} {si(dimension(quantity))}; "
-                f"{known.hint or 'that is more than it can be'}"
+                f"{known.hint or 'which is impossible; check unit and scale'}"
             )
 
 
@@ -216,7 +218,7 @@ def _pressure(column: Array, origin: Origin) -> None:
             "check columns, unit and scale, or leave such rows out",
         )
         return (
-            f"pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: "
+            f"pressure is {column[row]:.6g} Pa, but that of air is {PRESSURES[0]:g} to {PRESSURES[1]:g}: "
             f"{likely}"
         )
 
@@ -224,8 +226,8 @@ def _pressure(column: Array, origin: Origin) -> None:
 
 
 def overlap(imu: Imu, t: Array, name: str, epoch: float | None = None) -> None:
-    """Raise DataError where none of the times `t` (s) is within the IMU record. `epoch` is the moment
-    of t = 0 in seconds of GPS time since its zero, where it is known: dates are then said too."""
+    """Raise DataError where none of the times `t` (s) is within the IMU record. `epoch`, if known,
+    is the time of t = 0 in seconds of GPS time since its zero; the message then has dates too."""
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
     if len(t) and not ((t >= start) & (t <= stop)).any():
         raise DataError(
@@ -238,22 +240,23 @@ def overlap(imu: Imu, t: Array, name: str, epoch: float | None = None) -> None:
 
 
 def _of_other_days(imu: Array, fixes: Array, epoch: float | None) -> str:
-    """Return a text that the IMU and the fixes are of different days; "" where these are the same
-    or unknown. First and last times of both are in s since `epoch`."""
+    """Return a text that the IMU and the fixes are from different days, "" where the days are the
+    same or unknown. First and last times of both are in s since `epoch`."""
     if epoch is None:
         return ""
     of_imu, here = (utc(iso(epoch), t) for t in (imu, fixes))
     if of_imu[0].astype("M8[D]") == here[0].astype("M8[D]"):
         return ""
     return (
-        f"they are of different days, the IMU {span(of_imu)}, here {span(here)}: name files of one "
-        f"recording, or where a clock is wrong: "
+        f"they are from different days, the IMU {span(of_imu)}, here {span(here)}: give files of one "
+        f"recording, or if a clock is incorrect: "
     )
 
 
 def likely_shift(start: float, stop: float, first: float, last: float) -> str | None:
-    """Return a text on the shift that brings fixes from `first` to `last` into the record from
-    `start` to `stop` (s): a time zone, whole days, another epoch. None where none of these does."""
+    """Return a text on the shift that moves fixes from `first` to `last` into the record from
+    `start` to `stop` (s): a time zone, whole days, or another epoch. None where none of these
+    fits."""
     shifts = [(1800.0 * k, f"a time zone, {k / 2:+g} h?") for k in range(-28, 29) if k]
     shifts += [(float(DAY * k), f"whole days, {k:+d}?") for k in range(-7, 8) if k]
     for sign in (1.0, -1.0):
@@ -265,12 +268,11 @@ def likely_shift(start: float, stop: float, first: float, last: float) -> str | 
     overlap, _, shift, what = max(common)
     if overlap < max(least, 1e-9):
         return None
-    return f"{shift:+.0f} s added to its time bring it there ({what}); "
+    return f"{shift:+.0f} s added to its time make it overlap ({what}); "
 
 
 def little_overlap(imu: Imu, source: Source) -> list[Reason]:
-    """A Reason where a Source has little of its record, or of the IMU's, in common with the
-    other."""
+    """Return a Reason where a Source overlaps with little of the IMU record or of its own."""
     if not len(source.t):
         return []
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
@@ -292,9 +294,9 @@ def little_overlap(imu: Imu, source: Source) -> list[Reason]:
 def clean_reference(
     t: Array, lla: Array, v_n: Array | None, q_nb: Array | None, origin: Origin
 ) -> tuple[Trajectory, list[str]]:
-    """(Trajectory, notes) of a reference: rows without time or position, or where it has no position
-    at all without a velocity or an attitude, are dropped; in order, each time once. Arguments
-    as the fields of a Trajectory. Raises DataError."""
+    """(Trajectory, notes) of a reference: rows without time or position, or where it has no
+    position at all without a velocity or an attitude, are dropped; in order, each time once.
+    Arguments as the fields of a Trajectory. Raises DataError."""
     placed = np.isfinite(lla).all(axis=1)
     needed = "position"
     if not placed.any():

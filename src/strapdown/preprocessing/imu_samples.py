@@ -1,4 +1,4 @@
-"""IMU samples from arrays: rates become increments here and nowhere else; what cannot be used is
+"""IMU samples from arrays. Only this module converts rates to increments; unusable samples are
 dropped and counted."""
 
 from bisect import bisect_right
@@ -15,18 +15,18 @@ from .origin import Origin, RowsOfFile
 from .plausible import refuse_mistakes
 
 GAP_MEDIANS = 1.75
-"""An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and
-coarse time stamps rarely reach it."""
+"""An interval longer than this many medians is a gap. A lost sample gives 2; jitter and coarse time
+stamps rarely reach it."""
 SHORT_GAP, MAX_SHORT_GAPS = 2.5, 5
-"""Gaps up to so many intervals are told in one line where there are more than so many: single lost
-samples, or time stamps that jitter."""
+"""Gaps of up to so many intervals are reported in one line if there are more than so many: single
+lost samples, or jitter of the time stamps."""
 LATE = 10
-"""Rows that come later in a file than their time says by at most this many are sorted; at most
-so many in a row are dropped as stray."""
+"""Rows that are late in the file by at most this many rows are sorted; at most so many consecutive
+rows are dropped as stray."""
 MAX_INTERVAL, MIN_INTERVAL = 1.0, 2e-5
-"""Median intervals that an IMU may have, s; others are a mistaken unit of time."""
+"""Limits of the median interval of an IMU, s; values beyond mean a mistaken unit of time."""
 ARRAYS = Origin("IMU")
-"""Origin that messages name where samples come from arrays and no file."""
+"""Origin in messages for samples from arrays."""
 
 
 def imu_from_arrays(
@@ -37,7 +37,7 @@ def imu_from_arrays(
     vehicle: GivenVehicle | None = None,
 ) -> tuple[Imu, list[str]]:
     """(Imu, notes) from t (n,) s, gyro and accel (n, 3) in body FRD axes, SI and radians, cleaned
-    by `increments` and checked by `plausible` for what carries the IMU. Raises DataError."""
+    by `increments` and checked by `plausible` for the vehicle. Raises DataError."""
     imu, notes = increments(t, gyro, accel, kind)
     refuse_mistakes(imu, "IMU", kind, vehicle)
     return imu, notes
@@ -53,13 +53,15 @@ def increments(
     """(Imu, notes): row k becomes the increment over its own dt = t[k] - t[k-1], s.
 
     The first dt, and that of a sample after a gap (an interval beyond `GAP_MEDIANS` medians), is
-    the median interval: what lies between t[k-1] and t[k] - dt[k] is then seen as missing. Samples
-    with NaN or infinite values are dropped (and so leave a gap), rows that repeat a time too.
-    Raises DataError for shapes, fewer than 2 samples, a clock that is set back, and intervals that
-    no IMU has.
+    the median interval, so that the time between t[k-1] and t[k] - dt[k] counts as missing. Samples
+    with NaN or infinite values are dropped (and leave a gap), and so are rows that repeat a time.
+    Raises DataError for incorrect shapes, fewer than 2 samples, a clock that is set back, and
+    intervals that are impossible for an IMU.
     """
     if kind not in ("rate", "increment"):
-        raise DataError(f'{origin.name}: kind {kind!r} is unknown; it is "rate" or "increment"')
+        raise DataError(
+            f'{origin.name}: kind {kind!r} is unknown; it must be "rate" or "increment"'
+        )
     rows = RowsOfFile(origin, _columns(t, gyro, accel, origin), [])
     for rule in (_finite, sort_rows, _distinct):
         rows = rule(rows)
@@ -151,7 +153,7 @@ def _distinct(rows: RowsOfFile) -> RowsOfFile:
     rows.origin.refuse(
         same & (different > max(1, len(t) // 10)),
         lambda row: (
-            f"{different} of {len(t)} samples have the time of the row before but other values; the "
+            f"{different} of {len(t)} samples repeat the time of the row before with other values; the "
             f"time stamps are too coarse: use a time column with more digits"
         ),
     )
@@ -163,8 +165,8 @@ def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
     median = float(np.median(steps))
     if not MIN_INTERVAL <= median <= MAX_INTERVAL:
         raise DataError(
-            f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? "
-            f"{MIN_INTERVAL:g} to {MAX_INTERVAL:g} s are accepted"
+            f"{origin.name}: IMU samples are {median:.6g} s apart, but {MIN_INTERVAL:g} to "
+            f"{MAX_INTERVAL:g} s are accepted; check the unit of time"
         )
     gap = steps > GAP_MEDIANS * median
     if gap.any():

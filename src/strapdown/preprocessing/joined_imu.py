@@ -1,5 +1,5 @@
-"""A gyro and an accelerometer that were logged apart, with rates and times of their own, as one
-IMU."""
+"""Join a gyro and an accelerometer that were logged separately, at different rates and times, to
+one IMU."""
 
 import numpy as np
 
@@ -10,22 +10,21 @@ from ..units.wording import count_text
 from .imu_samples import GAP_MEDIANS
 
 MIN_COVERED = 0.99
-"""Share of an interval of the gyro over which the accelerometer must have measured: all of it, but for
-rounding of the times."""
+"""Part of a gyro interval that the accelerometer must cover: all of it except rounding of the
+times."""
 
 
 def join_imu(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
     """(Imu with the samples of the gyro, notes): dtheta of `gyro` and dv of `accel`, each as
     `increments` makes it.
 
-    What the accelerometer integrates to over each interval of the gyro is taken, so that a faster
-    one is averaged, a slower one shared out, and none is shifted. A single lost sample of it
-    is bridged. Samples in longer gaps of it are dropped. Raises DataError where there is no
-    other.
+    The accelerometer is integrated over each interval of the gyro, so that a faster one is
+    averaged, a slower one divided, and neither is shifted. A single lost accelerometer sample is
+    bridged; samples in longer gaps are dropped. Raises DataError where no sample remains.
     """
     apart = np.diff(accel.t, prepend=accel.t[0] - accel.dt[0])
     held = np.where(apart <= 2 * GAP_MEDIANS * np.median(accel.dt), apart, accel.dt)
-    gaps = np.flatnonzero(held < apart)  # before these samples nothing is summed up
+    gaps = np.flatnonzero(held < apart)  # the sum restarts before these samples
     steps = np.c_[accel.dv * (held / accel.dt)[:, None], held]
     sums = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
     knots = np.insert(accel.t, np.r_[0, gaps], np.r_[accel.t[0] - held[0], (accel.t - held)[gaps]])
@@ -40,20 +39,20 @@ def join_imu(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
             f"`offset` to the `time` of one, or check the units of time"
         )
     notes = [
-        f"gyro and accelerometer have times of their own ({1 / np.median(gyro.dt):.4g} and "
-        f"{1 / np.median(accel.dt):.4g} Hz); joined at those of the gyro"
+        f"gyro and accelerometer have different times ({1 / np.median(gyro.dt):.4g} and "
+        f"{1 / np.median(accel.dt):.4g} Hz); joined at the times of the gyro"
     ]
     if not keep.all():
         notes.append(
-            f"{count_text(int((~keep).sum()), 'sample')} of the gyro dropped, for which the "
-            f"accelerometer has none"
+            f"{count_text(int((~keep).sum()), 'sample')} of the gyro dropped, because the "
+            f"accelerometer has none there"
         )
     dv = over[keep, :3] / covered[keep, None]
     return Imu(gyro.t[keep], gyro.dt[keep], gyro.dtheta[keep], dv), notes
 
 
 def _between(knots: Array, sums: Array, t: Array) -> Array:
-    """(n, 4) the sums (m, 4) at the times t (n,), on straight lines between knots (m,), constant
+    """Interpolate the sums (m, 4) linearly between knots (m,) to the times t, (n, 4); constant
     beyond."""
     before = np.clip(np.searchsorted(knots, t, "right") - 1, 0, len(knots) - 2)
     share = (t - knots[before]) / (knots[before + 1] - knots[before])

@@ -1,5 +1,5 @@
-"""Measurements carried between points of a rigid body: an IMU to another point, fixes of an antenna
-to the IMU.
+"""Transfer of measurements between points of a rigid body: an IMU to another point, fixes of an
+antenna to the IMU.
 
 With l the lever arm from a point to another in body axes, C the attitude and w the angular rate of
 the body:
@@ -24,20 +24,20 @@ from ..typing import Array, ArrayLike
 
 ARM, METRES = "lever arm", "numbers, m forward, right, down"
 CONTIGUOUS = 0.5
-"""Share of a sample that may be missing between two samples for their rates to be compared, as in the
-loop."""
+"""Largest gap between two samples, as a part of a sample, across which their rates are differenced,
+as in the loop."""
 
 
 def lever_arm_of(source: Source) -> Array:
-    """(3,) the lever arm of a source, m, body; zeros where it has none."""
+    """Return the lever arm (3,) of a source, m, body; zeros where it has none."""
     return np.array((*source.parameters, 0.0, 0.0, 0.0)[:3], float)
 
 
 def specific_force_at(
     f: ArrayLike, omega: ArrayLike, omega_dot: ArrayLike, lever_arm: ArrayLike
 ) -> Array:
-    """Specific force (m/s^2) at the point `lever_arm` (m, body) of a body that feels f at its
-    origin.
+    """Return the specific force (m/s^2) at the point `lever_arm` (m, body) of a body with specific
+    force f at its origin.
 
     f, omega (rad/s, against inertial space), omega_dot (rad/s^2): (3,) or (n, 3), body. Exact for a
     rigid body.
@@ -49,15 +49,14 @@ def specific_force_at(
 
 
 def imu_at(imu: Imu, lever_arm: ArrayLike) -> Imu:
-    """The Imu samples as an IMU at `lever_arm` (3,) m, body, from this one would deliver them, its
-    axes parallel.
+    """Return the samples of an IMU with parallel axes at `lever_arm` (3,) m, body, from this one.
 
     Over a sample the tangential part is the change of the rate times the lever arm, between rates
     at the sample's edges that are interpolated linearly from the mean rates on both sides (central
-    differences); the centripetal part is exact for a rate that changes evenly. Of the tangential
-    part (2 pi f dt)^2/6 is missing at a frequency f: 1.6 % at 5 Hz and 100 Hz. Gyro noise of N
-    rad/sqrt(s) adds to the velocity some N |l| / sqrt(dt), which does not grow with time. At gaps
-    and at the ends the rate is taken as going on evenly. Raises DataError.
+    differences); the centripetal part is exact for a rate that changes linearly. At a frequency f,
+    the tangential part is too small by (2 pi f dt)^2/6: 1.6 % at 5 Hz and 100 Hz. Gyro noise of N
+    rad/sqrt(s) adds some N |l| / sqrt(dt) to the velocity, which does not grow with time. At gaps
+    and at the ends, the rate is extrapolated linearly. Raises DataError.
     """
     lever_arm = check_array(lever_arm, ARM, (3,), what=METRES)
     rate = imu.dtheta / imu.dt[:, None]
@@ -105,26 +104,26 @@ def gnss_at(
     l); its parameters become zero.
 
     attitude: a Trajectory with attitude (a solution's, a reference), or (t, rph) in s and rad, of a
-    vertical reference unit with a compass; between its rows the body turns evenly. imu: Imu
+    vertical reference unit with a compass; between its rows the body rotates uniformly. imu: Imu
     samples, whose mean rate over the sample at the fix is w, for velocities. lever_arm: (3,) m,
     body, from the IMU to the antenna, by default the fixes' own. attitude_std: (3,) rad, of the
     rotation about north, east and down, by default the trajectory's, else 0; rate_std: rad/s, of w.
-    They add to the standard deviations what they do through the lever arm. The filters here take
-    the lever arm into account themselves, with the attitude they estimate: this is for what has no
-    lever arm of its own. Raises DataError.
+    Their effect through the lever arm is added to the standard deviations. The filters of this
+    library correct for the lever arm with their own attitude; use this function for other software.
+    Raises DataError.
     """
     own = lever_arm_of(fixes) if lever_arm is None else lever_arm
     lever_arm = check_array(own, ARM, (3,), what=METRES)
     if fixes.kind not in ("position", "velocity"):
         raise DataError(
-            f"fixes of kind {fixes.kind!r} stay where they are; position and velocity can be moved"
+            f"fixes of kind {fixes.kind!r} cannot be moved; only position and velocity can"
         )
     t, turns, deviations = _attitude(attitude)
     outside = int(((fixes.t < t[0]) | (fixes.t > t[-1])).sum())
     if outside:
         raise DataError(
-            f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to "
-            f"{t[-1]:.3f} s; take fixes.between(...) first"
+            f"{outside} of {len(fixes.t)} fixes are outside the attitude record ({t[0]:.3f} to "
+            f"{t[-1]:.3f} s); use fixes.between(...) first"
         )
     turn = RotationPath(t, turns)(fixes.t)
     between = np.stack([np.interp(fixes.t, t, column) for column in deviations.T], axis=1)
@@ -170,7 +169,7 @@ def _attitude(
         raise DataError(
             f"the times of the attitude do not increase: {t[row]:.6g} s is followed by "
             f"{t[row + 1]:.6g} s; "
-            "sort its rows and leave out the doubles"
+            "sort its rows and leave out repeated times"
         )
     return t, turns[known], np.nan_to_num(std[known])
 
@@ -178,21 +177,21 @@ def _attitude(
 def _rates(imu: Imu | None, at: Array) -> Array:
     """Mean angular rate (m, 3) of the samples that hold these times. Raises DataError."""
     if imu is None:
-        raise DataError("to move velocities, give imu=, the samples that tell the angular rate")
+        raise DataError("to move velocities, give imu=, the samples with the angular rate")
     rows = np.searchsorted(imu.t, at)
     outside = int(((rows == len(imu.t)) | (at < imu.t[0] - imu.dt[0])).sum())
     if outside:
         raise DataError(
-            f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to "
-            f"{imu.t[-1]:.3f} s; "
-            "take fixes.between(...) first"
+            f"{outside} of {len(at)} fixes are outside the IMU record ({imu.t[0] - imu.dt[0]:.3f} to "
+            f"{imu.t[-1]:.3f} s); "
+            "use fixes.between(...) first"
         )
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
 def lever_arm_std(std: Array, arm: Array, attitude_std: Array) -> Array:
-    """Standard deviations (n, 3) or (3,) grown by what a rotation error of `attitude_std`, about
-    north, east, down, does to `arm` in n, of the same shape."""
+    """Return standard deviations (n, 3) or (3,) increased by the effect of a rotation error of
+    `attitude_std`, about north, east, down, on `arm` in n, of the same shape."""
     north, east, down = arm.T
     a, b, c = attitude_std.T
     added = [

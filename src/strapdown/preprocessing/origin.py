@@ -1,4 +1,4 @@
-"""Where rows came from, so that a message can name the line."""
+"""The origin of rows, so that a message can name the line."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self, SupportsIndex
@@ -12,7 +12,7 @@ from ..units.wording import count_text
 
 
 class Origin(NamedTuple):
-    """A source of rows: its name in messages, and what each row is called there."""
+    """The origin of rows: its name in messages, and the word for a row there."""
 
     name: str
     lines: Ints | None = None  # numbers of the rows in that source; None: 0, 1, 2, ...
@@ -27,21 +27,20 @@ class Origin(NamedTuple):
         return f"{self.word} {i if self.lines is None else self.lines[i]}"
 
     def keep_rows(self, index: Ints | Mask, count: int) -> "Origin":
-        """The same source after only the rows of `index` (numbers or mask) of its `count` rows
-        were kept."""
+        """Return the origin for the rows of `index` (numbers or mask) among its `count` rows."""
         return self._replace(lines=(np.arange(count) if self.lines is None else self.lines)[index])
 
     def refuse(self, wrong: Mask, text: Callable[[int], str]) -> None:
-        """Raise DataError that names the first row where `wrong` (n,) is true; `text` says of the
-        number of that row what is wrong with it."""
+        """Raise DataError that names the first row where `wrong` (n,) is true; `text` returns the
+        error message for the number of that row."""
         if wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(f"{self.row(row)}: {text(row)}")
 
 
 class RowsOfFile(NamedTuple):
-    """Columns of one source, the first of them the time, where their rows came from, and notes on
-    what became of the others."""
+    """Columns of one source, with the time first, the origin of their rows, and notes on dropped
+    rows."""
 
     origin: Origin
     columns: tuple[NDArray[Any], ...]  # (n,) or (n, k) each
@@ -53,14 +52,14 @@ class RowsOfFile(NamedTuple):
         return self._replace(origin=origin, columns=tuple(each[index] for each in self.columns))
 
     def note(self, rows: Ints, what: str, done: str) -> None:
-        """Count rows in the notes: `what` they are, what was `done` with them."""
+        """Add a note with the number of rows: `what` they are, and what was `done` with them."""
         self.notes.append(
             f"{self.origin.name}: {count_text(len(rows), what)} {done}, the first in "
             f"{self.origin.line(rows[0])}"
         )
 
     def without(self, wrong: Mask, what: str, done: str = "dropped") -> Self:
-        """All but the rows where `wrong` (n,) is true, which are counted in the notes."""
+        """Return all but the rows where `wrong` (n,) is true, and count these in the notes."""
         if not wrong.any():
             return self
         self.note(np.flatnonzero(wrong), what, done)

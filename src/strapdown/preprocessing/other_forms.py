@@ -1,5 +1,5 @@
-"""Fixes that are told in another form than the library's: velocities as speed and course, and
-positions, velocities and attitudes in ECEF."""
+"""Fixes in other forms than the library's: velocities as speed and course, and positions,
+velocities and attitudes in ECEF."""
 
 import numpy as np
 
@@ -10,23 +10,23 @@ from ..units.wording import count_text
 from .origin import Origin
 
 STANDSTILL = 0.5
-"""m/s: up to this speed, or its standard deviation where that is more, a vehicle without a course
-stands still."""
+"""m/s: without a course, a vehicle up to this speed, or up to the speed's std if larger, counts as
+standing still."""
 RADIUS = (6.33e6, 6.87e6)
-"""Least and greatest distance of a position from the centre of the Earth, m: from 12 km below the
+"""Smallest and largest distance of a position from the centre of the Earth, m: from 12 km below the
 ellipsoid to 500 km above it."""
 
 
 def over_ground(values: Array, std: Array, origin: Origin) -> tuple[Array, Array, list[str]]:
-    """(v_n (m, 3) m/s NED, its standard deviations (m, 3), notes) of a speed over ground and a
-    course, and, where there is a third column, the velocity down.
+    """(v_n (m, 3) m/s NED, its standard deviations (m, 3), notes) from a speed over ground, a
+    course and, if there is a third column, the velocity down.
 
     values: (m, 2 or 3) m/s, rad, m/s; std (m, k) of these, or of the speed alone (m, 1), which then
-    is also that across and down. Across the track it is that of the course times the speed,
-    and not below the speed's, because a slow vehicle's course says little. The two are
-    independent; what turning them to north and east correlates is left out. Without a
-    course the velocity is missing, but at a standstill, where it is zero and the speed
-    counts as standard deviation. Without a third column the velocity down is missing.
+    also applies across and down. The std across the track is that of the course times the speed,
+    and at least the speed's, because the course of a slow vehicle is uncertain. Along and across
+    are independent; their correlation after the rotation to north and east is left out. Without a
+    course the velocity is missing, except at a standstill, where it is zero with the speed as
+    standard deviation. Without a third column the velocity down is missing.
     """
     speed, course = values[:, 0], values[:, 1]
     notes = []
@@ -34,7 +34,7 @@ def over_ground(values: Array, std: Array, origin: Origin) -> tuple[Array, Array
     if negative.any():
         row = origin.line(int(np.argmax(negative)))
         notes.append(
-            f"{origin.name}: {count_text(int(negative.sum()), 'row')} with a speed below zero left out, "
+            f"{origin.name}: {count_text(int(negative.sum()), 'row')} with a negative speed left out, "
             f"the first in {row}"
         )
     along = std[:, 0]
@@ -44,8 +44,8 @@ def over_ground(values: Array, std: Array, origin: Origin) -> tuple[Array, Array
     if lost.any():
         notes.append(
             f"{origin.name}: {count_text(int(lost.sum()), 'row')} without a course, of which "
-            f"{int(resting.sum())} at a standstill count as velocity zero; the others say nothing "
-            f"horizontally"
+            f"{int(resting.sum())} at a standstill count as velocity zero; the others have no "
+            f"horizontal velocity"
         )
     north, east = np.cos(course), np.sin(course)
     rest_std = np.hypot(along, speed)
@@ -62,28 +62,29 @@ def over_ground(values: Array, std: Array, origin: Origin) -> tuple[Array, Array
 
 
 def positions(xyz: Array, origin: Origin) -> Array:
-    """(m, 3) geodetic positions of x, y, z in ECEF, m; NaN where one of them is. Raises DataError
-    naming the row of one that no vehicle has."""
+    """Return geodetic positions (m, 3) from x, y, z in ECEF, m; NaN where one of them is. Raises
+    DataError naming the row of an impossible one."""
     radius = np.linalg.norm(xyz, axis=1)
     origin.refuse(
         (radius < RADIUS[0]) | (radius > RADIUS[1]),
         lambda row: (
-            f"x, y, z are {radius[row] / 1e3:.6g} km from the centre of the Earth, where a vehicle has "
-            f"{RADIUS[0] / 1e3:.0f} to {RADIUS[1] / 1e3:.0f}; check columns and unit, and leave out "
-            f"rows without a fix with the key where"
+            f"x, y, z are {radius[row] / 1e3:.6g} km from the centre of the Earth, but a vehicle is at "
+            f"{RADIUS[0] / 1e3:.0f} to {RADIUS[1] / 1e3:.0f} km; check columns and unit, and leave out "
+            f"rows without a fix with the key `where`"
         ),
     )
     return geodesy.from_ecef(np.where(np.isfinite(radius)[:, None], xyz, np.nan))
 
 
 def vectors(values: Array, lla: Array) -> Array:
-    """(m, 3) NED of vectors in ECEF at geodetic positions (m, 3); NaN where a component is."""
+    """Return vectors in ECEF at geodetic positions (m, 3) in NED (m, 3); NaN where a component
+    is."""
     return np.einsum("nij,nj->ni", geodesy.ned_axes(lla), values)
 
 
 def deviations(std: Array, lla: Array) -> Array:
-    """(m, 3) standard deviations north, east, down of those in ECEF at geodetic positions: x, y, z
-    (m, 3), or these with the signed roots of the covariances xy, yz, zx (m, 6)."""
+    """Return standard deviations north, east, down (m, 3) from those in ECEF at geodetic positions:
+    x, y, z (m, 3), or these with the signed roots of the covariances xy, yz, zx (m, 6)."""
     P = np.zeros((len(std), 3, 3))
     P[:, range(3), range(3)] = std[:, :3] ** 2
     if std.shape[1] == 6:
@@ -94,8 +95,8 @@ def deviations(std: Array, lla: Array) -> Array:
 
 
 def attitudes(q: Array, lla: Array) -> Array:
-    """(m, 4) attitude of the body in NED, scalar first, of that in ECEF at geodetic positions; NaN
-    where one of them is."""
+    """Return the attitude of the body in NED (m, 4), scalar first, from that in ECEF at geodetic
+    positions; NaN where one of them is."""
     known = np.isfinite(q).all(axis=1) & np.isfinite(lla[:, :2]).all(axis=1)
     found = np.full(q.shape, np.nan)
     if known.any():
@@ -106,9 +107,9 @@ def attitudes(q: Array, lla: Array) -> Array:
 
 
 def places(t: Array, known: Array, lla: Array) -> Array:
-    """(m, 3) geodetic positions at the times t (m,), s, on straight lines between the positions lla
-    (k, 3) at the times known (k,), in order; beyond these the nearest one. A missing height is
-    taken for 0."""
+    """Interpolate the positions lla (k, 3) at the times `known` (k,), in order, linearly to the
+    times t (m,), s, and return them (m, 3); beyond these the nearest one. A missing height counts
+    as 0."""
     lla = np.where(np.isfinite(lla), lla, 0.0)
     xyz = np.stack([np.interp(t, known, each) for each in geodesy.to_ecef(lla).T], axis=1)
     return geodesy.from_ecef(xyz)

@@ -1,8 +1,8 @@
-"""Signs of mistaken units and axes in IMU samples that are already SI and body FRD.
+"""Signs of mistaken units and axes in IMU samples in SI and body FRD.
 
-`mistakes` are contradictions with gravity, on which reading stops; `doubts` are only worth a look
-and shown by `inspect`. Every text ends in the remedy. The bounds were set so that the recorded car,
-aircraft and hand-held data pass with a factor of 4 or more to spare.
+`mistakes` are contradictions to gravity, on which reading stops; `doubts` are possible mistakes
+that `inspect` reports. Every text ends with the remedy. The limits leave a margin of a factor of 4
+or more for the recorded car, aircraft and hand-held data.
 """
 
 import numpy as np
@@ -16,8 +16,7 @@ from ..units.constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from .stationary import rate_at_rest
 
 MIN_MEDIAN_FORCE, MAX_MEDIAN_FORCE = 3.0, 60.0
-"""Median magnitude of the specific force, m/s^2, that a vehicle can have for most of a
-recording."""
+"""Limits of the median magnitude of a vehicle's specific force, m/s^2."""
 STEADY, TILT_RATE = 0.4, 0.5
 """A second is steady when its mean specific force is within STEADY (m/s^2) of gravity and moves
 by less than 0.3 between its halves; a body that tilts at TILT_RATE (rad/s) for that second would
@@ -30,18 +29,18 @@ ACCEL_SLIPS = (
     (1000.0, "values in mg were read as g, is the unit mg?"),
     (0.001, "values in g were read as mg, is the unit g?"),
 )
-"""Factors that a mistaken unit makes in gravity, and what to say then."""
+"""Factors of mistaken units in gravity, and their messages."""
 NO_GRAVITY = "gravity was taken out of them; record the raw accelerometer"
 UNEVEN = 2.0
 """Ratio of the 90th to the 10th percentile of a force that is not mostly gravity."""
 
 COLDEST, HOTTEST = -60.0, 130.0
-"""degC that the inside of an IMU can have."""
+"""Limits of the temperature inside an IMU, degC."""
 
 
 def is_temperature(values: ArrayLike) -> bool:
-    """Return True where the values are degC of an IMU; all zeros stand for none, as simulators
-    write them."""
+    """Return True where the values are possible temperatures of an IMU, degC; all zeros, as
+    simulators write, mean none."""
     values = np.asarray(values, float)
     known = values[np.isfinite(values)]
     return bool(known.any() and known.min() > COLDEST and known.max() < HOTTEST)
@@ -50,8 +49,8 @@ def is_temperature(values: ArrayLike) -> bool:
 def mistakes(
     imu: Imu, kind: str | None = None, vehicle: GivenVehicle | None = None
 ) -> list[tuple[str, str]]:
-    """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably
-    wrong, `kind` what the samples were given as, `vehicle` what carries the IMU."""
+    """Return [(field, text)] of impossible values; the field is the key of [imu] that is probably
+    incorrect, `kind` the given kind of the samples, `vehicle` the carrier of the IMU."""
     rate, force = half_seconds(imu)
     found = _unit_of_accel(force, float(np.median(imu.dt)), kind)
     if not found:
@@ -63,7 +62,7 @@ def mistakes(
 def refuse_mistakes(
     imu: Imu, where: object, kind: str | None = None, vehicle: GivenVehicle | None = None
 ) -> None:
-    """Raise DataError, which begins with `where`, of what `mistakes` finds first."""
+    """Raise DataError, which begins with `where`, with the first of the `mistakes`."""
     for _, text in mistakes(imu, kind, vehicle):
         raise DataError(f"{where}: {text}")
 
@@ -89,7 +88,7 @@ def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tupl
         return [
             (
                 "accel",
-                f"the forces have a median magnitude of {magnitude:.3g} m/s^2 and vary, where gravity "
+                f"the forces have a median magnitude of {magnitude:.3g} m/s^2 and vary, but gravity "
                 f"alone gives 9.8: {NO_GRAVITY}",
             )
         ]
@@ -101,7 +100,7 @@ def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tupl
     return [
         (
             field,
-            f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives "
+            f"specific force has median magnitude {magnitude:.3g} m/s^2, but gravity alone gives "
             f"9.8: "
             + (" Or ".join(text for _, text in fitting) or "check unit, scale and columns"),
         )
@@ -125,8 +124,8 @@ def _unit_of_gyro(imu: Imu, rate: Array, force: Array, feels_tilt: bool) -> list
         return [
             (
                 "gyro.unit",
-                f"the gyro claims tilting at up to {tilt.max():.3g} rad/s {UNFELT}: {remedy} A "
-                f'multicopter feels no tilt: if it is one, say vehicle = "multicopter" (--vehicle '
+                f"the gyro shows tilting at up to {tilt.max():.3g} rad/s {UNFELT}: {remedy} The "
+                f'accelerometers of a multicopter do not show tilt: if it is one, set vehicle = "multicopter" (--vehicle '
                 f"multicopter)",
             )
         ]
@@ -134,8 +133,8 @@ def _unit_of_gyro(imu: Imu, rate: Array, force: Array, feels_tilt: bool) -> list
 
 
 def steady_tilt_rate(rate: Array, force: Array) -> Array:
-    """Mean rate about the horizontal axes, rad/s, in each second whose specific force is
-    gravity's and steady, from the `half_seconds`."""
+    """Return the mean rate about the horizontal axes, rad/s, in each second with a steady specific
+    force equal to gravity, from the `half_seconds`."""
     first, second = force[:-1:2], force[1::2]
     mean, turn = (first + second) / 2, (rate[:-1:2] + rate[1::2]) / 2
     magnitude = np.linalg.norm(mean, axis=1)
@@ -159,14 +158,14 @@ def _gravity_sign(force: Array) -> list[tuple[str, str]]:
 
 
 UNFELT = "while the specific force stays steady"
-"""Words of the message on tilting that the accelerometer does not show, as on a multicopter."""
+"""Part of the message on tilting that the accelerometer does not show, as on a multicopter."""
 USUAL_GYRO_BIAS = np.radians(2.5)
-"""rad/s that gyros without a description may read at rest."""
+"""Largest reading at rest of a gyro without a description, rad/s."""
 
 
 def doubts(imu: Imu, gyro_bias_std: float = 0.0) -> list[Reason]:
-    """Reasons of what is unusual and may be a mistake; `gyro_bias_std` (rad/s) is what the description of the IMU
-    allows, 0 where there is none."""
+    """Return Reasons for unusual values that may be mistakes; `gyro_bias_std` (rad/s) is that of
+    the IMU's description, 0 without one."""
     rate, force = half_seconds(imu)
     found = []
     median = np.median(force, axis=0)
@@ -179,7 +178,7 @@ def doubts(imu: Imu, gyro_bias_std: float = 0.0) -> list[Reason]:
     if bias is not None and np.abs(bias).max() > most:
         seen = (
             f"the gyro reads [{' '.join(f'{b:.2f}' for b in np.degrees(bias))}] deg/s at rest: a "
-            f"large turn-on bias, or a wrong unit or scale"
+            f"large turn-on bias, or an incorrect unit or scale"
         )
         remedy = "check `gyro.unit` and `gyro.scale`, or describe an IMU with such a bias"
         found.append(Reason("gyro", seen, remedy))

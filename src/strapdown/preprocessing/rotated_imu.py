@@ -1,4 +1,4 @@
-"""Sources in the axes of the IMU, when these are taken to be others."""
+"""Sources in the axes of the IMU, after a change of these axes."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from ..geometry.rotations import Rotation
 
 def is_of_the_imu(a: Source) -> bool:
     """True where a source is in the axes of the IMU: a filter compares it with the attitude of the
-    IMU, so that a mounting does not change its innovations."""
+    IMU, so a mounting does not change its innovations."""
     return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
 
 

@@ -1,4 +1,4 @@
-"""When the vehicle stands still, judged by the IMU alone."""
+"""Standstills of the vehicle, from the IMU alone."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ from ..core.mathematics.earth import RATE
 from ..typing import Array, Ints, Mask
 
 REST_ACCEL, REST_RATE, REST_MEAN = 0.25, 0.1, 0.1
-"""At rest: bounds on the standard deviation of specific force (m/s^2) and rate (rad/s), three axes
-together, and on the mean rate (rad/s).
+"""Limits at rest of the standard deviations of specific force (m/s^2) and rate (rad/s), three axes
+together, and of the mean rate (rad/s).
 
 Measured with one-second windows: a car at rest with its engine running and a MEMS IMU 0.10-0.16
 m/s^2, the slowest driving 0.37 m/s^2. The mean rate leaves room for an uncalibrated MEMS gyro (5.7
@@ -19,11 +19,11 @@ deg/s).
 
 
 def at_rest(imu: Imu, window: float = 1.0) -> Mask:
-    """(n,) bool: the vehicle stands still, judged by the IMU alone over every `window` (s) that
-    holds the sample; see `REST_ACCEL`.
+    """(n,) bool: the vehicle stands still, from the IMU alone, in every `window` (s) that contains
+    the sample; see `REST_ACCEL`.
 
-    Smooth straight motion looks the same to an IMU: use it for what stops now and then, or together
-    with the speed of fixes.
+    Smooth straight motion looks the same to an IMU: use this for vehicles that stop now and then,
+    or together with the speed of fixes.
     """
     n = len(imu.t)
     width = max(2, round(window / float(np.median(imu.dt)))) if n else 1
@@ -36,8 +36,8 @@ def at_rest(imu: Imu, window: float = 1.0) -> Mask:
 
 
 def in_all_windows(quiet: Mask, width: int) -> Mask:
-    """(n,) bool: whether every window of `width` samples that holds a sample is quiet (n - width
-    + 1,), one window beginning at each sample that has room for it."""
+    """(n,) bool: every window of `width` samples that contains the sample is quiet. `quiet` (n -
+    width + 1,) has the window beginning at each sample."""
     # window k covers samples k ... k + width - 1, so sample i is in windows i - width + 1 ... i
     moving = np.r_[0, np.cumsum(~quiet)]
     i = np.arange(len(quiet) + width - 1)
@@ -45,7 +45,7 @@ def in_all_windows(quiet: Mask, width: int) -> Mask:
 
 
 def rate_at_rest(imu: Imu) -> Array | None:
-    """(3,) rad/s: the mean of what the gyro reads at rest, None where there is no rest."""
+    """(3,) rad/s: the mean gyro reading at rest, None without a rest."""
     rest = at_rest(imu)
     return imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else None
 
@@ -57,8 +57,8 @@ def without_bias(imu: Imu) -> Array:
 
 
 def stretches(mask: Mask) -> Ints:
-    """(k, 2) int: the first row and the row after the last of each stretch where the mask (n,)
-    is true, in order."""
+    """(k, 2) int: the first row and the row after the last of each stretch with a true mask (n,),
+    in order."""
     return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
 
 
@@ -82,33 +82,32 @@ def _moving_sum(values: Array, width: int) -> Array:
 
 
 REST_STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_MIN = 10.0, 60, 360, 3
-"""A long rest is judged by the means over steps of `REST_STEP` seconds, so many before and after an
-instant, and so many at least."""
+"""A long rest is detected from means over steps of `REST_STEP` seconds, at most so many before and
+after an instant, and at least so many."""
 MAX_PARTS = 10
 MAX_TURN_RATE, MAX_TILT = 20 * RATE, np.radians(1.0)
-"""In a long rest no step turns faster (rad/s) or is tilted more against the step at the instant
-(rad): people board, springs settle, engines shake."""
+"""Limits in a long rest of the rate (rad/s) of a step and of its tilt (rad) from the step at the
+instant, which allow for boarding, settling springs and engine vibration."""
 
 
 class Motionless(NamedTuple):
     """Means over a long rest."""
 
     rate: Array  # (3,) angular rate, rad/s
-    # of it, rad/s: scatter of up to `MAX_PARTS` parts of the rest, the largest of the axes, and
-    # the mean rate at which it tilts
+    # its std, rad/s: scatter over up to `MAX_PARTS` parts of the rest, the largest of the axes, and
+    # the mean rate of tilt
     rate_std: float
     force: Array  # (3,) specific force, m/s^2
-    tilt_std: float  # rad, by which the steps scatter about the mean tilt
+    tilt_std: float  # rad, scatter of the steps about the mean tilt
     start: float  # s
     stop: float  # s
 
 
 def motionless(imu: Imu, t: float) -> Motionless | None:
-    """The `Motionless` around t (s): the steps without a break before and after it in which the
-    body neither turns nor tilts. None where too few do.
+    """Return the `Motionless` around t (s): the unbroken steps before and after it in which the
+    body neither turns nor tilts. None for too few.
 
-    Unlike `at_rest` it does not mind vibration, but needs gyros whose bias is below the Earth's
-    rate.
+    Unlike `at_rest` it tolerates vibration, but it needs gyros with a bias below the Earth's rate.
     """
     steps = np.arange(-STEPS_BEFORE, STEPS_AFTER + 1)
     edges = np.searchsorted(imu.t, t + REST_STEP * steps + 1e-6)
@@ -141,7 +140,7 @@ def motionless(imu: Imu, t: float) -> Motionless | None:
     )
     scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
     tilts = _angle(force[rows], mean_force)
-    # springs that settle: all parts have that in common
+    # settling springs, which affect all parts alike
     drift = _angle(force[first : first + 1], force[last - 1])[0] / (REST_STEP * (last - first - 1))
     return Motionless(
         mean_rate,
@@ -154,7 +153,7 @@ def motionless(imu: Imu, t: float) -> Motionless | None:
 
 
 def _run(moving: Mask, anchor: int) -> tuple[int, int]:
-    """(first, last + 1) of the steps around `anchor` that do not move; empty where it does."""
+    """(first, last + 1) of the steps around `anchor` without motion; empty where it moves."""
     breaks = np.flatnonzero(moving)
     return int(np.r_[-1, breaks[breaks <= anchor]][-1]) + 1, int(
         np.r_[breaks[breaks >= anchor], len(moving)][0]

@@ -1,4 +1,4 @@
-"""Samples held at one value while the body turns, of whatever sensor."""
+"""Stuck samples of any sensor: they keep one value while the body turns."""
 
 import numpy as np
 
@@ -12,8 +12,8 @@ more than STUCK_TURN (rad)."""
 
 
 def stuck_samples(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
-    """(m,) bool: held for STUCK_TIME and longer while the body turned by STUCK_TURN about one of
-    `axes`; the first sample of each such run counts as sound."""
+    """(m,) bool: constant for STUCK_TIME or longer while the body turned by STUCK_TURN about one of
+    `axes`; the first sample of each such run counts as good."""
     held = np.zeros(len(t), bool)
     changed = (
         np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True])

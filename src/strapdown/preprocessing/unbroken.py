@@ -1,5 +1,5 @@
-"""Stretches of IMU samples without a gap. Across a gap nothing is known of the motion, so no mean, no
-rest and no turn goes on there."""
+"""Stretches of IMU samples without a gap. The motion in a gap is unknown, so no mean, rest or turn
+extends across it."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from ..core.loop.contract import Imu
 from ..typing import Array, Ints, Mask
 
 UNSEEN = 0.5
-"""s without samples from which on a stretch ends; single lost samples end none."""
+"""s without samples that end a stretch; single lost samples do not."""
 
 
 def unbroken_stretches(imu: Imu) -> Ints:
@@ -18,7 +18,7 @@ def unbroken_stretches(imu: Imu) -> Ints:
 
 
 def nearest_felt(imu: Imu, t: float) -> tuple[slice, float]:
-    """(rows of the stretch that holds t or is nearest to it, the time in it that is nearest to t)."""
+    """(rows of the stretch that contains t or is nearest to it, the time in it nearest to t)."""
     found = unbroken_stretches(imu)
     begin, end = imu.t[found[:, 0]] - imu.dt[found[:, 0]], imu.t[found[:, 1] - 1]
     inside = np.clip(t, begin, end)

@@ -1,5 +1,5 @@
-"""When a vehicle stands still, for constraints that hold only then: by the IMU, unless wheels or
-fixes say that it moves."""
+"""Standstills of a vehicle, for constraints that hold only then: from the IMU, unless wheels or
+fixes show motion."""
 
 from collections.abc import Iterable
 
@@ -12,21 +12,22 @@ from ..units.constants import REST_SPEED
 from .stationary import in_all_windows, window_variance
 
 STEP, WINDOW = 0.1, 1.0
-"""s: samples are averaged over the first, which takes engine and noise out; the means are judged over
-the second."""
+"""s: samples are averaged over the first, which removes engine vibration and noise; the means are
+tested over the second."""
 FORCE, RATE, MEAN = 0.15, 0.009, 0.03
-"""At rest: standard deviations of these means of specific force (m/s^2) and rate (rad/s), three axes
-together, whose squares over these add up to less than 1; bound on the mean rate (rad/s)."""
-MAX_BIAS = 0.2  # rad/s (11 deg/s): what turns on faster is no gyro bias
-SURELY = 4.0  # standard deviations by which a speed is above that of a rest
+"""Limits at rest of the standard deviations of these means of specific force (m/s^2) and rate
+(rad/s), three axes together: the squared ratios to them sum to less than 1; limit of the mean rate
+(rad/s)."""
+MAX_BIAS = 0.2  # rad/s (11 deg/s): largest gyro bias
+SURELY = 4.0  # standard deviations above which a speed shows motion
 HEARD = 1.5  # s for which a speed counts
 
 
 def vehicle_at_rest(imu: Imu, sources: Iterable[Source] = ()) -> Mask:
-    """(n,) bool: every second that holds the sample is quiet, see `FORCE`, in the manner of the
-    likelihood ratio of Skog et al. (2010), IEEE TBME 57(11); rates are taken from their median, which
-    of a vehicle is the bias of its gyro. And no wheel speed or velocity among the sources shows
-    significant motion."""
+    """(n,) bool: every second that contains the sample is quiet, see `FORCE`, similar to the
+    likelihood ratio of Skog et al. (2010), IEEE TBME 57(11), and no wheel speed or velocity among
+    the sources shows significant motion. Rates are relative to their median, which for a vehicle is
+    the gyro bias."""
     seconds = float(np.median(imu.dt))
     many = max(1, round(STEP / seconds))
     width = max(2, round(WINDOW / (many * seconds)))
@@ -52,7 +53,7 @@ def is_moving(sources: Iterable[Source], t: Array) -> Mask:
             continue
         y, std = (
             np.where(np.isnan(a.y), 0.0, part) for part in (a.y, a.std)
-        )  # what is missing counts 0
+        )  # missing values count as 0
         speed, std = np.linalg.norm(y, axis=1), np.linalg.norm(std, axis=1)
         fast = speed > REST_SPEED + SURELY * std
         after = np.searchsorted(a.t, t)

@@ -1,9 +1,9 @@
-"""Wheel speed that contradicts the accelerometer: wheels that spin or lock.
+"""Wheel slip: wheel speeds that contradict the accelerometer because wheels spin or lock.
 
-A filter of two states follows the forward speed and what the forward acceleration is wrong by (bias,
-tilt), and a fix whose innovation is beyond chance is slip. The acceleration is the forward specific
-force less gravity, whose direction the gyro carries on and the lateral force corrects slowly: that
-of a car that does not slip sideways is yaw rate times speed.
+A filter with two states estimates the forward speed and the error of the forward acceleration
+(bias, tilt). A fix with a significant innovation is slip. The acceleration is the forward specific
+force less gravity, whose direction the gyro propagates and the lateral force corrects slowly:
+without sideslip, the lateral acceleration of a car is yaw rate times speed.
 """
 
 import numpy as np
@@ -14,34 +14,35 @@ from ..typing import Array, Mask
 from .lever_arm import lever_arm_of
 from .stationary import rate_at_rest, stretches
 
-SURELY = 5.0  # standard deviations of an innovation: beyond it is slip
-FORCE_NOISE = 0.05  # m/s/sqrt(s): what vibration and the lever arm leave in the increments
-OFFSET, OFFSET_WALK = 0.5, 0.02  # m/s^2 and m/s^2/sqrt(s) of what the acceleration is wrong by
+SURELY = 5.0  # standard deviations of an innovation above which it is slip
+FORCE_NOISE = 0.05  # m/s/sqrt(s): noise of the increments from vibration and the lever arm
+OFFSET, OFFSET_WALK = 0.5, 0.02  # m/s^2 and m/s^2/sqrt(s) of the error of the acceleration
 LEVELLING = 10.0  # s in which the lateral force corrects the roll
-MAX_SLIP = 8.0  # s: what contradicts for longer is no slip, and the fixes are followed again
-BEGIN = 1.0  # s over whose mean force the direction of gravity begins
-MAX_SHARE = 0.3  # of the fixes that slip
-SHOWN = 5  # slips whose times a note tells
-SCALE = 0.02  # of a change of speed, by which a wheel speed may be off without slip
-LATE = 0.05  # s by which it may be late
+MAX_SLIP = 8.0  # s: a longer contradiction is not slip, and the fixes are used again
+BEGIN = 1.0  # s of the mean force that initialises the direction of gravity
+MAX_SHARE = 0.3  # largest part of the fixes with slip
+SHOWN = 5  # slips whose times a note lists
+SCALE = 0.02  # of a change of speed: error of a wheel speed without slip
+LATE = 0.05  # s: possible delay of a wheel speed
 
 
 def without_slip(wheel: Source, imu: Imu) -> tuple[Source, list[str]]:
-    """(the wheel speed, of kind speed and below zero backwards, without the fixes that contradict the
-    samples of the IMU; a note on them). Where more than `MAX_SHARE` do, all are kept: that is no slip."""
+    """(the wheel speed, of kind speed and negative backwards, without the fixes that contradict the
+    IMU samples; a note on them). Where more than `MAX_SHARE` do, all are kept, because this is not
+    slip."""
     slips, name = is_slipping(wheel, imu), wheel.name or wheel.kind
     if not slips.any():
         return wheel, []
     if slips.mean() > MAX_SHARE:
         return wheel, [
-            f"{name}: {slips.mean():.0%} of the fixes contradict the accelerometer, which is no slip "
-            f"of wheels, so all are kept; check scale, unit, sign and clock"
+            f"{name}: {slips.mean():.0%} of the fixes contradict the accelerometer, too many for wheel "
+            f"slip, so all are kept; check scale, unit, sign and clock"
         ]
     spans = stretches(slips)
     shown = [f"{wheel.t[first]:.1f} to {wheel.t[last - 1]:.1f} s" for first, last in spans]
     more = f" and {len(spans) - SHOWN} more" if len(spans) > SHOWN else ""
     return wheel._where(~slips), [
-        f"{name}: {slips.sum()} fixes left out that contradict the accelerometer, wheels that spin or "
+        f"{name}: {slips.sum()} fixes left out that contradict the accelerometer, because wheels spin or "
         f"lock: {', '.join(shown[:SHOWN])}{more}"
     ]
 
@@ -58,7 +59,7 @@ def is_slipping(wheel: Source, imu: Imu) -> Mask:
     gravity = _initial_gravity(imu, float(t[0]))
     arm = lever_arm_of(wheel)
     rate = dtheta / dt[:, None]
-    # of the IMU: the point of the wheels is `arm` from it
+    # at the IMU: the wheels' point is `arm` from it
     speed = wheel.y[inside[1:], 0] - rate[:, 1] * arm[2] + rate[:, 2] * arm[1]
     swing = -arm[0] * (rate[:, 1] ** 2 + rate[:, 2] ** 2) * dt
     std = np.broadcast_to(wheel.std[:, 0], len(wheel.t))[inside[1:]]
@@ -67,9 +68,9 @@ def is_slipping(wheel: Source, imu: Imu) -> Mask:
 
 
 def _between(imu: Imu, t: Array) -> tuple[Array, Array, Array]:
-    """(s, rad, m/s) that the samples sum up to between neighbours of the times t, without the mean
-    rate: at rest where there is rest, else that of roll and pitch, which do not add up, and the median
-    about the vertical, because roads are mostly straight."""
+    """(s, rad, m/s): the samples summed between successive times t, without the gyro bias. The bias
+    is the mean rate at rest, or without a rest the mean about roll and pitch, whose angles stay
+    bounded, and the median about the vertical, because roads are mostly straight."""
     bias = rate_at_rest(imu)
     if bias is None:
         bias = imu.dtheta.sum(axis=0) / imu.dt.sum()
@@ -82,7 +83,7 @@ def _between(imu: Imu, t: Array) -> tuple[Array, Array, Array]:
 
 
 def _initial_gravity(imu: Imu, t: float) -> Array:
-    """(3,) m/s^2: gravity in the body about t, by the mean force."""
+    """(3,) m/s^2: gravity in the body around t, from the mean force."""
     rows = (imu.t > t - BEGIN) & (imu.t <= t + BEGIN)
     force = imu.dv[rows].sum(axis=0) / imu.dt[rows].sum()
     return -force
@@ -91,14 +92,14 @@ def _initial_gravity(imu: Imu, t: float) -> Array:
 def _follow(
     dt: Array, dtheta: Array, dv: Array, swing: Array, speed: Array, std: Array, gravity: Array
 ) -> Mask:
-    """Which of the speeds (m,) contradict the increments (m, 3) before them."""
+    """Return True for the speeds (m,) that contradict the increments (m, 3) before them."""
     found = np.zeros(len(dt), bool)
     gx, gy, gz = gravity.tolist()
     v, offset, since = float(speed[0]), 0.0, 0.0
     pvv, pvo, poo = float(std[0]) ** 2, 0.0, OFFSET**2
     columns = zip(*(column.tolist() for column in (dt, dtheta, dv, swing, speed, std)))
     for k, (step, (p, q, r), (x, y, _), more, measured, noise) in enumerate(columns):
-        # gravity is carried on by the gyro, to second order
+        # the gyro propagates gravity, to second order
         mx, my, mz = (
             gx - 0.5 * (q * gz - r * gy),
             gy - 0.5 * (r * gx - p * gz),

@@ -66,7 +66,9 @@ class Simulated:
         if self.rate is not None:
             check_number(self.rate, f"{own}: rate", "Hz", above=0)
         parameters = check_array(self.parameters, f"{own}: parameters", (None,))
-        wanted = {"": range(PARAMETERS + 1), "field": (3,)}.get(measurement.parameters, (0, 3))
+        wanted = {"": range(PARAMETERS + 1), "field": (3,), "baseline": (3,)}.get(
+            measurement.parameters, (0, 3)
+        )
         if len(parameters) not in wanted:
             raise DataError(
                 f"{own}: {len(parameters)} parameters; kind {self.kind} takes "

@@ -1,8 +1,8 @@
-"""Functions of time that motions are made of. Each takes real times, or complex ones whose
-imaginary part is vanishingly small.
+"""Functions of time that make up motions. Each takes real times, or complex times with a negligible
+imaginary part.
 
-The complex step needs a function's slope only: value and slope are computed in real arithmetic,
-many times faster than complex functions.
+The complex step only needs a function's slope: value and slope are computed in real arithmetic,
+many times faster than with complex functions.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from ..typing import Array, ArrayLike
 
 Times: TypeAlias = NDArray[np.inexact[Any]]
-"""Times, s, real or complex, or what a function of them returns."""
+"""Times, s, real or complex, or values of a function of them."""
 Numbers: TypeAlias = float | Times
 
-_REACH = 20.0  # widths from a kink beyond which its rounding is below 1e-17 of it
+_REACH = 20.0  # widths from a kink at which its rounding falls below 1e-17
 
 
 def lift_complex(
     function: Callable[[Array], Numbers], slope: Callable[[Array], Numbers]
 ) -> Callable[[Numbers], Numbers]:
-    """The function of complex times that has this real `function` and `slope`, its derivative."""
+    """Return the function of complex times with this real `function` and its derivative `slope`."""
 
     def of(z: Numbers) -> Numbers:
         t: NDArray[Any] = np.asarray(z)
@@ -48,11 +48,11 @@ def waves(t: Numbers, terms: Iterable[tuple[float, float, float]]) -> Numbers:
 
 
 class MotionProfile(NamedTuple):
-    """A function of time of straight lines whose kinks are rounded: the integral of a sum of
+    """A piecewise linear function of time with rounded kinks: the integral of a sum of
     `trajectory.ramp`s.
 
-    Where a kink has width w, the slope goes from 12 % to 88 % of its change within 2 w, and far
-    from it the lines are met exactly.
+    At a kink of width w, the slope goes from 12 % to 88 % of its change within 2 w; far from it the
+    function equals the lines.
     """
 
     value: float  # at t = 0 of the first line
@@ -64,8 +64,8 @@ class MotionProfile(NamedTuple):
     def of(
         cls, value: float, durations: ArrayLike, slopes: ArrayLike, smoothing: float
     ) -> "MotionProfile":
-        """Lines of these durations (s) and slopes one after the other, the last one for ever;
-        widths at most `smoothing` and a fifth of a line."""
+        """Return consecutive lines with these durations (s) and slopes, the last one unlimited;
+        widths are at most `smoothing` and a fifth of a line."""
         durations, slopes = np.asarray(durations, float), np.asarray(slopes, float)
         at = np.cumsum(durations)[:-1]
         widths = np.minimum(smoothing, 0.2 * np.minimum(durations[:-1], durations[1:]))

@@ -1,5 +1,5 @@
-"""JSBSim (the extra `jsbsim`) as a source of truth: an aircraft of its own, flown by its own
-autopilot, as a Motion for `simulate`."""
+"""JSBSim (the extra `jsbsim`) as a source of truth: one of its aircraft, flown by its autopilot, as
+a Motion for `simulate`."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,10 +23,9 @@ FOOT = 0.3048
 STEP_RATE = 200.0
 """Steps of JSBSim per second, 1/s."""
 ROW_SPACING = 0.02
-"""Time from row to row of what it flew, s: the pieces of the splines."""
+"""Interval of the rows of its flights, s: the pieces of the splines."""
 MAX_STEP_RATE, MAX_STEPS = 1e5, 1e9
-"""Steps of JSBSim per second, 1/s, and in one flight, beyond which nothing is flown: JSBSim
-itself checks neither."""
+"""Largest number of JSBSim steps per second, 1/s, and per flight; JSBSim itself checks neither."""
 HOLDS = {
     "heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG),
     "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT),
@@ -49,7 +48,7 @@ STATE_UNITS = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
 
 
 class JsbsimTarget(NamedTuple):
-    """Targets that the autopilot holds from a time on; those that are None stay as they were."""
+    """Targets that the autopilot holds from a time on; None keeps the earlier one."""
 
     at: float = 0.0  # s
     heading: float | None = None  # rad, of the nose, clockwise from true north
@@ -67,8 +66,8 @@ def jsbsim_motion(
     properties: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Motion:
-    """The Motion of an aircraft that comes with JSBSim, flown by JSBSim and its autopilot,
-    splined through the rows of `flown_by_jsbsim`."""
+    """Return the Motion of an aircraft that comes with JSBSim, flown by its autopilot: splines
+    through the rows of `flown_by_jsbsim`."""
     flown = flown_by_jsbsim(start, heading, speed, duration, aircraft, targets, properties)
     return spline_motion(flown, name or f"{aircraft} of JSBSim")
 
@@ -84,7 +83,7 @@ def flown_by_jsbsim(
     rate: float = STEP_RATE,
     row: float = ROW_SPACING,
 ) -> Trajectory:
-    """Position, velocity and attitude that JSBSim flies, every `row` s (whole steps), as
+    """Return position, velocity and attitude of a JSBSim flight, every `row` s (whole steps), as
     data.Trajectory.
 
     It begins in trimmed level flight with the engine running: `start` (latitude rad, longitude rad,
@@ -127,11 +126,11 @@ def flown_by_jsbsim(
 
 @contextmanager
 def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
-    """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises
+    """(FGFDMExec, list of JSBSim's messages), without output; `rate` steps per second. Raises
     DataError where JSBSim is not installed.
 
-    What listens to JSBSim is one for the whole process, so that a thread waits until the session of
-    another has ended.
+    The process has one listener to JSBSim, so a thread waits until the session of another one has
+    ended.
     """
     engine = load_jsbsim()
     if not is_number(rate) or not 0 < rate <= MAX_STEP_RATE:
@@ -144,10 +143,11 @@ def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
 
 
 def _listen_session(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]:
-    """The one (executive, what it says) of a session, and the listener of before when it ends."""
+    """Yield the (executive, its messages) of a session, and restore the earlier listener at the
+    end."""
 
     class Listener(engine.FGLogger):  # type: ignore[misc]  # no types
-        """Keeps what JSBSim would print."""
+        """Keeps the messages that JSBSim would print."""
 
         def message(self, text: str) -> None:
             said.append(text)
@@ -160,7 +160,7 @@ def _listen_session(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]
         executive = engine.FGFDMExec(None, engine.FGPropertyManager())
         executive.set_debug_level(0)
         executive.set_dt(1.0 / rate)
-        # some aircraft write logs of their own, else into the working folder
+        # some aircraft would write logs into the working folder
         with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             executive.set_output_path(folder)
             yield executive, said
@@ -169,7 +169,7 @@ def _listen_session(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]
 
 
 def load_jsbsim() -> Any:
-    """The module jsbsim. Raises DataError naming the extra where it is not installed, or too
+    """Return the module jsbsim. Raises DataError naming the extra where it is missing or too
     old."""
     with optional_import():
         import jsbsim
@@ -194,8 +194,8 @@ def _checked_start(start: object) -> tuple[float, ...]:
 def _check_targets(
     heading: object, speed: float, duration: float, rate: float, row: float, targets: object
 ) -> list[JsbsimTarget]:
-    """The targets in order of time. Raises DataError for a number that no flight can have, or
-    what is no target."""
+    """Return the targets in time order. Raises DataError for impossible numbers and for other
+    objects."""
     with locate_errors("a flight of JSBSim"):
         check_number(speed, "speed", "m/s", above=0)
         check_number(duration, "duration", "s", above=0)
@@ -216,7 +216,9 @@ def _check_targets(
     if not isinstance(targets, list) or not all(
         isinstance(target, JsbsimTarget) for target in targets
     ):
-        raise DataError(f"targets are a list of strapdown.sim.jsbsim.Target, not {targets!r}")
+        raise DataError(
+            f"targets must be a list of strapdown.sim.jsbsim.JsbsimTarget, not {targets!r}"
+        )
     for target in targets:
         with locate_errors(target):
             check_number(target.at, "its time", "s", least=0, most=duration)
@@ -229,12 +231,12 @@ def _check_targets(
 
 
 def _checked_properties(properties: object) -> dict[str, float]:
-    """{name: float}. Raises DataError naming what is no number."""
+    """Return {name: float}. Raises DataError naming a value that is not a number."""
     if not isinstance(properties, Mapping | None):
         raise DataError(f"properties are {properties!r}; give a number for each name of JSBSim's")
     for key, value in (properties or {}).items():
         if not isinstance(key, str):
-            raise DataError(f"property {key!r} of JSBSim is no text; give a name of JSBSim's")
+            raise DataError(f"property {key!r} of JSBSim is not a text; give a name of JSBSim's")
         check_number(value, f"property {key!r} of JSBSim, in the unit that its name ends in,")
     return {key: float(value) for key, value in (properties or {}).items()}
 
@@ -242,7 +244,7 @@ def _checked_properties(properties: object) -> dict[str, float]:
 def _load(executive: Any, aircraft: str) -> None:
     """Load an aircraft that comes with JSBSim. Raises DataError."""
     folder = Path(executive.get_aircraft_path())
-    # JSBSim itself would leave half a model behind
+    # JSBSim itself would leave an incomplete model
     if not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file():
         known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
         raise DataError(
@@ -256,8 +258,8 @@ def begin(executive: Any, lla: Sequence[float] | Array, values: Mapping[str, flo
     """Start at `lla` (rad, rad, ellipsoidal height m) with further initial conditions, {name below
     ic/: value in JSBSim's unit}.
 
-    JSBSim takes its heights along the radius, 7 mm off at 1000 m: corrected by what it then says
-    the ellipsoidal height is.
+    JSBSim measures heights along the radius, 7 mm off at 1000 m; this is corrected with the
+    ellipsoidal height that it reports afterwards.
     """
     executive["ic/h-sl-ft"] = lla[2] / FOOT
     for _ in range(3):
@@ -279,8 +281,8 @@ def _has(executive: Any, key: str) -> bool:
 def _trim(
     executive: Any, aircraft: str, start: Sequence[float], heading: float, speed: float
 ) -> None:
-    """Level flight in balance. Raises DataError where JSBSim finds none."""
-    # known before they are held, else the autopilot begins with a kick
+    """Trim for level flight. Raises DataError where JSBSim finds no trim."""
+    # set before they are held, otherwise the autopilot begins with a transient
     _order(executive, JsbsimTarget(0.0, heading, start[2]), hold=False)
     begin(executive, start, {"vt-fps": speed / FOOT, "psi-true-rad": heading, "gamma-rad": 0.0})
     for key in ("fcs/mixture-cmd-norm", "propulsion/magneto_cmd"):
@@ -304,9 +306,9 @@ def _fly(
     every: int,
     watch: Callable[[], object] | None = None,
 ) -> Trajectory:
-    """The Trajectory of rows + 1 rows of `every` steps; `watch` is called at each of them.
+    """Return the Trajectory of rows + 1 rows of `every` steps; `watch` is called at each of them.
 
-    Raises DataError where the flight ends in the ground or in numbers that are none.
+    Raises DataError where the flight hits the ground or its numbers become invalid.
     """
     flown, orders = np.empty((rows + 1, len(STATE_PROPERTIES))), list(targets)
     step = executive.get_delta_t()
@@ -314,9 +316,9 @@ def _fly(
         flown[row] = [executive[key] for key in STATE_PROPERTIES]
         if not np.isfinite(flown[row]).all() or flown[row, 2] <= 0 or executive["gear/wow"]:
             raise DataError(
-                f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after "
+                f"{aircraft} of JSBSim hit the ground (the ellipsoid) or diverged after "
                 f"{row * every * step:.2f} s; "
-                "begin higher, or ask less of it"
+                "begin higher, or give gentler targets"
             )
         if watch is not None:
             watch()
@@ -336,7 +338,7 @@ def quaternions(angles: Array) -> Array:
 
 
 def _order(executive: Any, target: JsbsimTarget, hold: bool = True) -> None:
-    """Set the set points of a target and, but for those of the trim, switch their holds on."""
+    """Set the set points of a target and, except for the trim, switch their holds on."""
     for name, (switch, point, unit) in HOLDS.items():
         value = getattr(target, name)
         if value is not None:

@@ -1,12 +1,11 @@
-"""Motions to simulate: at rest, in a hand, on rotors, moored in waves, straight along a geodesic, flights and
-drives and voyages by legs. SI and radians.
+"""Motions to simulate: at rest, hand-held, multicopter, moored in waves, straight along a geodesic,
+and flights, drives and voyages by legs. SI and radians.
 
-A leg is a dict: `duration` (s), and what happens during it: `turn` (rad, clockwise positive),
-`speed` (m/s, reached at its end, changing evenly), `climb` (m/s) or, on the road, `gradient` (rise
-over run). A turn may have a `bank` (rad) instead of a duration: it lasts as long as a coordinated
-turn with that bank does, but at least six times `smoothing`, to roll in and out. {"repeat": n,
-"legs": [...]} stands for n times these legs. Corners between legs are rounded over a few times
-`smoothing` seconds.
+A leg is a dict with `duration` (s), and `turn` (rad, clockwise positive), `speed` (m/s, reached
+linearly at its end), `climb` (m/s) or, on the road, `gradient` (rise over run). A turn may have a
+`bank` (rad) instead of a duration: it lasts as long as a coordinated turn with that bank, but at
+least six times `smoothing`, to roll in and out. {"repeat": n, "legs": [...]} repeats legs n times.
+Corners between legs are rounded over a few times `smoothing` seconds.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,8 +34,8 @@ LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", 
 CLIMB_KEYS = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
 """Key of the climb in a leg of each motion by legs."""
 MAX_LEGS, MAX_MOTION = 5000, 10 * 86400.0
-"""Legs, and s, of a motion at most."""
-_SLACK = 1.0  # s that a geodesic is solved for beyond its end, so that slopes there can be checked
+"""Largest numbers of legs and of seconds of a motion."""
+_SLACK = 1.0  # s beyond the end of a geodesic that are solved too, to check slopes at the end
 # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
 AIRCRAFT_GUSTS = {
     "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)),
@@ -100,16 +99,16 @@ def hand_held(
     rest: float = 0.0,
     name: str = "hand-held",
 ) -> Motion:
-    """Turned about all axes and moved to and fro in a hand at `start`: by 50 deg of roll, 40 of
-    pitch, 155 around `heading` (rad).
+    """Return a hand-held motion that rotates about all axes and moves to and fro at `start`: by 50
+    deg of roll, 40 of pitch, 155 around `heading` (rad).
 
     `turning` scales the angles (1: rates to 3 rad/s), `travel` the movement (1: some 15 cm with 1
-    to 3 m/s^2; 0: the IMU stays in its place and feels gravity alone). It lies level and still for
+    to 3 m/s^2; 0: the IMU stays in place and measures only gravity). It lies level and still for
     the first `rest` s and is in full motion 2 s later. Raises DataError.
     """
     with locate_errors("a motion in a hand"):
         check_number(
-            turning, "turning, which beyond 1.5 pitches over the vertical,", least=0, most=1.5
+            turning, "turning, which above 1.5 pitches beyond the vertical,", least=0, most=1.5
         )
         check_number(travel, "travel", least=0)
         check_number(rest, "rest", "s", least=0)
@@ -143,11 +142,11 @@ def multicopter(
     yaw: float = 60 * DEG,
     name: str = "multicopter",
 ) -> Motion:
-    """A multicopter that flies to and fro about `start`, tilted so that its rotors alone accelerate
-    it: without drag its accelerometers feel nothing across the thrust.
+    """Return a multicopter that flies to and fro about `start`, tilted so that only its rotors
+    accelerate it: without drag its accelerometers measure nothing across the thrust.
 
-    `speed` (m/s) is the sum of the amplitudes along north, `period` (s) that of its largest wave, and
-    `yaw` (rad) the amplitude of the turns around `heading` (rad). A small speed is a hover.
+    `speed` (m/s) is the sum of the amplitudes along north, `period` (s) that of its largest wave,
+    and `yaw` (rad) the amplitude of the turns around `heading` (rad). A small speed is a hover.
     Raises DataError.
     """
     with locate_errors("a multicopter"):
@@ -189,7 +188,8 @@ def moored_vessel(
     pitch: float = 2 * DEG,
     name: str = "moored",
 ) -> Motion:
-    """A vessel that lies in a swell and heaves about the height of `start`, its mean over time.
+    """Return a moored vessel in a swell that heaves about the height of `start`, its mean over
+    time.
 
     `heave` (m), `roll` and `pitch` (rad) are amplitudes of the largest of five waves, that of the
     period `wave_period` (s); the others have 0.3 of it and less. It surges and sways by 0.3 of the
@@ -235,8 +235,8 @@ def straight(
     amplitude: float = 5 * DEG,
     period: float = 100.0,
 ) -> Motion:
-    """Level flight along a geodesic of the ellipsoid for `duration` s: the foot of the height runs
-    along it, `speed` is that of the flight.
+    """Return level flight above a geodesic of the ellipsoid for `duration` s, with the flight's
+    `speed`.
 
     Roll, pitch and heading swing by `amplitude` (rad) with `period` (s), a third of a period apart,
     heading around the course.
@@ -263,8 +263,8 @@ def straight(
 def _geodesic_course(
     start: Sequence[float], azimuth: float, speed: float, duration: float
 ) -> Callable[[Numbers], Numbers]:
-    """Course at the height of `start` over time: a Chebyshev series through a solution of the
-    geodesic's differential equation.
+    """Return the course at the height of `start` over time: a Chebyshev series through a solution
+    of the geodesic's differential equation.
 
     Along it dlat = cos(azimuth) ds / M and dazimuth = sin(azimuth) tan(lat) ds / N (Rapp 1991,
     Geometric Geodesy I). At the height h, north and east go (M + h)/M and (N + h)/N as far, which
@@ -310,7 +310,7 @@ def _geodesic_course(
     )
     if np.abs(solution.y[0]).max() >= 89 * DEG:
         raise DataError(
-            "the geodesic of a straight flight comes within 1 deg of a pole, where courses turn too "
+            "the geodesic of a straight flight comes within 1 deg of a pole, where courses change too "
             "fast; "
             "choose another azimuth or duration"
         )
@@ -329,7 +329,8 @@ def flight(
     roughness: float = 1.0,
     name: str = "flight",
 ) -> Motion:
-    """A light aircraft by `legs` from `start` (rad, rad, m), first course (rad) and speed (m/s).
+    """Return a light aircraft by `legs` from `start` (rad, rad, m), first course (rad) and speed
+    (m/s).
 
     Turns are coordinated: bank = atan(speed * turn rate / g).
 
@@ -342,8 +343,7 @@ def flight(
 
 
 def _check_flight(legs: list[dict[str, Any]], speed: float) -> None:
-    """Raise DataError where an aircraft would stand still in the air or climb faster than it
-    flies."""
+    """Raise DataError where an aircraft would stop in the air or climb faster than its speed."""
     now = speed
     for number, leg in enumerate(legs, 1):
         then = leg.get("speed", now)
@@ -371,8 +371,8 @@ def aircraft_motion(
     roughness: float,
     name: str,
 ) -> Motion:
-    """The Motion of an aircraft from Profiles of course (rad), speed (m/s) and height (m, its
-    slope alone is used)."""
+    """Return the Motion of an aircraft from profiles of course (rad), speed (m/s) and height (m,
+    only its slope is used)."""
 
     def gust(t: Times, what: str) -> Numbers:
         return roughness * waves(t, AIRCRAFT_GUSTS[what])
@@ -402,8 +402,8 @@ def car(
     roughness: float = 1.0,
     name: str = "car",
 ) -> Motion:
-    """A car by `legs`; on a `gradient` it climbs with its speed and pitches with the road; it leans
-    out of turns by 3 deg per g.
+    """Return a car by `legs`; on a `gradient` it climbs and pitches with the road; it leans out of
+    turns by 3 deg per g.
 
     `roughness` scales the shaking of the body, which grows with the speed and ends at a stop.
     """
@@ -433,8 +433,8 @@ def ship(
     smoothing: float = 15.0,
     name: str = "ship",
 ) -> Motion:
-    """A ship by `legs` in a sea of significant `wave_height` (m) and peak `wave_period` (s): roll,
-    pitch, yaw, heave and sway with it.
+    """Return a ship by `legs` in a sea of significant `wave_height` (m) and peak `wave_period` (s),
+    with roll, pitch, yaw, heave and sway.
 
     A metre of wave height rolls it by 2.5 deg and pitches it by 0.8 deg (standard deviations 1.8
     and 0.6 deg), as a vessel of some 50 m.
@@ -468,8 +468,8 @@ def ship(
 
 
 def flat_legs(legs: Sequence[dict[str, Any]], vertical: str | None) -> list[dict[str, Any]]:
-    """[leg] with repeats written out, each with its climb (m/s or slope) under "climb";
-    `vertical` is the key of that, or None. Raises DataError."""
+    """Return [leg] with repeats written out, each with its climb (m/s or slope) under "climb";
+    `vertical` is the key of the climb, or None. Raises DataError."""
     found: list[dict[str, Any]] = []
     for number, leg in enumerate(legs, 1):
         if not isinstance(leg, dict):
@@ -512,8 +512,8 @@ def _check_legs(count: int) -> None:
 def profiles(
     legs: list[dict[str, Any]], course: float, speed: float, smoothing: float
 ) -> tuple[MotionProfile, MotionProfile, MotionProfile, float]:
-    """(course, speed, height or rise, end s): Profiles along `flat_legs`; course rad and speed
-    m/s at first, smoothing s. Raises DataError."""
+    """(course, speed, height or rise, end s): profiles along `flat_legs`; initial course rad and
+    speed m/s, smoothing s. Raises DataError."""
     if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
         raise DataError(
             f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not "

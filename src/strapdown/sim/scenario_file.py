@@ -107,7 +107,7 @@ START_KEYS = {
 
 
 def _start(value: Any, where: str) -> dict[str, Any]:
-    """The fields of a scenario that say how its filter starts."""
+    """Return the fields of a scenario for the start of its filter."""
     given, std = read_table(value, START_KEYS, where), list(START_STD)
     for row, (field, _, _) in enumerate(list(START_KEYS.values())[:-1]):
         std[3 * row : 3 * row + 3] = given.get(field, std[3 * row : 3 * row + 3])
@@ -121,7 +121,7 @@ DISTURBANCE_KEYS = {
     "frame": Key("frame", text),
 }
 MEASURED = "position_std", "velocity_std"
-"""Fields of which a receiver needs one."""
+"""Fields of a receiver, of which it needs at least one."""
 MAGNETOMETER_KEYS = {
     "rate_hz": Key("rate", number),
     "std_uT": Key("std", in_unit(MICRO, three)),
@@ -186,13 +186,13 @@ TOP_KEYS = {
     "sensors": Key("sensors", list_of(table_reader(Simulated, SENSOR_KEYS))),
     "start": Key("start", section(_start)),
 }
-"""Keys of a scenario and of its tables, each with the field that it sets and how it is read."""
+"""Keys of a scenario and of its tables, each with its field and its reader."""
 GO_WITH = (
     ("", "accel_offset_decays", ("accel_offset_m_s2",)),
     ("gnss", "stated", ("position_correlated", "velocity_correlated", "receiver")),
     ("barometer", "drift_time_s", ("drift_Pa",)),
 )
-"""(section, key, those of which it needs one there to change anything)."""
+"""(section, key, keys of which one must be present for it to have an effect)."""
 
 
 def read(path: File) -> Scenario:
@@ -219,7 +219,7 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
         values["imu"] = _beside(path, values["imu"])
     if "gnss" in values:
         named = values["gnss"].pop("receiver", None)
-        # what [gnss] does not name, the receiver does not measure
+        # the receiver measures only the quantities in [gnss]
         carried = NOTHING if named is None else receiver(_beside(path, named))
         if named is None and values["gnss"] and not {*MEASURED} & values["gnss"].keys():
             raise DataError(
@@ -231,16 +231,16 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
 
 
 def _together(table: dict[str, Any]) -> None:
-    """Refuse a key that changes nothing without another one. Raises DataError."""
+    """Refuse a key without effect because another one is missing. Raises DataError."""
     for name, key, others in GO_WITH:
         part = table.get(name, {}) if name else table
         if key in part and not any(other in part for other in others):
             where = within(f"[{name}]" if name else "", key)
-            raise DataError(f"{where} changes nothing without {' or '.join(others)}; leave it out")
+            raise DataError(f"{where} has no effect without {' or '.join(others)}; leave it out")
 
 
 def _beside(path: Path, name: str) -> str:
-    """A name, or the path of a file that is named beside the scenario's."""
+    """Return a name, or the path of a file relative to the scenario's."""
     return str(path.parent / name) if name.endswith(".toml") else name
 
 
@@ -303,7 +303,7 @@ def _place(value: Any, where: str) -> tuple[float, float, float]:
     lat, lon, height = read_table(value, PLACE_KEYS, where).values()
     if abs(lat) > 90 or abs(lon) > 360:
         raise DataError(
-            f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within "
+            f"{where}: {lat:g}, {lon:g} is not a position; latitude is within 90 deg, longitude within "
             f"360"
         )
     return lat * DEG, lon * DEG, height
@@ -321,4 +321,4 @@ READ_OF_PARAMETER: dict[str, Read] = {
     "targets": list_of(table_reader(JsbsimTarget, TARGET_KEYS)),
     "properties": _properties,
 }
-"""Functions that read the parameters of motions that are no numbers."""
+"""Functions that read the non-numeric parameters of motions."""

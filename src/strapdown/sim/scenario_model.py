@@ -1,5 +1,5 @@
-"""A scenario: a motion, the sensors that ride on it and where a filter begins; all that a
-simulated run needs but its seed and its IMU."""
+"""A scenario: a motion, its sensors and the start of a filter, everything that a simulated run
+needs except its seed and its IMU."""
 
 import hashlib
 import json
@@ -26,13 +26,13 @@ from ..typing import Array, File
 from .trajectory import DEG, Motion, sample
 
 START_STD: tuple[float | None, ...] = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
-"""Default errors of a start: m, m/s, rad, and the biases' as the IMU has them (None)."""
+"""Default std of a start: m, m/s, rad, and None for biases, which takes those of the IMU."""
 FASTEST_MOTION, MIN_MOTION, MAX_MOTION = 3000.0, -1000.0, 100e3
 """Bounds of the models: m/s, m, m."""
 STEEPEST_PITCH = 89 * DEG
-"""Pitch at most, rad: beyond it roll and heading cannot be told apart."""
+"""Largest pitch, rad; beyond it roll and heading cannot be separated."""
 MAX_IMU_SAMPLES, MAX_SCENARIO = 50_000_000, 10 * 86400.0
-"""IMU samples, and s, of a scenario at most: a simulation is held in memory."""
+"""Largest numbers of IMU samples and of seconds of a scenario, which is simulated in memory."""
 MAX_OFFSET = 1000.0  # m/s^2
 GRAVITIES = ("height", "latitude")
 OTHER_SENSORS = {"magnetometer": Magnetometer, "barometer": Barometer, "attitude": Ahrs}
@@ -85,7 +85,7 @@ class Scenario:
     gravity : str
         "height", or "latitude": the true gravity does not depend on height.
     about : str
-        A sentence for people.
+        A descriptive sentence.
     magnetometer : Magnetometer or None
         Magnetometer, if any.
     barometer : Barometer or None
@@ -198,10 +198,10 @@ class Scenario:
         return np.array(geomagnetic_field(self.date, lat, lon, height).field, float)
 
     def _check_truth(self) -> None:
-        """Raise DataError where the motion leaves what the models hold for, at one of some
-        hundreds of times, once a second in a long one."""
+        """Raise DataError where the motion leaves the limits of the models, checked at some
+        hundreds of times, once a second in a long motion."""
         truth = self.glance(max(200, min(20_000, int(self.duration))))
-        assert truth.v_n is not None and truth.q_nb is not None  # as `sample` makes it
+        assert truth.v_n is not None and truth.q_nb is not None  # `sample` sets them
         columns = {"position": truth.lla, "velocity": truth.v_n, "attitude": truth.q_nb}
         for name, values in columns.items():
             if not np.all(np.isfinite(values)):
@@ -228,12 +228,12 @@ class Scenario:
         ):
             if bad.any():
                 raise DataError(
-                    f"the motion {text} at {truth.t[bad][0]:g} s; the models do not hold there"
+                    f"the motion {text} at {truth.t[bad][0]:g} s; the models are not valid there"
                 )
 
     def glance(self, rows: int) -> Trajectory:
-        """The truth at `rows` times from start to end, as data.Trajectory: made for a look, its
-        integral is coarse."""
+        """Return the truth at `rows` times from start to end, as data.Trajectory, with a coarse
+        integral."""
         return sample(
             self.motion,
             np.linspace(0.0, round(self.duration * self.rate) / self.rate, rows),
@@ -283,8 +283,8 @@ class Scenario:
         return values | {"fingerprint": digest.hexdigest()}
 
     def _truth_bytes(self) -> bytes:
-        """The truth at some times, rounded far below what matters and far above what another
-        machine's rounding does."""
+        """Return the truth at some times, rounded far below relevant changes and far above the
+        rounding differences of other machines."""
         truth = self.glance(_ROWS)
         rows = np.c_[truth.lla, truth.v_n, truth.q_nb]
         return (
@@ -306,8 +306,8 @@ def _fields_of(sensor: Simulated) -> dict[str, Any]:
 
 
 def start_deviations(std: Sequence[float | None], spec: ImuSpec) -> Array:
-    """`std`, the 15 standard deviations of a start, with those of the biases of the IMU `spec` where
-    one of its last six is None. Raises DataError."""
+    """`std`, the 15 standard deviations of a start, with those of the biases of the IMU `spec`
+    where one of its last six is None. Raises DataError."""
     _check_start(std)
     own = [None] * 9 + np.repeat(spec.bias_std(), 3).tolist()
     return np.array([own[i] if value is None else value for i, value in enumerate(std)], float)

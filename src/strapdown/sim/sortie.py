@@ -1,8 +1,8 @@
-"""A flight from standing to standing: parked, taxiing, rolling, in the air by legs, landed and
+"""A flight from standstill to standstill: parked, taxiing, rolling, in the air by legs, landed and
 stopped again, in a steady wind. SI and radians.
 
-Legs are those of `motions`; course and speed are heading and airspeed, to which the wind adds in
-the air. A leg lasts as long as it says: short ones make corners sharp, so that a dive of 2.5 s
+Legs are those of `motions`; their course and speed are heading and airspeed, to which the wind is
+added in the air. Legs keep their durations, so short ones make sharp corners: a dive of 2.5 s
 followed by a climb is a pull-up of several g, and a turn of a few seconds rolls in quickly.
 """
 
@@ -19,9 +19,9 @@ from .motions import AIRCRAFT_GUSTS, flat_legs, profiles
 from .trajectory import DEG, Motion
 
 LIFT_OFF, ROTATION = 27.0, 2.0
-"""m/s: the airspeed at which half the weight is on the wings, and how much slower or faster it
-takes until 12 or 88 % of it are."""
-_CRAWL = 1e-3  # m/s, that no slope is divided by zero at rest
+"""m/s: the airspeed at which the wings carry half the weight, and the difference of airspeed to 12
+or 88 % of it."""
+_CRAWL = 1e-3  # m/s, avoids division of a slope by zero at rest
 
 
 def sortie(
@@ -45,7 +45,7 @@ def sortie(
     """
     if not (0 <= wind < np.inf and np.isfinite(wind_from)):
         raise DataError(
-            f"a wind blows with 0 m/s or more out of some direction, not with {wind!r} m/s out of "
+            f"the wind must be 0 m/s or more from a direction in rad, not {wind!r} m/s from "
             f"{wind_from!r} rad"
         )
     flat = flat_legs(legs, "climb")

@@ -1,5 +1,5 @@
-"""A Motion through the rows of a trajectory: what another simulator flew, or a reference that
-was recorded, as truth of a simulation."""
+"""A Motion through the rows of a trajectory: a flight of another simulator, or a recorded
+reference, as the truth of a simulation."""
 
 import math
 from functools import partial
@@ -17,8 +17,8 @@ DEGREE = 5
 """Degree of the splines: angular and linear acceleration have two continuous derivatives, so that
 Gauss-Legendre quadrature keeps its order."""
 STEEPEST_ROW, WIDEST_TURN = math.radians(85), math.radians(90)
-"""Bounds on pitch, and on the rotation from row to row, rad: beyond, Euler angles do not tell how it
-turned between two rows."""
+"""Limits of pitch and of the rotation from row to row, rad, beyond which Euler angles do not
+determine the motion between two rows."""
 
 
 def spline_motion(trajectory: Trajectory, name: str = "splined motion") -> Motion:
@@ -35,7 +35,7 @@ def spline_motion(trajectory: Trajectory, name: str = "splined motion") -> Motio
     if trajectory.v_n is None or trajectory.q_nb is None:
         raise DataError(
             f"{name}: the trajectory has no {'velocity' if trajectory.v_n is None else 'attitude'}; "
-            f"a motion is made of both"
+            f"a motion needs both"
         )
     t = np.asarray(trajectory.t, float) - trajectory.t[0] if len(trajectory) else np.empty(0)
     if len(t) <= DEGREE:
@@ -49,7 +49,7 @@ def spline_motion(trajectory: Trajectory, name: str = "splined motion") -> Motio
     if bad.any():
         raise DataError(
             f"{name}: row {int(np.argmax(bad))} of the trajectory is not finite or has no attitude; "
-            f"leave out what is not known"
+            f"leave out unknown rows"
         )
     if np.any(np.diff(t) <= 0):
         raise DataError(
@@ -68,7 +68,7 @@ def spline_motion(trajectory: Trajectory, name: str = "splined motion") -> Motio
 
 def _refuse_turns(trajectory: Trajectory, name: str) -> None:
     """Raise DataError where splines of Euler angles would not follow the attitude."""
-    assert trajectory.q_nb is not None  # as `spline_motion` has checked
+    assert trajectory.q_nb is not None  # `spline_motion` has checked it
     steep = np.abs(trajectory.rph[:, 1]) > STEEPEST_ROW
     if steep.any():
         raise DataError(

@@ -1,5 +1,5 @@
-"""From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start
-drawn around that truth."""
+"""Simulate Recordings with their truth from a scenario and an IMU's errors, and draw a filter's
+start around the truth."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -30,16 +30,15 @@ from .scenario_model import Scenario
 from .trajectory import Motion, normal_gravity, records
 
 KEPT = 200_000
-"""Samples of a flight whose truth is kept for the next scenario with the same motion: 30 MB each
-at most."""
+"""Largest number of samples of a flight whose truth is kept for the next scenario with the same
+motion: at most 30 MB each."""
 
 
 @lru_cache(maxsize=12)
 def _known_records(
     motion: Motion, count: int, rate: float, gravity_of: str
 ) -> tuple[Trajectory, Imu]:
-    """(truth, ideal IMU) of a motion; scenarios that differ in sensors or start alone share
-    them."""
+    """(truth, ideal IMU) of a motion; scenarios that differ only in sensors or start share them."""
     return records(
         motion,
         np.arange(count + 1) / rate,
@@ -52,11 +51,11 @@ OF_IMU, OF_START = "imu", "start"
 
 
 class Simulator:
-    """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an
-    exact receiver make of it.
+    """A scenario and the common data of its runs, computed once: the truth and the records of an
+    ideal IMU and an exact receiver.
 
-    Nothing in it changes afterwards, so that threads may share it. All chance of a run comes from
-    the `seed` it is given: a number, several, a numpy Generator or SeedSequence, or a
+    It does not change afterwards, so threads may share it. The `seed` determines all random numbers
+    of a run: a number, several, a numpy Generator or SeedSequence, or a
     sensor_models.streams.Stream. A Generator makes another run each time, all others the same one.
     """
 
@@ -92,9 +91,8 @@ class Simulator:
         its own stream of `seed`.
 
         meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s),
-        (n, 3) at the IMU samples, and, of a barometer, "b_baro" (m): by how much its heights exceed
-        the ellipsoidal ones but for noise, (n,) at its samples; of an IMU that warms up, its
-        "temperature" (m, 2), s and degC.
+        (n, 3) at the IMU samples. For a barometer it has "b_baro" (m): its height error without
+        noise, (n,) at its samples; for an IMU that warms up, its "temperature" (m, 2), s and degC.
         """
         spec = imu_spec(imu)
         stream = RandomStream.of(seed)
@@ -118,8 +116,8 @@ class Simulator:
     def sources(
         self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike, b_a: Array, b_g: Array
     ) -> SimulatedRecording:
-        """`recording` with these biases and an IMU without errors, in whose place another one can
-        be."""
+        """Return `recording` with these biases and an IMU without errors, to be replaced by another
+        one."""
         stream = RandomStream.of(seed)
         sources: list[Source] = [*self.plan.fixes(stream.child("gnss"))]
         notes = without_fixes(sources)
@@ -156,8 +154,8 @@ class Simulator:
     def start(
         self, seed: SeedLike, imu: ImuSpec | dict[str, Any] | File, recording: Recording
     ) -> InitialState:
-        """An InitialState at 0 s: the truth less an error drawn from the scenario's `start_std`, biases 0
-        or, where they are known, those of `recording`."""
+        """An InitialState at 0 s: the truth less an error drawn from the scenario's `start_std`,
+        biases 0 or, where they are known, those of `recording`."""
         biases = (
             (recording.meta["b_a"][0], recording.meta["b_g"][0])
             if self.scenario.biases_known
@@ -176,7 +174,7 @@ class Simulator:
         return recording, self.start(stream.child(OF_START), imu, recording)
 
     def ideal_recording(self) -> SimulatedRecording:
-        """The Recording of an IMU without errors and of exact fixes, which state the standard
+        """Return the Recording of an IMU without errors and exact fixes, with the standard
         deviations of the noisy ones."""
         zeros = np.zeros((len(self.ideal.t), 3))
         others = tuple(
@@ -188,7 +186,8 @@ class Simulator:
         return self._make_recording(exact, self._meta(None, None, zeros, zeros.copy()))
 
     def exact_start(self, imu: ImuSpec | dict[str, Any] | File) -> InitialState:
-        """The InitialState at the truth with the standard deviations that `start` has with `imu`."""
+        """The InitialState at the truth with the standard deviations that `start` has with
+        `imu`."""
         return _start(
             self.truth,
             0,
@@ -236,34 +235,34 @@ def simulate(
     gnss: Gnss | File | None = None,
     **others: Unpack[OtherSensors],
 ) -> SimulatedRecording:
-    """Return a simulated recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer, AHRS
-    and other sensors, and the truth as reference.
+    """Return a simulated recording: IMU samples with errors, fixes of GNSS, magnetometer,
+    barometer, AHRS and other sensors, and the truth as reference.
 
     Each sensor has its own random stream: the fixes of a seed are the same for every grade.
 
     Parameters
     ----------
     motion : Scenario, str, path or Motion
-        A scenario, its name or TOML file, whose values hold where no other is given; or a Motion, which
-        needs `duration` and `imu`.
+        A scenario, its name or TOML file, whose values are the defaults; or a Motion, which needs
+        `duration` and `imu`.
     duration : float, optional
         s.
     imu : str, path, dict or ImuSpec, optional
         A grade, a file or the errors themselves.
     seed : int
-        Of all random numbers.
+        Seed of all random numbers.
     rate : float, optional
         IMU samples per second; of a Motion 100.
     gnss : str, path or Gnss, optional
-        A receiver, which the scenario carries as its own.
+        A receiver, in place of the scenario's.
     **others
         Sensors beside these: fields of `OtherSensors`.
 
     Returns
     -------
     Recording
-        Its meta has the grade, the seed, the place where it begins ([rad, rad, m]), the date, and the
-        true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples.
+        Its meta has the grade, the seed, the place where it begins ([rad, rad, m]), the date, and
+        the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples.
 
     Raises
     ------
@@ -295,8 +294,8 @@ def simulate(
         assert isinstance(motion, Motion)
         if duration is None or imu is None:
             raise DataError(
-                "to simulate a Motion, give its duration in s and an imu; a scenario has them of "
-                "its own"
+                "to simulate a Motion, give its duration in s and an imu; only a scenario has its "
+                "own"
             )
         scenario = Scenario(motion.name, motion, **given)
     else:
@@ -313,12 +312,12 @@ def draw_start(
     t: float | None = None,
     biases: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> InitialState:
-    """An InitialState at the truth's row at `t` (its first by default) less an error drawn from the 15
-    standard deviations `std` (SI, radians); `seed` as of Simulator.
+    """An InitialState at the truth's row at `t` (its first by default) less an error drawn from the
+    15 standard deviations `std` (SI, radians); `seed` as of Simulator.
 
     Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est.
-    `biases` are the true (b_a, b_g) there; without them the estimated biases are 0, right where the
-    sensor has drawn its biases from the same standard deviations.
+    `biases` are the true (b_a, b_g) there; without them the estimated biases are 0, which is
+    consistent if the sensor's biases were drawn from the same standard deviations.
     """
     std = check_array(std, "std of a start", (STATES,), what="standard deviations", least=0)
     row = 0 if t is None else int(np.argmin(np.abs(truth.t - t)))
@@ -367,6 +366,5 @@ def _start(
 
 
 def _gravity_at_the_ellipsoid(lat: Array, alt: Array) -> tuple[float | Array, float | Array]:
-    """Normal gravity (north, down), m/s^2, as it were at every height were there no dependence on
-    it."""
+    """Return normal gravity on the ellipsoid (north, down), m/s^2, for any height."""
     return normal_gravity(lat, 0 * alt)

@@ -1,7 +1,7 @@
-"""A motion as two functions of time, and the exact truth and IMU increments that follow from it.
+"""A motion as two functions of time, and the exact truth and IMU increments computed from it.
 
-The Earth here (radii, gravity, rate) is the simulator's own and deliberately not that of `core`: an
-error in one must not cancel in the other.
+The Earth model here (radii, gravity, rate) is deliberately independent of that in `core`, so that
+an error in one does not cancel in the other.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ ZONAL = 1.082629821313e-3, -2.37091120053e-6, 6.083464988811e-9
 Heiskanen & Moritz (1967), 2-90 and 2-92."""
 DEG = np.pi / 180
 
-# as of the models: beyond it, heading and longitude turn too fast to mean anything
+# limit of the models: beyond it, heading and longitude change too fast to be meaningful
 _POLEWARD = 89 * DEG
 _MAX_SAMPLE = 0.02  # s; a longer sample is integrated in pieces
 _STEP = 1e-20  # of the complex-step derivative: no cancellation, so it may vanish against t
@@ -51,12 +51,12 @@ Gravity: TypeAlias = Callable[[Array, Array], tuple[float | Array, float | Array
 
 
 class Motion(NamedTuple):
-    """A motion over the Earth: where it begins and two functions of time, from which everything
-    else follows.
+    """A motion over the Earth: its initial position and two functions of time, which determine
+    everything else.
 
     Both take an array of times (s, from 0) and return three arrays or numbers. They are
     differentiated by complex step: write them with analytic numpy functions that take complex
-    arguments (no abs, arctan2, comparison or np.radians; `ramp` for what changes, `DEG` for
+    arguments (no abs, arctan2, comparison or np.radians; use `ramp` for changes and `DEG` for
     degrees).
     """
 
@@ -64,11 +64,11 @@ class Motion(NamedTuple):
     lla: tuple[float, ...]  # at t = 0: latitude rad, longitude rad, ellipsoidal height m
     velocity: OfTime  # t -> north, east, down velocity, m/s
     attitude: OfTime  # t -> roll, pitch, heading, rad (ZYX; heading need not be wrapped)
-    end: float = np.inf  # s, the last time at which the functions are meant
+    end: float = np.inf  # s, the last valid time of the functions
 
 
 class _Positions(NamedTuple):
-    """The integral of a motion's velocity, in pieces between the times asked for."""
+    """The integral of a motion's velocity, in pieces between the requested times."""
 
     lla: Array  # (n, 3) at these times
     nodes: Array  # (3, pieces, 3) latitude, longitude, height at the quadrature nodes
@@ -86,9 +86,8 @@ def sample(
     """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact
     integral of velocity. Raises DataError.
 
-    The integral is made of pieces of at most `longest` s; for a glance at a smooth motion more than
-    the default will do. It begins at 0 with the motion or, where it is given, at t[0] with the
-    position `lla`.
+    The integral has pieces of at most `longest` s; a coarse view of a smooth motion allows more
+    than the default. It begins at 0 with the motion or, if given, at t[0] with the position `lla`.
     """
     t = _check_times(motion, t)
     return _truth(motion, t, _positions(motion, t, lla, longest).lla)
@@ -104,7 +103,8 @@ def increments(motion: Motion, t: ArrayLike) -> Imu:
 def records(
     motion: Motion, t: ArrayLike, gravity_model: Gravity | None = None
 ) -> tuple[Trajectory, Imu]:
-    """(`sample`, `increments`) at once, for less time and memory: t[0] must be 0. Raises DataError.
+    """Return (`sample`, `increments`) together, which takes less time and memory: t[0] must be 0.
+    Raises DataError.
 
     `gravity_model` is a function of latitude (rad) and height (m), which returns the north and
     down components in m/s^2, in place of this module's `normal_gravity`.
@@ -112,7 +112,7 @@ def records(
     t = _check_times(motion, t)
     if t[0] != 0 or len(t) < 2:
         raise DataError(
-            f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s"
+            f"a recording must begin at 0 s and have two times or more, not {len(t)} from {t[0]:g} s"
         )
     rows = max(1, _BLOCK // max(1, int(np.ceil(np.diff(t).max() / _MAX_SAMPLE - 1e-9))))
     lla: Array | None = None
@@ -320,7 +320,7 @@ def _positions(
     lat0, lon0, alt0 = motion.lla if lla is None else lla
     alt, alt_nodes = _integral(alt0, -down, length)
     lat_nodes = np.full(times.shape, lat0)
-    # the rate depends on latitude through the radius alone: each round gains three digits or more
+    # the rate depends on latitude only through the radius: each round gains three digits or more
     for _ in range(20):
         before = lat_nodes
         lat, lat_nodes = _integral(lat0, north / (radii(lat_nodes)[0] + alt_nodes), length)
@@ -330,13 +330,11 @@ def _positions(
         lon0, east / ((radii(lat_nodes)[1] + alt_nodes) * np.cos(lat_nodes)), length
     )
     if not np.all(np.isfinite(lat + lon + alt)):
-        raise DataError(
-            f"motion {motion.name!r}: its velocity or the place where it begins is not finite"
-        )
+        raise DataError(f"motion {motion.name!r}: its velocity or initial position is not finite")
     if np.abs(lat).max() > _POLEWARD:
         raise DataError(
             f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the "
-            f"models do not hold; keep away from the poles"
+            f"models are not valid; keep away from the poles"
         )
     at = np.r_[first, len(length)][len(edges) - len(t) :]
     skip = first[len(edges) - len(t)] if len(t) > 1 else 0
@@ -401,7 +399,7 @@ def _check_times(motion: Motion, t: ArrayLike) -> Array:
         )
     if t[-1] > motion.end + 1e-9:
         raise DataError(
-            f"motion {motion.name!r} ends at {motion.end:g} s, but is wanted to {t[-1]:g} s; "
-            f"simulate less of it, or plan more"
+            f"motion {motion.name!r} ends at {motion.end:g} s, but is requested to {t[-1]:g} s; "
+            f"simulate a shorter time, or extend the motion"
         )
     return t

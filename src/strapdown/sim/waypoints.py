@@ -1,4 +1,4 @@
-"""A flight by waypoints: over each of them it flies on for a few seconds, then turns until the
+"""A flight by waypoints: after each of them it continues for a few seconds, then turns until a
 straight line leads to the next."""
 
 from collections.abc import Iterable, Sequence
@@ -28,13 +28,13 @@ def waypoints(
     roughness: float = 1.0,
     name: str = "waypoint flight",
 ) -> Motion:
-    """Over all `waypoints` (latitude rad, longitude rad, height m) in turn at a ground `speed`
-    (m/s), with about `bank` (rad) at most in turns.
+    """Return a flight over all `waypoints` (latitude rad, longitude rad, height m) in order at a
+    ground `speed` (m/s), with about `bank` (rad) at most in turns.
 
     It begins over the first, on course to the second, and ends over the last. In smooth air
     (`roughness` 0) it passes each one within 0.5 m; gusts move it by some metres. Course is
-    constant after a turn (a rhumb line), and so is climb but for a sixth of the time at either end,
-    which is level. Raises DataError, also where a waypoint is too near to settle on the line to it.
+    constant after a turn (a rhumb line), and so is climb except for a level sixth of the time at
+    either end. Raises DataError, also where a waypoint is too near to settle on the line to it.
     """
     places = [tuple(map(float, place)) for place in waypoints]
     if len(places) < 2 or not 0 < speed < np.inf or not 0 < bank < 80 * DEG or not smoothing > 0:
@@ -108,7 +108,7 @@ def _check(places: Sequence[tuple[float, ...]], speed: float) -> None:
     for number, (lat, _, _) in enumerate(places, 1):
         if abs(lat) > LATITUDE_LIMIT:
             raise DataError(
-                f"waypoint {number} is at {lat / DEG:.6g} deg of latitude; the models hold up to "
+                f"waypoint {number} is at {lat / DEG:.6g} deg of latitude; the models are valid up to "
                 f"{LATITUDE_LIMIT / DEG:g}"
             )
     total = 0.0
@@ -150,8 +150,8 @@ def _reached_position(
         return sample(leg, [0.0, seconds], 0.5).lla[-1]
     except DataError:
         raise DataError(
-            f"the line to waypoint {number} comes within 1 deg of a pole, where courses turn too "
-            f"fast; go round it"
+            f"the line to waypoint {number} comes within 1 deg of a pole, where courses change too "
+            f"fast; avoid the pole"
         ) from None
 
 
@@ -161,7 +161,8 @@ def _turn_then_line(
     """[(duration, course rate)] from the origin to `aim` (north, east, m) in the plane: straight, a
     turn, straight; the shorter of both senses.
 
-    An aim inside the turning circle of one side is reached from the other: it cannot be in both.
+    An aim inside the turning circle of one side is reached by a turn to the other side; it cannot
+    be in both circles.
     """
     pause, quickest, rate = _MARGIN * smoothing, 6 * smoothing, G * np.tan(bank) / speed
     begin = aim - speed * pause * np.array([np.cos(course), np.sin(course)])

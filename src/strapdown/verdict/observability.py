@@ -27,7 +27,12 @@ from .evidence import GATED, JudgedFixes, course_angle
 MIN_TIME = 30.0  # s of a run that says something of itself
 HEIGHTS = {*KINDS, "zero-sea-level"}
 """Kinds that tell a height above the ellipsoid."""
-COMPASSES = {"magnetic-field": "magnetometer", "heading": "source of heading", "attitude": "AHRS"}
+COMPASSES = {
+    "magnetic-field": "magnetometer",
+    "heading": "source of heading",
+    "attitude": "AHRS",
+    "baseline": "pair of antennas",
+}
 """{kind that measures a heading: its sensor}."""
 UNSEEN_HEADING, UNSEEN_BIAS = 0.7, 0.3
 """Share of its standard deviation at the start above which nothing showed a quantity. A bias of the

@@ -150,10 +150,10 @@ def test_a_fix_at_latitude_and_longitude_0_is_none():
 
     solution = fused(with_fixes(flight(), blank))
     assert solution.counts()["GNSS position"] == (17, 0)
-    assert said(solution, "no fix") == [
+    assert said(solution, "not a fix") == [
         (
             9.0,
-            "GNSS position: latitude 0 and longitude 0 are no fix: left out (3 times until 11.0 s)",
+            "GNSS position: latitude 0 and longitude 0 are not a fix: left out (3 times until 11.0 s)",
         )
     ]
     assert np.isnan(solution.innovations.nis[solution.innovations.source == 0][8:11]).all()
@@ -189,7 +189,7 @@ def test_a_source_that_is_further_off_than_the_vehicle_can_have_gone_is_left_out
 
     far, near = (fused(with_fixes(flight(), jump), vehicle=name) for name in ("car", "any"))
     assert far.counts()["GNSS position"] == (8, 12) and not said(far, "GNSS position: gate opened")
-    ((t, text),) = said(far, "farther than vehicle 'car' can go at 120 m/s: left out")
+    ((t, text),) = said(far, "farther than vehicle 'car' can move at 120 m/s: left out")
     assert t == pytest.approx(14.0) and "300 km" in text
     assert (far.status[far.t >= t] == DOUBTFUL).all()
     assert np.abs(sd.errors(far, flight().reference).position).max() < 5

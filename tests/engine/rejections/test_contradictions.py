@@ -38,3 +38,12 @@ def test_noise_that_a_larger_shape_explains_is_none():
         (causes.DISAGREE, (1,)),
         (causes.OFFSET, (0,)),  # which says of whom fixes were also rejected
     ]
+
+
+def test_classes_of_a_receiver_contradict_nothing():
+    """They have no fix at the same time: each keeps its own cause, beside another source neither."""
+    shapes = run(0, causes.NOISE, 40), run(1, causes.OFFSET, 60, 90.0)
+    classes = [each._replace(receiver="GNSS") for each in shapes]
+    assert found(*classes) == [(causes.NOISE, ()), (causes.OFFSET, ())]
+    third = run(2, causes.UNKNOWN, 5)
+    assert (causes.DISAGREE, (1, 2)) in found(*classes, third)

@@ -46,7 +46,7 @@ def run(shape, size=(), since=118.0, until=np.inf, source=0, start=120.0, **more
         (
             run("scale", (-0.05,), source=1),
             "other sources disagree",
-            "their errors are -5 % of the speed, those of other sources were not: the sources contradict "
+            "their errors are -5 % of the speed, fixes of other sources were not: the sources contradict "
             "each other",
         ),
         (

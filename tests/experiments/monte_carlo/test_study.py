@@ -350,7 +350,7 @@ def test_another_study_is_refused_in_a_folder(finished, change, words):
     "edit, words",
     [
         (lambda m: m["versions"].update(strapdown="0.0.1"), "was begun with strapdown 0.0.1"),
-        (lambda m: m.update(format=7), "format 7, this version reads 1"),
+        (lambda m: m.update(format=7), "format 7, but this version reads 1"),
         (lambda m: m.pop("format"), "not the manifest of a study"),
     ],
 )
@@ -366,7 +366,7 @@ def test_a_manifest_of_another_version_is_refused(tmp_path, edit, words):
 
 def test_folders_that_hold_no_study_or_half_of_one(tmp_path, finished):
     with pytest.raises(
-        sd.DataError, match="manifest.json: cannot be read .*is this the folder of a study"
+        sd.DataError, match="manifest.json: cannot be read .*give the folder of a study"
     ):
         Campaign.open(tmp_path / "nowhere")
     (tmp_path / "chunks" / "cell").mkdir(parents=True)
@@ -436,7 +436,7 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path):
     campaign = Campaign.begin(study(), tmp_path)
     with (
         campaign.lock(),
-        pytest.raises(sd.DataError, match="another process works on this campaign"),
+        pytest.raises(sd.DataError, match="another process is running this campaign"),
     ):
         study().run(tmp_path)
 
@@ -475,10 +475,10 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_chunk(tmp_path):
         ({"seed": -1}, "seed is -1"),
         ({"runs": 2.5}, "runs is 2.5"),
         ({"epoch": 0.0}, "epoch is 0.0 s"),
-        ({"filters": ()}, "needs a scenario and a filter"),
+        ({"filters": ()}, "needs at least a scenario and a filter"),
         ({"filters": "closd-loop"}, "did you mean 'closed-loop'"),
         ({"filters": "periodic-reset:intervall=3"}, "has no option 'intervall'"),
-        ({"filters": "periodic-reset:interval"}, "'interval' is no option with a value"),
+        ({"filters": "periodic-reset:interval"}, "'interval' is not an option with a value"),
         ({"filters": ("open-loop", "open-loop")}, "two filters have the name 'open-loop'"),
         ({"scenarios": (FLIGHT, FLIGHT)}, "two cells"),
         ({"scenarios": "demmo"}, "demo"),
@@ -504,7 +504,7 @@ def test_a_filter_that_needs_attitude_is_refused_before_anything_is_written(
     for scenarios in (FLIGHT, (box, FLIGHT.replace(name="bare"))):
         with pytest.raises(
             sd.DataError,
-            match=rf"^study: {name} needs attitude aiding, and the scenario '(a minute|bare)' has none: .*\[attitude\]",
+            match=rf"^study: {name} needs attitude aiding, but the scenario '(a minute|bare)' has none: .*\[attitude\]",
         ) as error:
             study(scenarios=scenarios, filters=("closed-loop", name)).run("out")
         assert (

@@ -19,6 +19,7 @@ from strapdown.data.vehicle import Vehicle
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.experiments.outages import runs
 from strapdown.experiments.outages.compare import _events
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -328,7 +329,7 @@ def test_a_filter_that_cannot_run_stays_with_what_it_said():
         and found.table()[("North", "fixed-gain")].isna().all()
     )
     with pytest.raises(
-        DataError, match="no filter got through any outage; fixed-gain: .*needs attitude"
+        DataError, match="no filter completed any outage; fixed-gain: .*needs attitude"
     ):
         sd.compare(flight(20.0), ["fixed-gain"], outages="8:12")
 
@@ -362,30 +363,30 @@ REFUSED = [
     (dict(outages="8:12,10:14"), "overlap"),
     (dict(outages="300/600"), "longer than the recording"),
     (dict(outages="15:25"), "outside the recording"),
-    (dict(outages="0:5"), "before the alignment is done"),
-    (dict(outages="1:5"), "before the alignment is done"),
+    (dict(outages="0:5"), "before the end of the alignment"),
+    (dict(outages="1:5"), "before the end of the alignment"),
     (dict(outages="8.1:8.4"), "no fix of position or velocity"),
     (dict(outages="5@8:18/0"), "step is 0.0 s"),
-    (dict(outages="ten"), "'ten' is no window"),
+    (dict(outages="ten"), "'ten' is not a window"),
     (dict(filters=["kalman"]), "no filter is called 'kalman'"),
     (dict(filters=["closed-loop:gain=2"]), "no option 'gain'"),
     (dict(filters=["mahony"]), "mahony estimates no position"),
     (dict(filters=[]), "no filter"),
-    (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"),
+    (dict(filters=["mekf", "mekf"]), "'mekf' is given twice"),
     (dict(filters=["mekf:estimate=clok"]), "estimate is 'clok' (did you mean 'clock'?)"),
     (dict(filters=["fixed-gain:estimate=clock"]), "fixed-gain cannot estimate clock; these can"),
     (dict(estimate="scale"), "no source of the recording has a scale"),
-    (dict(filters=[5]), "5 is no filter"),
-    (dict(filters=[("mekf", 5)]), "is no filter"),
+    (dict(filters=[5]), "5 is not a filter"),
+    (dict(filters=[("mekf", 5)]), "is not a filter"),
     (dict(kinds=()), "kinds is empty"),
     (dict(kinds=("gnss",)), "'gnss'"),
     (dict(kinds="heading"), "no fix of heading"),
     (dict(threads=0), "threads is 0"),
     (dict(start=5.0), "must be an InitialState"),
     (dict(imu="best"), "best"),
-    (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
-    (dict(ahrs="nope"), "'nope', which is no AHRS; there are: attitude-mekf"),
-    (dict(ahrs=5), "no AHRS"),
+    (dict(filters=["fixed-gain"], ahrs="mekf"), "not an AHRS"),
+    (dict(ahrs="nope"), "'nope', which is not an AHRS; there are: attitude-mekf"),
+    (dict(ahrs=5), "not an AHRS"),
     (dict(filters=[("periodic-reset", {"interval": None})]), "interval is None"),
     (dict(filters=[("periodic-reset", {"interval": [1]})]), "interval is [1]"),
     (dict(filters=5), "filters is 5"),
@@ -398,14 +399,14 @@ REFUSED = [
     (dict(recording=None), "recording is None"),
     (dict(outages="1e-8/2e-8"), "more than 5000 windows"),
     (dict(outages="8:8.06"), "shorter than two IMU samples"),
-    (dict(filters=["mekf", "mekf:"]), "'mekf' is there twice"),
+    (dict(filters=["mekf", "mekf:"]), "'mekf' is given twice"),
     (
         dict(filters=["periodic-reset:interval=5", ("periodic-reset", {"interval": 5})]),
-        "'periodic-reset:interval=5' is there twice",
+        "'periodic-reset:interval=5' is given twice",
     ),
     (
         dict(filters=["fixed-gain:k1=0.6,k2=0.5", "fixed-gain: k2=0.50, k1=.6"]),
-        "'fixed-gain:k1=0.6,k2=0.5' is there twice",
+        "'fixed-gain:k1=0.6,k2=0.5' is given twice",
     ),
 ]
 
@@ -421,8 +422,8 @@ def test_bad_input_is_refused_in_a_line(given, said):
 
 
 def test_without_a_reference_the_withheld_fixes_are_it():
-    """They are known to decimetres, outages of 20 s drift by metres: the scores are those by the truth
-    to a few tenths."""
+    """They are known to decimetres, outages of 20 s drift by metres: the scores are those by the
+    truth to a few tenths."""
     drive = sd.simulate("car", duration=150.0, imu="industrial", seed=5)
     by_truth, by_fixes = (
         sd.compare(each, ["closed-loop"], outages="70:90,110:130")
@@ -455,7 +456,7 @@ def test_with_neither_a_reference_nor_positions_it_is_refused():
         ),
         (
             lambda reference: replace(reference, t=reference.t + 1000),
-            r"the reference covers 10\d\d\S* to 1020 s, the recording 0 to 20 s; check its clock",
+            r"the reference covers 10\d\d\S* to 1020 s, but the recording 0 to 20 s; check its clock",
         ),
         (lambda reference: replace(reference, t=reference.t - 18), "reference"),
     ],
@@ -489,7 +490,7 @@ def test_an_outage_before_the_alignment_of_all_fixes_is_refused(outages):
     late = replace(made, sources=tuple(a.between(5.0, 99.0) for a in made.sources))
     with pytest.raises(
         DataError,
-        match=r"begins before the alignment is done, at 5 s; give later outages \(or, in Python",
+        match=r"begins before the end of the alignment, at 5 s; give later outages \(or, in Python",
     ):
         sd.compare(late, ["closed-loop"], outages=outages)
 
@@ -519,7 +520,7 @@ def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
         and len(found.windows) == 7
     )
     assert (
-        "mahony fed no filter, for none of these needs an attitude" in found.notes
+        "mahony was not used, because none of these filters needs an attitude" in found.notes
         and found.filters == ("closed-loop",)
     )
 
@@ -618,3 +619,13 @@ def test_standard_deviations_of_the_fixes_count_in_the_coverage(monkeypatch):
     assert (found.scores["coverage_1"] == 1.0).all() and (
         found.scores["down_coverage_1"] == 1
     ).all()
+
+
+def test_an_outage_takes_the_vector_between_two_antennas_too():
+    """It is of GNSS; where kinds are named, only those are withheld."""
+    sensor = Simulated("baseline", 0.005, 2.0, (1.2, 0.0, 0.0))
+    recording = sd.simulate("car", duration=60.0, seed=3, sensors=[sensor])
+    found = sd.compare(recording, ["closed-loop"], outages="10@30:55/11")
+    assert found.kinds == ("position", "velocity", "baseline")
+    named = sd.compare(recording, ["closed-loop"], outages="10@30:55/11", kinds="position")
+    assert named.kinds == ("position",)

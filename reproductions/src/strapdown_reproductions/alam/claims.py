@@ -1,9 +1,9 @@
 """Claims of Alam et al. on NLO, two-stage EKF and XKF, each decided by the rule of its kind from
 the tables of runs.
 
-A claim about the filters is judged for every reading of what the paper leaves open (readings.py);
-where they contradict each other the reading decides. The rules were written before any run of the
-seeds that they judge.
+A claim about the filters is judged for every reading of the points that the paper leaves open
+(readings.py). Where verdicts contradict each other, the claim depends on the reading. The rules
+were written before any run of the seeds that they judge.
 """
 
 from collections import Counter
@@ -40,19 +40,19 @@ from .table1 import OUTAGES, list_ratios, published_least, published_times, publ
 
 RMSE = tuple(f"{axis}_rmse_m" for axis in AXES)
 TWICE = 2.0
-"""\"Diverges rapidly\", \"varies significantly more\": at least this many times as far, this many
-times as much."""
+"""\"Diverges rapidly\", \"varies significantly more\": smallest ratio of errors, and of
+variation."""
 STEADY = {sensor: 0.2 * size for sensor, size in TURN_ON.items()}
 """m/s^2 and rad/s: a fifth of the turn-on biases of the IMU; a bias estimate that wanders less
 over the last ten minutes is stabilised."""
 LOST = "a run that stops or diverges counts with 100 times the turn-on biases"
 ENOUGH = 2
-"""Cells in which the EKF is better in the north that its explanation is judged with: one alone
-may be chance."""
+"""Smallest number of cells with the EKF better in the north for a judgement of its explanation; a
+single one may be chance."""
 NEAR = 2.0
-"""m: by how much XKF and NLO differ at most in the published Table 1."""
+"""m: largest difference of XKF and NLO in the published Table 1."""
 SURE = 0.97
-"""Share of the starts from which a filter converges that is stable."""
+"""Share of starts from which a stable filter converges."""
 DEGREES = float(np.degrees(1.0))
 SHOWN = (EKF, NLO, XKF, FULL)
 CELLS = (
@@ -68,7 +68,7 @@ Tables: TypeAlias = dict[str, pd.DataFrame]
 
 
 class AlamEvidence(NamedTuple):
-    """All that the claims rest on."""
+    """The evidence for the claims."""
 
     tables: Tables
     biases: pd.DataFrame
@@ -80,9 +80,9 @@ TABLES, BIASES, CONVERGED, COSTS = map(attrgetter, AlamEvidence._fields)
 
 
 def over_all(evidence: object, judge: Callable[..., JudgedClaim], *args: object) -> JudgedClaim:
-    """`judge(evidence, reading, *args)` of every reading, and their verdict together. The text has the
-    letter's numbers and how many readings of each word come to what; the table of the readings has
-    each."""
+    """Apply `judge(evidence, reading, *args)` to every reading, and combine the verdicts. The text
+    has the numbers of the literal reading and the counts of verdicts by kind of reading; the table
+    of readings has all."""
     found = [(reading, judge(evidence, reading, *args)) for reading in READINGS]
     (letter, first), *others = found
     texts = [f"{letter.name}: {first} ({first.verdict})"]
@@ -99,8 +99,8 @@ def simulated_outages(tables: Tables) -> Tables:
 
 
 def win_share(tables: Tables, measure: str, first: str, *others: str) -> Share:
-    """Share of the single simulated outages in which the measure of filter `first` is smaller than
-    that of every one of `others`."""
+    """Return the share of the single simulated outages in which filter `first` has a smaller
+    measure than each of `others`."""
     by_seed: dict[int, list[bool]] = {}
     for table in simulated_outages(tables).values():
         if not {(measure, name) for name in (first, *others)} <= set(table.columns):
@@ -113,7 +113,7 @@ def win_share(tables: Tables, measure: str, first: str, *others: str) -> Share:
 
 
 def first_of(reading: AlamReading) -> tuple[str, str, str]:
-    """The XKF, and the two that it is held against."""
+    """Return the XKF and the two filters that it is compared with."""
     return reading.xkf, reading.ekf, reading.nlo
 
 
@@ -191,7 +191,7 @@ def like_the_observer(tables: Tables, reading: AlamReading) -> JudgedClaim:
 
 
 def explained_by_course(tables: Tables) -> JudgedClaim:
-    """Where the EKF is better in the north its course explains that."""
+    """The EKF's course explains where it is better in the north."""
     wins = {
         case: table
         for case, table in tables.items()
@@ -227,8 +227,7 @@ def median_difference(tables: Tables, name: str, observer: str) -> float:
 
 
 def wanders_twice_as_much(biases: pd.DataFrame, reading: AlamReading, column: str) -> JudgedClaim:
-    """A column of the biases is on average more than TWICE as large with the EKF as with an
-    XKF."""
+    """A column of the biases is on average more than TWICE as large with the EKF as with an XKF."""
     table = biases.pivot_table(index="seed", columns="filter", values=column, sort=False)
     pair = (reading.ekf, reading.xkf)
     known = set(pair) <= set(table.columns)
@@ -238,7 +237,7 @@ def wanders_twice_as_much(biases: pd.DataFrame, reading: AlamReading, column: st
 
 
 def unsteady(biases: pd.DataFrame, reading: AlamReading, sensor: str) -> JudgedClaim:
-    """The bias estimates of the EKF wander more than STEADY at last in most seeds."""
+    """At the end, the bias estimates of the EKF vary by more than STEADY in most seeds."""
     return kinds.mostly_of(_unsteady(biases, reading.ekf, sensor))
 
 
@@ -271,8 +270,8 @@ def lost_runs(biases: pd.DataFrame) -> str:
 
 
 def starts(converged: pd.DataFrame, label: str) -> tuple[Interval, str]:
-    """Interval of the share of starts of a case of convergence.py that converge, and the Text
-    of its count."""
+    """Return the interval of the share of starts of a case of convergence.py that converge, and the
+    text of its count."""
     own = converged[converged["case"] == label]
     good = int(np.isfinite(own["since_s"]).sum())
     return proportion(good, len(own)), f"{label} {good} of {len(own)}"

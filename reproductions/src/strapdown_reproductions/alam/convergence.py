@@ -1,9 +1,9 @@
-"""Attitude convergence from far away: a minute of turning flight, begun 170 deg off about a random
-axis with a wrong gyro bias, over seeds.
+"""Attitude convergence from large errors: a minute of turning flight with an initial error of 170
+deg about a random axis and a gyro bias error, over seeds.
 
-The rule: a start converges when the total attitude error comes below 10 deg within 60 s and stays
-there to their end. How many starts were below at some time is reported beside it: an observer whose
-error swings passes through.
+The rule: a start converges when the total attitude error falls below 10 deg within 60 s and stays
+there to their end. The number of starts that were below at some time is reported too, because the
+error of an observer may oscillate.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,8 @@ SEEDS = range(100)
 ROWS = 10
 """Every so many samples are scored: 10 Hz."""
 LATE = 30.0
-"""s from which the share of the epochs below the bound is told: to be below it at WITHIN is less."""
+"""s from which the share of the epochs below the bound is reported, which is stricter than the
+state at WITHIN."""
 _PLACE = (49.72 * DEG, 14.10 * DEG, 800.0)
 _LEGS = (
     {"duration": 4.0},
@@ -91,8 +92,8 @@ def simulator(magnetometer: bool = False, interval: float = FIXES) -> Simulator:
 def run(
     seed: int, magnetometer: bool = False, interval: float = FIXES
 ) -> tuple[Recording, InitialState]:
-    """(Recording, Start) of a seed: position and velocity at the truth, attitude and gyro bias
-    off, with standard deviations that say so."""
+    """(Recording, InitialState) of a seed: position and velocity at the truth, attitude and gyro
+    bias with errors, and standard deviations that cover them."""
     recording = simulator(magnetometer, interval).recording(IMU, np.random.default_rng(seed))
     rng, truth = np.random.default_rng([seed, _STREAM]), recording.reference
     axis, direction = (vector / np.linalg.norm(vector) for vector in rng.standard_normal((2, 3)))
@@ -129,8 +130,8 @@ def outcome(
     """(s from which the attitude error stayed below the bound, inf where it did not; s at which it
     was first below; its last value in deg; said; share of the epochs from LATE on below it).
 
-    The first three are inf for a run that stopped or cannot begin, and the fourth tells why; else
-    it is "".
+    The first three are inf for a run that stopped or cannot begin, and the fourth gives the reason;
+    else it is "".
     """
     recording, start = run(seed, case.magnetometer, interval)
     try:

@@ -1,7 +1,7 @@
 """Costs of the filters of Alam et al.: seconds of one core for the same samples and fixes.
 
-The observer is timed by its equations alone: the library's `nlo` also keeps a covariance, which the
-paper's has not.
+Only the observer's equations are timed: the library's `nlo` also computes a covariance, unlike the
+paper's.
 """
 
 import time

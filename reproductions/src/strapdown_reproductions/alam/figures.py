@@ -1,5 +1,5 @@
-"""Figures of the study of Alam et al.: the flight, growth of the errors in the outages, the
-ratios that decide the claims, Figure 4 redrawn."""
+"""Figures of the study of Alam et al.: the flight, growth of the errors in the outages, the ratios
+that decide the claims, Figure 4 recomputed."""
 
 from collections.abc import Callable
 
@@ -24,8 +24,8 @@ ANGLES, BODY = ("roll", "pitch", "heading"), ("forward", "right", "down")
 SHOWN = (EKF, NLO, XKF)
 SYMBOLS = ("circle", "circle-open", "diamond", "diamond-open")
 FRAMES = 4.0
-"""Frames of errors and biases hold what is within this many times the 98 % quantile; what leaves
-them is named below."""
+"""Limit of the frames of errors and biases as a multiple of the 98 % quantile; larger values are
+named below."""
 
 
 def all_figures(

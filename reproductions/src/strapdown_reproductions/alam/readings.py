@@ -1,8 +1,9 @@
-"""Readings of what Alam et al. leave open or print twice: of the two-stage model, of the XKF, of the
-observer's law of the accelerometer bias and of its gains; and the filters of each.
+"""Readings of the points that Alam et al. leave open or print twice: the two-stage model, the XKF,
+the observer's law of the accelerometer bias and its gains; and the filters of each.
 
-Models, forms and laws are crossed. Gains are not published: of the printed law they are changed one
-at a time, with the printed model and the affine XKF, whose stage 2 has the observer's attitude.
+Models, forms and laws are combined. Gains are not published: with the printed law they are varied
+one at a time, with the printed model and the affine XKF, whose stage 2 uses the observer's
+attitude.
 """
 
 from typing import Any, NamedTuple
@@ -10,7 +11,8 @@ from typing import Any, NamedTuple
 from strapdown.filters.observer.gains import BY_NORM, DEFAULTS
 
 LETTER, SPIRIT, CHARITY = WORDS = ("letter", "spirit", "charity")
-"""The paper's words and symbols; what it means or cites; what it could have meant to be right."""
+"""Kinds of readings: the paper's words and symbols; its meaning or citation; a correction that
+makes it consistent."""
 EKF, NLO, XKF = "EKF", "NLO", "XKF"
 GAINS = tuple(BY_NORM)
 """The gains that the library's default law has other values of."""
@@ -24,7 +26,7 @@ class Variant(NamedTuple):
 
 
 class ReadingPart(NamedTuple):
-    """A way to read one point: what its filters are called besides, their options, the word."""
+    """A reading of one point: suffix of its filters' names, their options, the kind of reading."""
 
     name: str
     options: dict[str, Any]
@@ -32,7 +34,7 @@ class ReadingPart(NamedTuple):
 
 
 class AlamReading(NamedTuple):
-    """A way to read all points: its name and word, and the labels of the three filters."""
+    """A reading of all points: its name and kind, and the labels of the three filters."""
 
     name: str
     word: str
@@ -57,11 +59,12 @@ FORMS = {
         ReadingPart("affine, own attitude", {"attitude": "stage-1"}, SPIRIT),
     ),
 }
-"""2.3: the transition matrix at the observer; the affine filter of Johansen & Fossen (2017), to which
-it refers, with the observer's attitude in (8) or that of its own stage 1."""
+"""2.3: the transition matrix at the observer; the affine filter of Johansen & Fossen (2017), to
+which it refers, with the observer's attitude in (8) or that of its own stage 1."""
 NORM = {"bias_law": "norm"}
 LAWS = (ReadingPart("", NORM, LETTER), ReadingPart("bias by xi", {}, CHARITY))
-"""Laws of the accelerometer bias: the printed one, corrected so that it adapts, and the library's."""
+"""Laws of the accelerometer bias: the printed one, corrected so that it adapts, and the
+library's."""
 ONE_AT_A_TIME = (
     ReadingPart("law by xi alone", BY_NORM | {"bias_law": "xi"}, CHARITY),
     *(
@@ -75,7 +78,7 @@ ONE_AT_A_TIME = (
 
 
 def label_of(name: str, *parts: str) -> str:
-    """Label of a filter with what its parts are called."""
+    """Return the label of a filter with the names of its parts."""
     return ", ".join(filter(None, (name, *parts)))
 
 

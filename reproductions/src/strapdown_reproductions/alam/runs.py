@@ -1,5 +1,5 @@
-"""The filters of Alam et al. and their variants on the simulated flight, over seeds: every outage
-scored, the wander of the bias estimates, tracks.
+"""The filters of Alam et al. and their variants on the simulated flight, over seeds: scores of
+every outage, variation of the bias estimates, tracks.
 
 All five windows are withheld in one run, as in the paper. All filters of a seed have the same
 samples, fixes, start and noise.
@@ -36,10 +36,10 @@ FIXES = ("position", "velocity")
 ROWS = 20
 """Every so many samples are scored: 10 Hz."""
 SETTLED, LATE = (600.0, 1850.0), (1250.0, 1850.0)
-"""s: the flight after the first ten minutes to the touchdown, in which bias estimates should
-stand; and the last ten minutes of it."""
+"""s: the flight after the first ten minutes to the touchdown, in which bias estimates should be
+stable; and its last ten minutes."""
 FAR, FAST = 1e4, 1e3
-"""m and m/s: what a filter that stopped, or went further, is scored with."""
+"""m and m/s: score of a filter that stopped or has a larger error."""
 MEASURES = {
     "north_rmse_m": FAR,
     "east_rmse_m": FAR,
@@ -104,8 +104,8 @@ ABLATIONS = {
     "NLO, accelerometer bias held": Variant("nlo", NORM | {"adaptation": 0.0}),
     **SIMULATED_ALONE,
 }
-"""The other readings; what the heading correction, the estimation of the accelerometer bias and the
-gains do: beside the same filter of FILTERS."""
+"""The other readings, and ablations of the heading correction, of the estimation of the
+accelerometer bias and of the gains, to be compared with the same filter of FILTERS."""
 AXES = ("north", "east", "down")
 Row: TypeAlias = dict[str, float | str]
 """{column: value} of a row of a table of AlamResults, or the part of it that one function finds."""
@@ -135,7 +135,7 @@ class AlamResults(NamedTuple):
     # {filter: (2, runs, len(SINCE)) m}, horizontal and vertical, of all outages of all seeds
     growth: dict[str, Array]
     sample: dict[str, AlamRun]  # {filter: Run of the first seed}
-    recording: Recording  # of the first seed, with what was withheld
+    recording: Recording  # of the first seed, with the withheld fixes
 
 
 @lru_cache(maxsize=1)
@@ -234,10 +234,10 @@ def _seed(
 def _fly_variant(
     hidden: Recording, label: str, variant: Variant, start: InitialState, notify: Notify | None
 ) -> Solution:
-    """Solution of a variant; one whose accelerometer bias is stabilised has it for a constant, so
-    that its estimate comes to rest.
+    """Return the Solution of a variant; a stabilised accelerometer bias is a constant, so that its
+    estimate settles.
 
-    The paper's filters know no scale and no misalignment, though the grade states them.
+    The paper's filters do not model scale and misalignment, although the grade states them.
     """
     noise = None
     if label.endswith(STABILISED):
@@ -262,11 +262,11 @@ def _sample(solution: Solution, e: Errors) -> AlamRun:
 
 
 def score_outage(e: Errors, window: tuple[float, float], stopped: str) -> Row:
-    """{measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where the
-    filter did not get through it, or further away.
+    """Return {measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where
+    the filter did not complete it or has larger errors.
 
-    window: (start, stop) in s; stopped: why the run ended early, "" where it did not; it is said of
-    the outages that this cost.
+    window: (start, stop) in s; stopped: why the run ended early, "" where it did not; the affected
+    outages get this text.
     """
     inside = (e.t > window[0] - 1e-6) & (e.t < window[1] - 1e-6)
     if (

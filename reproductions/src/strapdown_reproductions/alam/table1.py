@@ -1,4 +1,4 @@
-"""Table 1 of Alam et al. redrawn, and what the published one says.
+"""Table 1 of Alam et al. recomputed, and counts from the published one.
 
 A case is one outage of the simulated flight over all seeds, or all windows of a recording.
 """

@@ -2,11 +2,13 @@
 transition matrix is taken at the estimate of the nonlinear observer.
 
     mean            x <- f(x),  x <- x + K (y - h(x))                 that of `two-stage-ekf`
-    covariance      P <- F(xbar) P F(xbar)' + Q,  K by H(x)           xbar: the observer, as in `nlo`
+    covariance      P <- F(xbar) P F(xbar)' + Q,  K by H(x)           xbar: the observer, as in
+    `nlo`
 
 F is that of the model's own coordinates, Euler angles and velocity in the body. The library's
 `xkf-two-stage` is the affine filter of Johansen & Fossen (2017), which the section refers to: its
-mean goes on by f(xbar) + F(xbar) (x - xbar). Nothing brings this one's estimate back to the observer.
+mean is propagated by f(xbar) + F(xbar) (x - xbar). Nothing pulls the estimate of this filter back
+to the observer.
 """
 
 from typing import Any
@@ -82,8 +84,8 @@ def start(
 
 @kernel(PREDICT)
 def predict(belief: FilterState, u: Array, dt: float, noise: Noise) -> None:
-    """Advance both stages by a sample at the estimate, P by the transition at the observer, then the
-    observer."""
+    """Advance both stages by a sample at the estimate, P by the transition at the observer, then
+    the observer."""
     if dt <= 0:
         return
     workspace, bar = belief.workspace, embedded_observer(belief, INSIDE.start)
@@ -135,7 +137,8 @@ def correct(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Correct as `two-stage-ekf` does, then let the observer take the fix, whatever the gate."""
+    """Correct as `two-stage-ekf` does, then apply the fix to the observer, whatever the gate
+    decides."""
     workspace, bar = belief.workspace, embedded_observer(belief, INSIDE.start)
     nis = two_stage_ekf.correct_estimate(belief, y, std, kind, observe, source, gate, innovation)
     if (
@@ -167,5 +170,5 @@ XKF_AS_PRINTED = Filter(
 
 
 def make_known() -> None:
-    """Have studies, comparisons and `fuse` find it by its name."""
+    """Register it, so that studies, comparisons and `fuse` find it by its name."""
     register(XKF_AS_PRINTED)

@@ -44,8 +44,8 @@ PUBLISHED_STEP = 1e-3
 CHAPTER, FADING, RIGHT = "chapter", "chapter, decaying", "true noises"
 TUNINGS = (CHAPTER, FADING, RIGHT)
 """The published weights with estimates of the biases that are held, as the published code has them;
-the same weights with estimates that decay, as the chapter's equations have them; the true noises, and
-estimates that decay where the true biases do."""
+the same weights with estimates that decay, as the chapter's equations have them; the true noises,
+and estimates that decay where the true biases do."""
 THE_CHAPTERS = (CHAPTER, FADING)
 DECIDING = (CHAPTER, RIGHT)
 """Tunings that decide claims, where a claim is not about decay itself."""
@@ -57,7 +57,8 @@ of the biases at the start."""
 RMS = {"position_m": 0, "velocity_m_s": 3, "attitude_rad": 6, "accel_m_s2": 9, "gyro_rad_s": 12}
 """Names of rms errors, and the first of the three states that each is of."""
 LAST = 100.0
-"""s at the end of a run over which its errors are averaged; growth is against those as long before."""
+"""s at the end of a run over which its errors are averaged; growth is against those as long
+before."""
 START_STD = (
     1.0,
     1.0,
@@ -102,8 +103,8 @@ has no published code."""
 AHRS = Weights((1.0, 1.0, 10.0, 0.01), (1000.0, 500.0), {"position": 1.0, "attitude": 1.0})
 """SIMaidedINSeuler and ins_ahrs."""
 OBSERVER_GAINS = {"k1": 1.0, "k2": 1.0, "ki": 0.1}
-"""1/s, of the attitude observers: poles at 0.11 and 0.89 1/s, so that the published gyro biases are found
-in half a minute."""
+"""1/s, of the attitude observers: poles at 0.11 and 0.89 1/s, so that the published gyro biases are
+found in half a minute."""
 TRUE_STD = {
     "position": signals.POSITION_STD,
     "velocity": signals.VELOCITY_STD,
@@ -112,10 +113,10 @@ TRUE_STD = {
     "attitude": signals.AHRS_STD,
     "gravity": 1.0 / GRAVITY_SIZE,
 }
-"""Standard deviations of what is simulated; that of gravity stands for the body's acceleration,
+"""Standard deviations of the simulated noise; that of gravity represents the body's acceleration,
 1 m/s^2. Of field and gravity, over their size."""
 SIZE = {"magnetic-field": float(np.linalg.norm(signals.FIELD)), "gravity": GRAVITY_SIZE}
-"""T and m/s^2: from the unit vector to what the sources measure."""
+"""T and m/s^2: factors from unit vectors to the measured quantities."""
 
 
 OWN = PRINTED_FILTERS | {FORCE_OBSERVER.name: FORCE_OBSERVER}
@@ -127,8 +128,8 @@ AS_PUBLISHED = {"attitude_error": "neglected"}
 angles alone."""
 CONSIDERED = ", attitude error considered"
 """End of the label of a case beside the published one, whose filter considers what errors of the
-records do to the velocity: only with the true noises, for R of the chapter is a weight of 1 rad^2 and not
-the variance of an AHRS."""
+records do to the velocity: only with the true noises, for R of the chapter is a weight of 1 rad^2
+and not the variance of an AHRS."""
 
 
 class FilterCase(NamedTuple):
@@ -451,9 +452,9 @@ def numbers(run: CaseRun, duration: float) -> dict[str, float | bool]:
     """{name: number} of a run: times of convergence, rms errors over the last LAST s, shares of the
     biases' deviations that are left.
 
-    growth and ins_growth are those of the position error of the estimate and of the raw INS: rms over
-    the last LAST s by that over the LAST s before. accel_first_s is when the error of the accelerometer biases first was below its bound, whether
-    it stayed there or not.
+    growth and ins_growth are those of the position error of the estimate and of the raw INS: rms
+    over the last LAST s by that over the LAST s before. accel_first_s is when the error of the
+    accelerometer biases first was below its bound, whether it stayed there or not.
     """
     ended = bool(run.stopped) or not len(run.t) or run.t[-1] < duration - 1.0
     late, before = run.t >= duration - LAST, abs(run.t - (duration - 1.5 * LAST)) < 0.5 * LAST

@@ -62,8 +62,8 @@ is the error of one position fix."""
 DRIFTED, KEPT = 100.0, 1.0
 """m: a raw INS that has drifted, and an estimate that has not."""
 GROWN = 1.5
-"""An error has grown whose rms of the last LAST s is more than this times that of the LAST s before: one
-that grows linearly has 1.65 in 300 s, one with the square of the time 2.6."""
+"""An error has grown whose rms of the last LAST s is more than this times that of the LAST s
+before: one that grows linearly has 1.65 in 300 s, one with the square of the time 2.6."""
 TILTED, MOVES = 1.0, 1.0
 """deg: an inaccurate static attitude; m/s^2: rms of a high acceleration."""
 SURE = 0.9
@@ -73,7 +73,7 @@ HOME = 1.0
 RANK = 1e-9
 """Smallest over largest eigenvalue of a covariance that is rank deficient."""
 HALF_A_MILLISECOND = 500.0
-"""µs: what a filter at 2 kHz has for a sample."""
+"""µs: time available per sample for a filter at 2 kHz."""
 MEKF = (
     "mekf, position + field, 1 Hz",
     "mekf, position + field",
@@ -148,7 +148,8 @@ def of_intro(
 
 
 def of_dropouts(tuning: str) -> Callable[[FossenEvidence], Cells]:
-    """The cells of the dropouts of a tuning: indirect filters and MEKF, as printed and the library's."""
+    """The cells of the dropouts of a tuning: indirect filters and MEKF, as printed and the
+    library's."""
     cases = (INDIRECT_PRINTED, *INDIRECT, MEKF_PRINTED[0], MEKF[1])
     return lambda e: choose_cells(e.dropouts, ["case", "excitation"], case=cases, tuning=[tuning])
 
@@ -159,8 +160,8 @@ def holds(rows: pd.DataFrame, what: str) -> Mask:
 
 
 def votes(cells: Cells, what: str, level: float = 0.5) -> Votes:
-    """Return the vote of each cell: +1 where a condition holds in more than half of its runs (or the
-    share `level`) by Wilson's interval, -1 where in fewer, else 0."""
+    """Return the vote of each cell: +1 where a condition holds in more than half of its runs (or
+    the share `level`) by Wilson's interval, -1 where in fewer, else 0."""
     found = [(int(holds(rows, what).sum()), len(rows)) for _, rows in cells]
     return lambda confidence: [vote(*proportion(*each, confidence)[1:], level) for each in found]
 
@@ -868,7 +869,8 @@ CLAIMS = {
         answer="At 1 kHz {share:.0%} of the runs are near the truth, and a sample takes {mekf_us:.2g} µs.",
     ),
 }
-"""In the order of the chapter; those from the static attitude on are statements beside its filters."""
+"""In the order of the chapter; those from the static attitude on are statements beside its
+filters."""
 
 
 def claims(evidence: FossenEvidence) -> list[dict[str, str]]:

@@ -1,4 +1,5 @@
-"""Concordance of Fossen's chapter 14: where each equation, figure, table and claim is, and what holds it.
+"""Concordance of Fossen's chapter 14: the code and the test of each equation, figure, table and
+claim.
 
 The slides have no numbers of equations, so that each stands under its section.
 """

@@ -53,14 +53,14 @@ SENSORS = (
 STYLES = tuple(zip(FORMS, COLOURS, ("solid", "solid", "dash")))
 """Line styles of the filters of the introductory example."""
 NEVER = 600.0
-"""s at which runs stand that have not converged."""
+"""s: value for runs that have not converged."""
 
 
 def all_figures(
     results: FossenResults, intro: Kept, flown: pd.DataFrame
 ) -> list[tuple[str, go.Figure, str]]:
-    """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study, flown:
-    the table of statements.flight."""
+    """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study,
+    flown: the table of statements.flight."""
     lettered = tuple(zip("ab", signals.SIGNALS))
     samples = {
         name: {tuning: results.samples.get((SHOWN, name, tuning)) for tuning in LABELS}

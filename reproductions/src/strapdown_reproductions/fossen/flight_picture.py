@@ -1,4 +1,5 @@
-"""The tilt error of the attitude observer on the recorded flight as a picture for the documentation."""
+"""The tilt error of the attitude observer on the recorded flight as a picture for the
+documentation."""
 
 from html import escape
 
@@ -10,7 +11,7 @@ from .statements import RECORDED, flight_rms
 
 PICTURE = "fossen-flight.svg"
 NAMES = {"gravity": "gravity alone", "gnss": "GNSS velocity"}
-"""{reference vector: what it is called}."""
+"""{reference vector: its name}."""
 WIDTH, HEIGHT, LEFT, BELOW, ABOVE = 760, 280, 52, 40, 30
 """px: of the picture, and beside, below and above its lines."""
 MAX_TILT = 30.0

@@ -1,14 +1,14 @@
-"""The chapter's attitude observer with a reference vector that varies with time: the specific force in
-n by differentiated GNSS velocity less gravity, as in the helicopter's demonstration (FCS-20).
+"""The chapter's attitude observer with a reference vector that varies with time: the specific force
+in n by differentiated GNSS velocity less gravity, as in the helicopter's demonstration (FCS-20).
 
-Between two velocities the accelerometers have gathered s = integral of C f, and the fixes say that it
-was r = v2 - v1 - g T. The cross product of the two unit vectors turns the attitude:
+Between two velocities the accelerometers have gathered s = integral of C f, and the fixes say that
+it was r = v2 - v1 - g T. The cross product of the two unit vectors turns the attitude:
 
     C <- exp(k s x r) C, b_ars <- b_ars - k_i k C' (s x r), k = 1 - exp(-k1 T)
 
-With the constant reference r = - g T an acceleration counts as a tilt, as in the other observer of the
-chapter. A magnetic field or a compass corrects the heading about the vertical alike, with k2. Source:
-Fossen (2021) 14.2; Grip et al. (2013); Hua (2010), Control Engineering Practice 18(7).
+With the constant reference r = - g T an acceleration counts as a tilt, as in the other observer of
+the chapter. A magnetic field or a compass corrects the heading about the vertical alike, with k2.
+Source: Fossen (2021) 14.2; Grip et al. (2013); Hua (2010), Control Engineering Practice 18(7).
 """
 
 import math
@@ -66,8 +66,8 @@ def start(
     k2: float = 0.1,
     ki: float = 0.005,
 ) -> FilterState:
-    """The filter state at `start`. reference: of the specific force, "gnss" or "gravity"; k1: its gain, k2: that
-    of field and compass, ki: of the gyro bias, 1/s."""
+    """The filter state at `start`. reference: of the specific force, "gnss" or "gravity"; k1: its
+    gain, k2: that of field and compass, ki: of the gyro bias, 1/s."""
     for name, value in {"k1": k1, "k2": k2, "ki": ki}.items():
         check_number(value, name, "1/s", least=0)
     workspace = SLOTS.zeros()
@@ -154,7 +154,7 @@ def correct(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Pull the attitude to the direction that a fix tells; it does not gate."""
+    """Correct the attitude towards the direction of a fix, without a gate."""
     workspace, C = belief.workspace, belief.C_nb
     for i in range(innovation.size):
         innovation[i] = math.nan

@@ -1,8 +1,8 @@
 """Readings of what the chapter and its code leave open or print in two ways, in a full cross: which
 filter, which weights and estimates of the biases, which biases of signal 2. Each has a vote.
 
-One word for each: "letter" is what is printed, "spirit" what the text means by it, "charity" what helps
-a filter beyond that.
+One word for each: "letter" is what is printed, "spirit" what the text means by it, "charity" what
+helps a filter beyond that.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -113,7 +113,7 @@ class ByReading(NamedTuple):
         }
 
     def __call__(self, evidence: Any) -> JudgedClaim:
-        """The verdict of all readings together, with how those of each word vote as its text."""
+        """The combined verdict of all readings, with the votes by kind of reading as its text."""
         judged = self.judge(evidence)
         by_word = {
             word: [found.verdict for each, found in judged.items() if each.word == word]
@@ -129,7 +129,8 @@ class ByReading(NamedTuple):
 
 
 def together(judged: Mapping[str, JudgedClaim]) -> JudgedClaim:
-    """The verdict over readings that have names of their own, with the verdict of each as its text."""
+    """The verdict over readings that have names of their own, with the verdict of each as its
+    text."""
     said = [f"{name}: {found.verdict}" for name, found in judged.items()]
     return JudgedClaim(_verdict(judged.values()), "; ".join(said))
 
@@ -168,8 +169,8 @@ def pick(
 def filters(
     printed: Sequence[str], library: Sequence[str], considered: bool = False
 ) -> dict[ReadPoint, Sequence[str]]:
-    """{ReadPoint: names of cases}; considered: those of the library with an AHRS have a case each that
-    considers its errors."""
+    """{ReadPoint: names of cases}; considered: those of the library with an AHRS have a case each
+    that considers its errors."""
     found: dict[ReadPoint, Sequence[str]] = {PRINTED: printed} if printed else {}
     if library:
         found[LIBRARY] = library
@@ -179,7 +180,8 @@ def filters(
 
 
 def table(claims: Mapping[str, Claim], evidence: Any) -> pd.DataFrame:
-    """A row per claim and reading: its number, the reading, its word, verdict and count of cells."""
+    """A row per claim and reading: its number, the reading, its word, verdict and count of
+    cells."""
     rows = [
         (i, reading.name, reading.word, found.verdict, str(found))
         for i, claim in enumerate(claims.values(), 1)

@@ -65,7 +65,7 @@ class FossenResults(NamedTuple):
 def tasks(
     seeds: Sequence[int], studied: Sequence[cases.FilterCase] = cases.CASES + cases.FAST
 ) -> list[tuple[int, str, list[cases.FilterCase]]]:
-    """[(seed, excitation, [cases])] in order: what shares one truth."""
+    """[(seed, excitation, [cases])] in order: the cases with one truth."""
     found = []
     for seed, excitation in product(seeds, signals.EXCITATIONS):
         own = [

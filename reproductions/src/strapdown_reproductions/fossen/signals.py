@@ -47,8 +47,8 @@ SAMPLE_NOISE = 0.005
 """Standard deviation of each sample of force (m/s^2) and rate (rad/s)."""
 POSITION_STD, VELOCITY_STD = 0.05, 0.01  # m, m/s
 DIRECTION_STD, COMPASS_STD, AHRS_STD = 0.005, 0.005, 0.005
-"""Standard deviations of the field's unit vector, and in rad: chosen, for the published generator has 0.005 nT,
-and an exact compass and AHRS."""
+"""Standard deviations of the field's unit vector, and in rad: chosen, for the published generator
+has 0.005 nT, and an exact compass and AHRS."""
 POSITION_INTERVAL, FIELD_RATE, AHRS_RATE = 0.2, 100.0, 10.0  # s, Hz, Hz
 SPEED = 5.0
 """m/s of the steady straight motion."""
@@ -83,14 +83,14 @@ SWINGS = {"turning": (0.0, 0.0, 40.0), "steep": (10.0, 95.0, 20.0)}
 
 
 class Ideal(NamedTuple):
-    """The truth of an excitation and what an IMU without errors reads."""
+    """Return the truth of an excitation and the readings of an IMU without errors."""
 
     truth: Trajectory  # n + 1 rows from 0 s
     imu: Imu  # n rows
 
 
 def acceleration(name: str, t: ArrayLike) -> Array:
-    """(..., 3) m/s^2, body: what the accelerometers feel of a signal besides gravity."""
+    """(..., 3) m/s^2, body: the specific force of a signal without gravity."""
     return _sines(SIGNALS[name][0], t)
 
 

@@ -74,7 +74,7 @@ PAIRS = {
         ],
     ),
 }
-"""Ablations within one campaign: what, and pairs of a variant with what it is compared with."""
+"""Ablations within one campaign: name, and pairs of a variant and its comparison."""
 CAPTIONS = {name: text for name, (text, _) in PAIRS.items()} | {
     "gravity": "Gravity that depends on latitude alone, in truth, INS and error model, against "
     "gravity that falls with height.",
@@ -82,7 +82,7 @@ CAPTIONS = {name: text for name, (text, _) in PAIRS.items()} | {
     "open loop against the closed loop; compare with the rows of tactical grade in the table of "
     "flights with offset.",
 }
-"""{table: what is compared with what}."""
+"""{table: compared pairs}."""
 COMPARISONS = (
     *(
         (name, ("filters", one), ("filters", other))
@@ -137,8 +137,8 @@ def studies(
 def tables(
     campaigns: dict[str, Campaign],
 ) -> tuple[dict[str, tuple[str, pd.DataFrame]], pd.DataFrame, pd.DataFrame]:
-    """({name: (caption with its sentence, DataFrame)}, rows of the resets and of the bias in the INS
-    for the claims) of the campaigns of `studies`."""
+    """({name: (caption with its sentence, DataFrame)}, rows of the resets and of the bias in the
+    INS for the claims) of the campaigns of `studies`."""
     found: dict[str, list[dict[str, float | str]]] = {name: [] for name in CAPTIONS}
     for number in range(len(campaigns["filters"].cells)):
         parts = {

@@ -4,9 +4,9 @@ Bryne are decided with.
 Everything is compared on the same runs. A ratio is RMSE of the first filter by RMSE of the second,
 the geometric mean over runs, with 95 % ends. The paper gives a run up at 500 m or when the filter
 is "highly inconsistent", which it does not define. The filters go on after an abort, only the score
-stops, so that the same flights are scored in three ways (the end of a name): _500, by the 500 m rule
-alone; _both, by both rules, each epoch after an abort counted as 500 m; _until, by both rules, each
-filter until it is interrupted.
+stops, so that the same flights are scored in three ways (the end of a name): _500, by the 500 m
+rule alone; _both, by both rules, each epoch after an abort counted as 500 m; _until, by both rules,
+each filter until it is interrupted.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ COMPARED = ("position", "steps", *VECTORS)
 """Quantities that compare two filters; steps: of the position error from one stored epoch to the
 next, which is what noise leaves of it."""
 STRAIGHT = ("07", "10")
-"""Flights without manoeuvres, whose errors are told by time too."""
+"""Flights without manoeuvres, whose errors are reported over time too."""
 FIRST, SECOND = "open", "closed"
 SAME_TIME = 1e-6
 Stored: TypeAlias = NDArray[np.float32]
@@ -80,7 +80,7 @@ class CellRows(NamedTuple):
 
 
 Part: TypeAlias = tuple[Numbers, CellRows, int]
-"""(numbers, Rows, place) of a filter of a cell: what the cell has, and which one of it."""
+"""(numbers, Rows, index) of a filter of a cell."""
 
 
 def numbers_of(campaign: Campaign, cell: str) -> tuple[Numbers, Mask]:
@@ -113,14 +113,14 @@ def flight_of(name: str) -> str:
 
 
 def grade_of(name: str) -> str:
-    """Grade of an IMU, whatever it is read as."""
+    """Return the grade of an IMU, for any reading of it."""
     return name.removeprefix("paper1-").removesuffix("-zero").removesuffix("-density")
 
 
 def tables(campaign: Campaign) -> list[pd.DataFrame]:
     """For each filter of the campaign but the first a pandas DataFrame with a row per cell:
-    `compare_filters` of the first and this one, as open and closed loop, with flight, grade, minutes and
-    scenario."""
+    `compare_filters` of the first and this one, as open and closed loop, with flight, grade,
+    minutes and scenario."""
     found: list[list[dict[str, float | str]]] = [[] for _ in campaign.manifest["filters"][1:]]
     ends = sorted({cell["scenario"]["duration_s"] for cell in campaign.manifest["cells"]})
     for cell in campaign.manifest["cells"]:
@@ -193,8 +193,8 @@ def _mean_squares(numbers: Numbers, rows: CellRows, pair: list[int]) -> dict[str
 
 
 def by_time(rows: CellRows, ends: Sequence[float]) -> dict[str, float]:
-    """{name: value, with the ends of its interval}: RMSE of the first filter as in `censored_mean_square` over
-    the first `ends` s, as long as its flight is."""
+    """{name: value, with the ends of its interval}: RMSE of the first filter as in
+    `censored_mean_square` over the first `ends` s, as long as its flight is."""
     most = np.where(rows.within[0], np.minimum(rows.distance[0], LIMIT), LIMIT) ** 2
     return {
         f"{FIRST}_by_{end:.0f}_s{bound}": float(value)

@@ -1,4 +1,4 @@
-"""Concordance of Hager & Bryne: where each equation, figure, table and claim is, and what holds it."""
+"""Concordance of Hager & Bryne: the code and the test of each equation, figure, table and claim."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

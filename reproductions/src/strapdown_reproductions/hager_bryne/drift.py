@@ -32,7 +32,7 @@ ALONE = "closed-loop"
 
 
 class Drift(NamedTuple):
-    """Tables of the raw INS's drift and of what goes with it."""
+    """Return tables of the raw INS's drift and of related quantities."""
 
     runs: pd.DataFrame  # a row per run, see `_row`
     bins: pd.DataFrame  # NEES and position error, open by closed, by drift

@@ -38,7 +38,7 @@ BLUE, ORANGE = COLOURS[:2]
 LOOPS = (("open", "open loop", BLUE), ("closed", "closed loop", ORANGE))
 GRADES = ("consumer", "tactical", "navigation")
 RUN = 0
-"""Number of the run in figures of one run: the first, whatever it shows."""
+"""Number of the run in figures of one run: the first, chosen in advance."""
 STATES = tuple(
     f"{what} {axis} [{unit}]"
     for what, unit in (("pos.", "m"), ("vel.", "m/s"), ("rot.", "deg"))

@@ -101,8 +101,8 @@ OF_PAPER = Flown()
 
 
 def studies(asked: Asked = USUAL, flown: Flown = OF_PAPER) -> dict[str, Study]:
-    """{name: Study} of what is run: "flights", "offset", "initial" as chosen, one of each other FlownWorld
-    by its name, and the ablations. A quick run has the world of the letter alone. Raises
+    """{name: Study} of what is run: "flights", "offset", "initial" as chosen, one of each other
+    FlownWorld by its name, and the ablations. A quick run has the world of the letter alone. Raises
     DataError."""
     printed_updates.make_known()
     count, seed, imus = asked.run_count(RUNS, QUICK_RUNS), asked.seed, flown.imus
@@ -135,8 +135,8 @@ def worlds() -> list[FlownWorld]:
 
 
 def scenarios(flown: Flown) -> list[tuple[Scenario, ...]]:
-    """The flights without offset, with a constant one, and with one that is the initial value of the
-    bias process."""
+    """The flights without offset, with a constant one, and with one that is the initial value of
+    the bias process."""
     moved = lambda ending, decays: tuple(
         s.replace(name=f"{s.name}-{ending}", accel_offset=OFFSET, offset_decays=decays)
         for s in map(scenario, flown.with_offset)
@@ -265,9 +265,9 @@ def write(
 def read_cells(
     campaigns: Mapping[str, Campaign],
 ) -> tuple[dict[tuple[FlownWorld, str], CellTables], pd.DataFrame]:
-    """({(world, update): CellTables} of all worlds that were flown, flights of the chosen world with a
-    prediction (19) of zero). A world with another start has the rows of other grades from the one
-    without."""
+    """({(world, update): CellTables} of all worlds that were flown, flights of the chosen world
+    with a prediction (19) of zero). A world with another start has the rows of other grades from
+    the one without."""
     corrected, printed, zero = tables(campaigns["flights"])
     parts = [(corrected, printed), *(tables(campaigns[name]) for name in ("offset", "initial"))]
     found = {
@@ -303,7 +303,7 @@ def complete_tables(
 
 
 def with_others(own: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
-    """The rows of `own`, after those of `whole` whose grade it lacks."""
+    """Return the rows of `own` after those rows of `whole` whose grade `own` lacks."""
     rest = whole[~whole["grade"].isin(own["grade"])]
     return pd.concat([rest, own], ignore_index=True)
 
@@ -339,7 +339,7 @@ def ablated_tables(
 
 
 def zero_is_printed(printed: pd.DataFrame, zero: pd.DataFrame) -> str:
-    """A sentence: by how much a prediction (19) of zero differs from (15) as printed."""
+    """Return a sentence on the difference between a prediction (19) of zero and (15) as printed."""
     most = (zero["closed_censored_500_m"] / printed["closed_censored_500_m"] - 1).abs().max()
     return (
         "With a prediction (19) of zero the position RMSE of the closed loop differs from that with "
@@ -493,7 +493,8 @@ def _intervals(cells: pd.DataFrame, name: str) -> list[str]:
 
 
 def by_flight(cells: pd.DataFrame) -> pd.DataFrame:
-    """The table of cells for docs/reference/evidence/open-or-closed-loop.md, as text: a row per grade and flight."""
+    """The table of cells for docs/reference/evidence/open-or-closed-loop.md, as text: a row per
+    grade and flight."""
     rows = cells.sort_values(["grade", "flight"])
     columns = (
         ("grade", "grade", "{}"),

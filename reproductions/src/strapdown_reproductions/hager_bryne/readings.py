@@ -1,5 +1,5 @@
-"""Factors of a full cross of readings, of what Hager & Bryne leave open or print so that it can be read in
-several ways, and how all readings together decide a claim."""
+"""Factors of a full cross of readings, of what Hager & Bryne leave open or print so that it can be
+read in several ways, and how all readings together decide a claim."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -85,7 +85,8 @@ ABORT = Factor(
     ),
 )
 WITHOUT_COUNT = Factor("abort", ABORT.about, (ABORT.levels[0], ABORT.levels[2]))
-"""Factor of the measures without a value that could count after an abort: attitude, biases, survival, NEES."""
+"""Factor of the measures without a value that could count after an abort: attitude, biases,
+survival, NEES."""
 OFFSET = Factor(
     "offset",
     "the offset of 0.5 m/s²",
@@ -113,11 +114,12 @@ MINUTES = Factor(
 )
 FACTORS = (SIGMA, P0, BIASES, START, UPDATE, ABORT, OFFSET, DIVERGES, MINUTES)
 OF_WORLD = (SIGMA, P0, BIASES, START)
-"""Those that change what is flown; the others choose a filter of the same flights, or score them."""
+"""Factors that change the flights; the others choose a filter for the same flights, or the
+scores."""
 
 
 class FlownWorld(NamedTuple):
-    """A level of each of OF_WORLD, which is what is flown."""
+    """A level of each of OF_WORLD, which define the flights."""
 
     sigma: str = "std"
     p0: str = "alike"
@@ -187,8 +189,8 @@ class ReadClaim(NamedTuple):
 
 
 def verdicts(read: ReadClaim, evidence: Any) -> dict[WorldReading, str]:
-    """The verdict of each reading that was flown and has what the claim needs; `evidence` has `read`,
-    which gives what the rules look at, or None."""
+    """The verdict of each reading that was flown and has what the claim needs; `evidence` has
+    `read`, which gives what the rules look at, or None."""
     found = {}
     for reading in cross(read.factors):
         own = evidence.read(reading)
@@ -265,8 +267,8 @@ def by_level(
 def votes_table(
     reads: Sequence[ReadClaim], found: Sequence[Mapping[WorldReading, str]]
 ) -> pd.DataFrame:
-    """As text, a row per level of a factor: what it is, in a word, and for each claim in how many of
-    the readings with it that is reproduced; two rows more, the verdicts of the letter and of the
+    """As text, a row per level of a factor: what it is, in a word, and for each claim in how many
+    of the readings with it that is reproduced; two rows more, the verdicts of the letter and of the
     spirit."""
     rows = []
     for factor in FACTORS:

@@ -1,5 +1,5 @@
-"""Rules that decide the claims of Hager & Bryne by one reading: how cells vote at a level of confidence,
-and what is counted. How the readings decide together is in readings.py."""
+"""Rules that decide the claims of Hager & Bryne by one reading: how cells vote at a level of
+confidence, and what is counted. How the readings decide together is in readings.py."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
@@ -35,13 +35,14 @@ sure of itself; below 1 it is too careful."""
 SMALL_DRIFT = 100.0
 """m of raw INS drift, below which the linearisation in position should not matter."""
 SMALL_TURN, LARGE_TURN = 3.0, 10.0
-"""deg of raw INS attitude error, below and beyond which the linearisation in attitude should not, and
-should, matter: a linear model leaves out half the angle as a share of itself, 2.6 % and 8.7 %."""
+"""deg of raw INS attitude error, below and beyond which the linearisation in attitude should not,
+and should, matter: a linear model leaves out half the angle as a share of itself, 2.6 % and 8.7
+%."""
 RARELY = 60.0
 """s: resets that are this far apart or further are occasional."""
 SHARES = ("survived", "early", "diverged", "grew", "contained")
-"""In the names of columns that are shares of the runs; all others are means over runs of something's
-logarithm, or stand for one."""
+"""In the names of columns that are shares of the runs; all others are means over runs of
+something's logarithm, or stand for one."""
 Rule: TypeAlias = Callable[[Votes], JudgedClaim]
 
 
@@ -189,7 +190,8 @@ def column_value(rows: pd.DataFrame, column: str, how: str = "median") -> float:
 
 
 def change(rows: pd.DataFrame, name: str) -> str:
-    """Text: by how much the open loop's RMSE differs from the closed one's, median of the cells."""
+    """Return the text of the difference between the open loop's RMSE and the closed one's, median
+    of the cells."""
     values = rows[name].to_numpy(float)
     values = values[np.isfinite(values)]
     return factors([float(np.median(values))])[0] if len(values) else "nothing known"
@@ -264,14 +266,14 @@ def drift_by_grade(drift: pd.DataFrame) -> str:
 
 
 def ins_grows(drift: pd.DataFrame) -> JudgedClaim:
-    """MOSTLY, by single runs: the raw INS has drifted farther in the last quarter of the flight than
-    in the one before."""
+    """MOSTLY, by single runs: the raw INS has drifted farther in the last quarter of the flight
+    than in the one before."""
     return mostly_of(cluster_share([(int(grew), 1) for grew in drift["grew"]]))
 
 
 def judge_amplification(flights: pd.DataFrame, of: Sequence[str]) -> JudgedClaim:
-    """MOSTLY, over the grades `of` and the dynamic flights: the open-loop RMSE is larger than that of
-    the longest straight flight over the same time, by more than SIZE with the interval of their
+    """MOSTLY, over the grades `of` and the dynamic flights: the open-loop RMSE is larger than that
+    of the longest straight flight over the same time, by more than SIZE with the interval of their
     ratio; a smaller one or no difference contradicts."""
     name, votes = "open_censored_500_m", []
     for grade in of:
@@ -292,8 +294,8 @@ def rename_interval(row: pd.Series, name: str, other: str) -> pd.Series:
 
 
 def stays_small_while_wrong(rows: pd.DataFrame) -> JudgedClaim:
-    """MOSTLY the open loop is interrupted as inconsistent before its position errs by 10 m (interval
-    of the ratio of the times); a cell in which neither happens says nothing."""
+    """MOSTLY the open loop is interrupted as inconsistent before its position errs by 10 m
+    (interval of the ratio of the times); a cell in which neither happens says nothing."""
     votes = []
     for _, row in rows.iterrows():
         if not (is_unfinished(row, "open_given_up_s") and is_unfinished(row, "open_onset_s")):
@@ -325,8 +327,8 @@ def with_and_without(e: HagerBryneEvidence) -> Beside:
 
 def longer(first: pd.Series, second: pd.Series, name: str, factor: float = 1.0) -> int:
     """+1 where `name`, a time or an RMSE, is more than `factor` times as large in row `first` as in
-    `second` by the 95 % interval of their ratio, -1 where it is less, 0 where the interval holds the
-    factor, as where one of the two may be 0."""
+    `second` by the 95 % interval of their ratio, -1 where it is less, 0 where the interval holds
+    the factor, as where one of the two may be 0."""
     if not (first[f"{name}_low"] > 0 and second[f"{name}_low"] > 0):
         return 0
     halves = [0.5 * np.log(row[f"{name}_high"] / row[f"{name}_low"]) for row in (first, second)]
@@ -368,8 +370,8 @@ def beside_straight(
 
 
 def against_straight(rows: pd.DataFrame, name: str, sign: int) -> JudgedClaim:
-    """MOSTLY, over the dynamic flights, time `name` is longer (`sign` 1) or shorter (-1) than on the
-    straight one of their grade; one that ends before it can tell says nothing."""
+    """MOSTLY, over the dynamic flights, time `name` is longer (`sign` 1) or shorter (-1) than on
+    the straight one of their grade; one that ends before it can tell says nothing."""
     votes = []
     for _, dynamic, straight in beside_straight(rows):
         for _, row in dynamic.iterrows():

@@ -65,13 +65,13 @@ class FlightCase(NamedTuple):
 
     experiment: str  # of EXPERIMENTS
     form: str = SIX  # or FULL
-    # what drives the prediction during the outage, in E0 between fixes: IMU or MODEL
+    # input of the prediction during the outage, in E0 between fixes: IMU or MODEL
     prediction: str = IMU
     tuning: str = SENSORS  # Q and R from the sensors, or as PRINTED
     condition: str = ""  # of CONDITIONS; "": as usual
 
     def __str__(self) -> str:
-        """As tables and texts name it; what is as usual is left out."""
+        """Name in tables and texts; default values are left out."""
         parts = [
             self.experiment,
             self.form * (self.form == FULL),
@@ -179,7 +179,8 @@ def of(
     prediction: str | None = None,
     tuning: str | None = None,
 ) -> dict[FlightCase, pd.DataFrame]:
-    """The tables of one experiment in one form, as usual, of all readings or of those named."""
+    """The tables of one experiment in one form, with default conditions, of all readings or of
+    those named."""
     return {
         case: table
         for case, table in tables.items()
@@ -273,7 +274,7 @@ LEFT_OUT = {
     "off_max_m": "aircraft from the reference flight, at most, m",
     "off_route_m": "aircraft beside its route, at most, m",
 }
-"""Columns of what the tables of the paper leave out."""
+"""Columns that the tables of the paper leave out."""
 
 
 def left_out(

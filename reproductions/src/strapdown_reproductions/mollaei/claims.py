@@ -108,7 +108,7 @@ class ClaimComparison(NamedTuple):
     experiments: tuple[str, ...]
     measures: tuple[str, ...]
     pairs: tuple[Pair, ...]
-    # measures of a second reading, which is judged too, and what the two readings are
+    # measures of a second reading, which is judged too, and names of the two readings
     others: tuple[str, ...] = ()
     how: str = ""
     voting: Voting = sides
@@ -123,7 +123,7 @@ def compare_modes(
     kind: ClaimKind = kinds.OVERALL,
 ) -> Claim:
     """The row of a claim that the first mode of each pair is better in all experiments and
-    measures; extra: said after what was measured."""
+    measures; extra: text after the measured values."""
     cells = choose_flown(*of.experiments)
     return Claim(
         text,
@@ -139,7 +139,8 @@ def compare_modes(
 
 
 def compare_alike(*args: Any, **options: Any) -> Claim:
-    """The row of `compare_modes` for a claim that also says that the filters resemble direct feedback."""
+    """The row of `compare_modes` for a claim that also says that the filters resemble direct
+    feedback."""
     row = compare_modes(*args, **options)
     curves = over(choose_flown(E0), resembles, DEVIATIONS, NONLINEAR)
     return row._replace(

@@ -1,4 +1,5 @@
-"""Concordance of Mollaei et al.: where each equation, figure, table and claim is, and what holds it."""
+"""Concordance of Mollaei et al.: the code and the test of each equation, figure, table and
+claim."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

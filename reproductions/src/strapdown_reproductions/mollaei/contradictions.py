@@ -1,8 +1,8 @@
 """Where Tables 2 to 4 of Mollaei et al. cannot all be of the flights that they are said to be of:
 arithmetic on what is printed, without a flight.
 
-The three experiments are one flight until the fixes are cut, and two of them until they end at
-25 s. Squares only add up, and so does the highest value: a longer flight cannot have less of either.
+The three experiments are one flight until the fixes are cut, and two of them until they end at 25
+s. Squares only add up, and so does the highest value: a longer flight cannot have less of either.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,8 @@ def least_ratio(seconds: float, longer: float) -> float:
 
 
 def contradictions() -> pd.DataFrame:
-    """DataFrame of text: what is printed, what it would take, and what is wrong with it."""
+    """Return a DataFrame of text: the printed value, the condition for it, and the
+    contradiction."""
     rows = [_after_the_cut(), *_one_transient(), *_overshoots(), _than_none(), _velocity_y()]
     return pd.DataFrame(rows, columns=["printed", "the arithmetic", "so"])
 

@@ -71,7 +71,7 @@ STYLE: dict[str, dict[str, Any]] = {
     TRUTH: {"width": 1.0},
     NO_FILTER: {"width": 1.4},
 }
-"""Curves that coincide, as those of one filter do, are told apart by their strokes."""
+"""Coinciding curves, as those of one filter, differ in their dashes."""
 SHARE = 4.0
 """Frames hold the filters' and the reference's values and this many times their range about
 them; what leaves it is named."""

@@ -38,7 +38,7 @@ def contaminate(recording: Recording, seed: int) -> Recording:
 
 
 def _exact(source: Source, truth: Trajectory) -> Array:
-    """(n, 3) what fixes at samples would be without errors."""
+    """Return the fixes at samples without errors (n, 3)."""
     rows = np.searchsorted(truth.t, source.t - 1e-6)
     values = truth.lla if source.kind == "position" else truth.v_n
     assert values is not None

@@ -53,7 +53,8 @@ OVERSHOOTS = ("over_x_pct", "over_z_pct")
 CONTROLS, AILERON = ("elevator_deg", "rudder_deg"), "aileron_deg"
 """Ue and Ur, and Ua."""
 LETTER, SPIRIT, CHARITY = "letter", "spirit", "charity"
-"""A reading is what is printed, what the text seems to mean, or what alone favours the claim."""
+"""Kinds of readings: as printed, the likely meaning of the text, or the one that favours the
+claim."""
 PRINTED_Y = (10.0, 50.0)
 """Per cent: between which the overshoots of velocity Y "in all cases" are said to lie."""
 SETTLING = ("settle_elevator_s", "settle_engine_s", "settle_alpha_s")
@@ -65,9 +66,9 @@ than 500 m\" is less than a fifth of it."""
 NEARLY_ALL = 0.9
 """Share of the flights that must not diverge, or stay near."""
 SAME = 1e-6
-"""m: filters whose estimates and flights differ by no more are one filter."""
+"""m: filters whose estimates and flights differ by at most this count as one filter."""
 ZERO = 5e-5
-"""N: what the tables print as 0.0000."""
+"""N: largest value that the tables print as 0.0000."""
 PRINTED_DEVIATIONS, PRINTED_ALL = (
     ("fx_n", "fz_n", "gx", "gz"),
     ("fx_n", "fz_n", "gx", "gz", *OVERSHOOTS),
@@ -130,7 +131,7 @@ def choose_flown(
 
 
 def usual(tables: Tables, prediction: str | None = None) -> Tables:
-    """Those flown as usual, of all predictions or of one."""
+    """Return the cells with default conditions, of all predictions or of one."""
     return {
         case: table
         for case, table in tables.items()
@@ -368,7 +369,8 @@ def _near_to(distances: Sequence[Array]) -> Votes:
 
 
 def by_direct(judge: Callable[[str], JudgedClaim]) -> JudgedClaim:
-    """Judge with each reading of direct feedback in place of no filter, and combine the verdicts."""
+    """Judge with each reading of direct feedback in place of no filter, and combine the
+    verdicts."""
     found = {mode: judge(mode) for mode in DIRECT}
     return JudgedClaim(
         over_readings(*(each.verdict for each in found.values())),

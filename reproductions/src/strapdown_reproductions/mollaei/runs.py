@@ -95,8 +95,8 @@ FILTERS_SIX: dict[str, tuple[Filter, dict[str, Any]]] = {
 """{mode: (Filter, its options)}."""
 FILTERS_FULL = {CLOSED: "closed-loop", EKF: "ekf", UKF: "ukf", CKF: "ckf", PKF: "pkf"}
 START_STD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
-"""Standard deviations at the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
-would ever correct it."""
+"""Standard deviations at the start of the six-state filters: m, m/s; their attitude is the true
+one, since nothing would ever correct it."""
 FLAT = {"earth": "flat", "start_std": START_STD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
 """Options of a flight with the six-state filters."""
 PREDICTIONS = {
@@ -116,10 +116,10 @@ GIVEN: dict[str, dict[str, Any]] = {
     HZ_20: {"filter_rate": 20.0},
     HZ_10: {"filter_rate": 10.0},
 }
-"""{condition: what a flight is asked for}."""
+"""{condition: options of a flight}."""
 SHARES = {(WIND, SIX): 10, (OUTLIERS, SIX): 8, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
-"""{(experiment, form): a seed in so many is flown} where no verdict hangs on a share of the flights;
-all seeds elsewhere."""
+"""{(experiment, form): a seed in so many is flown} where no verdict hangs on a share of the
+flights; all seeds elsewhere."""
 SELDOM = 8
 """A seed in so many is flown of CONDITIONS, and with components predicted by sigma points."""
 TIMES = 50
@@ -449,7 +449,7 @@ def curve(record: FlightRecord | None, reference: FlightRecord) -> Array:
 
 
 def texts() -> dict[str, str]:
-    """{brace: text} for mollaei_choices: what was flown and with which receiver."""
+    """{brace: text} for mollaei_choices: the flights and their receiver."""
     p, v = (
         ", ".join(f"{value:g}" for value in std)
         for std in (RECEIVER.position_std, RECEIVER.velocity_std)

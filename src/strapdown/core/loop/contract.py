@@ -361,7 +361,8 @@ class MeasurementModel(NamedTuple):
     # "acceleration", "angular rate", "magnetic field", "pressure"
     quantities: tuple[str, ...]
     # what source.parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
-    # point, m, body; "field": T, NED; "atmosphere": pressure, Pa, and temperature, K, at a height, m
+    # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body;
+    # "atmosphere": pressure, Pa, and temperature, K, at a height, m
     parameters: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file

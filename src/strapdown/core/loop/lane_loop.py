@@ -27,9 +27,10 @@ from ..compile.signatures import (
     wholes,
 )
 from ..mathematics.belief import BELIEF, NOISE, FilterState, Noise
+from ..mathematics.disturbed_field import is_disturbed
 from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
-from ..mathematics.source import NAMED_KINDS, OBSERVE, Kind
+from ..mathematics.source import NAMED_KINDS, OBSERVE, Kind, SourceRow
 from .contract import IN_LANES
 from .cursor import Limits
 from .integrity import HEARD, NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
@@ -236,7 +237,7 @@ def _use_fix(
             if share_states(fixes.sources[s], fixes.sources[i]):
                 last = max(last, cursor.last[i])
         walk(belief.P, fixes.sources[s], t - last)
-    _look(fixes.y[k], fixes.sources[s].kind, belief, t, cursor)
+    _look(fixes.y[k], fixes.std[k], fixes.sources[s], belief, t, cursor)
     cursor.last[s] = t
     for i in range(3, 12):
         innovation[i] = math.nan  # not every filter whitens
@@ -314,15 +315,19 @@ def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
 
 
 @inline
-def _look(y: Array, kind: int, belief: FilterState, t: float, cursor: LaneCursor) -> None:
+def _look(
+    y: Array, std: Array, source: SourceRow, belief: FilterState, t: float, cursor: LaneCursor
+) -> None:
     """Runs whose fix `core.loop.integrity.is_plausible` might not believe must go alone."""
-    limits = cursor.limits[0]
+    limits, kind = cursor.limits[0], source.kind
     if kind == Kind.POSITION:
         nowhere = (abs(y[0]) < NEAR_NULL) & (abs(y[1]) < NEAR_NULL)
         _mark(LEFT, nowhere | (y[2] < limits.lowest) | (y[2] > limits.highest), t, cursor)
     elif kind == Kind.VELOCITY:
         square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
         _mark(LEFT, ~(square <= 0.99 * limits.speed * limits.speed), t, cursor)
+    elif kind == Kind.MAGNETIC_FIELD:
+        _mark(LEFT, is_disturbed(belief, y, std, source), t, cursor)
 
 
 @helper

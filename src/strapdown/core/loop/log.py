@@ -35,6 +35,8 @@ class Code(IntEnum):
     CLOCK_OFF = 20
     HEIGHT_APART = 21
     HEIGHT_AGAIN = 22
+    DISTURBED = 23
+    IRON_WAITS = 24
 
 
 class LogRow:

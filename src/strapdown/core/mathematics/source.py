@@ -63,6 +63,11 @@ class SourceRow:
     arm_state: Annotated[Ints, 3]
     mounting_state: Annotated[Ints, 3]
     scale_state: int
+    # of a magnetometer: hard iron, T, body, soft iron, the field's model, T, NED, and declination, rad
+    iron_state: Annotated[Ints, 3]
+    soft_state: Annotated[Ints, 6]
+    field_state: Annotated[Ints, 3]
+    declination_state: int
 
     delay: float  # s that a measurement waits, so that what the filter looks back at is there
     age: float  # s by which the belief is ahead of the measurement, with the clock as estimated

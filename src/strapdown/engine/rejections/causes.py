@@ -1,15 +1,16 @@
 """Why the fixes of a run were rejected: its innovations against what each cause makes of them.
 
-An error d(t) of a fix does not show as such: the filter follows it with its gain K, so that of an
-error that stays little is seen after a while. With x what it has followed, by rows of the innovation,
+The error d(t) of a fix does not appear fully in the innovation: the filter follows it with its gain
+K, so a constant error becomes nearly invisible. With x the part already followed, by rows of the
+innovation,
 
     e = d - x + noise,      x <- x + K (d - x) where the fix was used,      K = 1 - R / S
 
-R from the stated standard deviation, S from the innovation's covariance L L'. What remains of e
-after the best error of a shape (a step, a ramp, velocity times a clock offset, ...) by least squares,
-whitened by L, has the deviance N ln(chi2 / N) + N of N normal rows of free spread, those that passed
-the gate and the others each their own; p parameters cost p ln N (Schwarz 1978). The shape wins that
-lowers it most, by MARGIN at least.
+R from the stated standard deviation, S from the innovation's covariance L L'. Least squares fits an
+error of a shape (a step, a ramp, velocity times a clock offset, ...) to e, whitened by L. The
+residual of N normal rows has the deviance N ln(chi2 / N) + N, with separate free variances for the
+rows that passed the gate and the others; p parameters cost p ln N (Schwarz 1978). The shape that
+lowers the deviance most wins if it lowers it by at least MARGIN.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,17 +23,18 @@ from ...typing import Array, Mask
 JUMP, DRIFT, CLOCK, NOISE = "jump", "drift", "clock", "noise too small"
 DISAGREE, OUTLIERS, UNKNOWN = "other sources disagree", "single outliers", "not known"
 MARGIN = 10.0
-"""By which a shape lowers the deviance: "very strong" by Kass and Raftery (1995)."""
+"""Smallest reduction of the deviance by a shape: "very strong" evidence by Kass and Raftery
+(1995)."""
 PARTS = {JUMP: 0.5, CLOCK: 0.1}
 PART_OF_LASTING = 0.2
-"""Part of the chi-square of rejected fixes, beyond what is expected, that a shape must explain. What lasts shakes the
-filter each time that a gate is opened, which no shape follows."""
-MIN_SPREAD = 0.25  # of the claimed variance: rows that share the filter's error scatter less
+"""Part of the excess chi-square of rejected fixes that a shape must explain. A lasting error
+disturbs the filter each time that a gate is opened, which no shape models."""
+MIN_SPREAD = 0.25  # of the claimed variance: rows with a common filter error scatter less
 SPREAD = 1.8
-"""Variance, over the claimed one, of innovations that passed the gate, from which noise is too small:
-a gate leaves 2.4 of the 4 of a standard deviation half as large as it is."""
+"""Ratio of the variance of accepted innovations to the claimed one above which the stated noise is
+too small: with a std half the true one, the ratio is 4, of which the gate leaves 2.4."""
 BLOCK = 32  # rows
-IN_A_ROW = 5  # rejections: so many are no single outliers
+IN_A_ROW = 5  # consecutive rejections that are not single outliers
 MAX_STEPS = 12  # parts of a run that may each begin with a jump
 ONSETS = (
     0.0,
@@ -43,22 +45,22 @@ ONSETS = (
     40.0,
 )  # s before the first rejection at which a drift may begin
 OFFSET, SCALE, ALWAYS = "offset", "scale", "drift from the beginning"
-"""Shapes of a source that contradicts others as long as it is there."""
+"""Shapes of a source that contradicts others for its whole duration."""
 START = "start"
-"""No shape: the filter may be wrong."""
+"""No shape: the filter may be inconsistent."""
 LASTING = (DRIFT, CLOCK, OFFSET, SCALE)
 """Shapes that explain rejections with good fixes between them."""
 
 
 class Window(NamedTuple):
-    """The fixes of a source about a run of rejections, m in order of time."""
+    """The m fixes of a source around a run of rejections, in time order."""
 
     t: Array  # (m,) s
     innovation: Array  # (m, 3); NaN where not measured
     root: Array  # (m, 3, 3) L, unit diagonal where not measured
     std: Array  # (m, 3) stated
     used: Mask  # (m,)
-    passed: Mask  # (m,) used, and not only because a gate was opened
+    passed: Mask  # (m,) passed the gate, not only used because it was opened
     velocity: Array  # (m, 3) of the filter, NED, m/s
     acceleration: Array  # (m, 3) of it, m/s^2
     kind: str  # of the source
@@ -66,14 +68,14 @@ class Window(NamedTuple):
 
 
 class CauseFound(NamedTuple):
-    """A shape and how it fits."""
+    """A shape and its fit."""
 
     shape: str  # a cause, or OFFSET or SCALE
     size: Array  # (3,) of a jump, an offset, a drift per s; (1,) of a clock (s) or a scale
     since: float  # s
     until: float  # s; inf: it stayed
-    spread: float  # of what is left, over the claimed standard deviation
-    gain: float  # of deviance, over spread alone
+    spread: float  # std of the residual over the claimed one
+    gain: float  # reduction of the deviance compared with free spread alone
 
 
 class _Shape(NamedTuple):
@@ -86,7 +88,7 @@ class _Shape(NamedTuple):
 
 
 def find(window: Window) -> CauseFound:
-    """The shape that explains a run best, or without any NOISE, OUTLIERS or UNKNOWN."""
+    """Return the shape that explains a run best, or NOISE, OUTLIERS or UNKNOWN without one."""
     measured = np.isfinite(window.innovation)
     e = whitened_values(window.root, np.where(measured, window.innovation, 0.0)[:, :, None])[
         :, :, 0
@@ -134,8 +136,8 @@ class _Sums(NamedTuple):
 
     @classmethod
     def of(cls, e: Array, A: Array) -> "_Sums":
-        """Their sums, BLOCK rows at a time: for so few no library starts threads, which take longer
-        than the sums."""
+        """Return their sums, BLOCK rows at a time: for so few rows no library starts threads, which
+        would take longer than the sums."""
         blocks = np.zeros((-(-len(e) // BLOCK) * BLOCK, 1 + A.shape[1]))
         blocks[: len(e), 0], blocks[: len(e), 1:] = e, A
         blocks = blocks.reshape(-1, BLOCK, blocks.shape[1])
@@ -143,7 +145,7 @@ class _Sums(NamedTuple):
         return cls(len(e), float(total[0, 0]), total[0, 1:], total[1:, 1:])
 
     def less(self, own: slice, size: Array) -> "_Sums":
-        """Without what these values of some of the parameters do."""
+        """Return the sums without the effect of these values of some of the parameters."""
         explained = 2 * size @ self.right[own] - size @ self.normal[own, own] @ size
         return self._replace(squares=self.squares - float(explained))
 
@@ -158,7 +160,7 @@ def _deviance(sums: Sequence[_Sums]) -> float:
 
 
 def _fit(sums: Sequence[_Sums], own: slice) -> Array:
-    """Some of the parameters by least squares, 0 where nothing shows them."""
+    """Return some of the parameters by least squares, 0 where they are not observable."""
     normal = sum((each.normal[own, own] for each in sums), np.zeros(()))
     right = sum((each.right[own] for each in sums), np.zeros(()))
     seen = np.diagonal(normal) > 1e-9
@@ -179,13 +181,13 @@ def _without(window: Window, e: Array, passed: Mask) -> CauseFound:
 
 
 def _longest(bad: Mask) -> int:
-    """The most in a row."""
+    """Return the longest run."""
     ends = np.flatnonzero(np.diff(np.r_[0, bad.astype(int), 0]))
     return int(np.diff(ends)[::2].max(initial=0))
 
 
 def _each(values: Array) -> Array:
-    """(m, 3, 3): a parameter of its own for each row of the innovation."""
+    """(m, 3, 3): a separate parameter for each row of the innovation."""
     return values[:, None, None] * np.eye(3)
 
 
@@ -215,8 +217,8 @@ def _shapes(window: Window) -> Iterator[_Shape]:
 
 
 def _jumps(t: Array, bad: Mask, first: int, last: int) -> Iterator[_Shape]:
-    """To stay or to return, from the first rejection or one before it: the gate may have let some
-    through."""
+    """Yield jumps that stay or return, from the first rejection or an earlier fix, because the gate
+    may have accepted some."""
     again = first + np.flatnonzero(np.diff(bad[first : last + 1].astype(int)) > 0)
     ends = [t[last]] if last + 1 < len(t) else []
     ends += [t[again[-1]]] if len(again) else []  # rejected again when it returned
@@ -229,15 +231,15 @@ def _jumps(t: Array, bad: Mask, first: int, last: int) -> Iterator[_Shape]:
 
 
 def _whitened_errors(window: Window, shapes: list[_Shape]) -> Array:
-    """(m, 3, p) of all parameters of the shapes what an innovation shows, the filter having followed
-    the error so far, whitened."""
+    """Return (m, 3, p), the whitened effect of all parameters of the shapes on the innovations,
+    after the filter has followed the error so far."""
     variance = (window.root**2).sum(axis=2)
     gain = np.clip(1 - window.std**2 / variance, 0.0, 1.0)
     gain[~window.used] = 0.0
     errors = np.concatenate([shape.basis for shape in shapes], axis=2)
     widths = [shape.basis.shape[2] for shape in shapes]
     follow = np.repeat([float(shape.followed) for shape in shapes], widths)
-    x = errors[0] * follow  # what was there before the first of these fixes has been followed
+    x = errors[0] * follow  # the filter has followed an error before the first of these fixes
     for d, k in zip(errors, gain[:, :, None] * follow):
         d -= x
         x += k * d

@@ -1,13 +1,13 @@
-"""Probabilities that correct fixes look wrong, in closed form: scipy.special would take 0.15 s to
-load in every run that rejects a fix. Source: Abramowitz & Stegun (1964), 26.4.4, 26.4.5 and
+"""Probabilities that correct fixes are rejected, in closed form, because scipy.special would take
+0.15 s to load in every run with a rejection. Source: Abramowitz & Stegun (1964), 26.4.4, 26.4.5 and
 26.4.21."""
 
 import math
 
 
 def farther(rows: int, nis: float) -> float:
-    """Probability that the NIS of an innovation of 1, 2 or 3 rows is above `nis`: of the chi-square
-    distribution; 0 of no rows."""
+    """Return the probability of the chi-square distribution that the NIS of an innovation of 1, 2
+    or 3 rows exceeds `nis`; 0 for no rows."""
     half = 0.5 * nis
     if rows == 0:
         return 0.0
@@ -18,8 +18,8 @@ def farther(rows: int, nis: float) -> float:
 
 
 def as_many(count: int, expected: float) -> float:
-    """Probability that `count` or more events happen where `expected` do on average: of the Poisson
-    distribution."""
+    """Return the probability of the Poisson distribution that `count` or more events happen where
+    `expected` happen on average."""
     if expected == 0:
         return float(count <= 0)
     log = math.log(expected)  # powers of many expected events are no numbers

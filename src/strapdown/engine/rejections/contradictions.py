@@ -1,5 +1,5 @@
-"""Runs of rejections of several sources at the same time: which of them explain the others, and what
-only says that they contradict each other."""
+"""Runs of rejections of several sources at the same time: which runs explain the others, and which
+only show that the sources contradict each other."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -22,15 +22,13 @@ from .causes import (
 )
 
 BY_THEMSELVES = (OUTLIERS, START)
-"""Shapes that say nothing of other sources."""
+"""Shapes that do not concern other sources."""
 CHAIN = 30.0  # s within which rejections may have one cause
-MIN_EXPLAINED = (
-    0.5  # part of what is to be explained that one run must explain to be the cause of the others
-)
+MIN_EXPLAINED = 0.5  # part of the total that one run must explain to be the cause of the others
 
 
 class RejectedRun(NamedTuple):
-    """Rejected fixes of a source and what explains them."""
+    """Rejected fixes of a source and their cause."""
 
     source: int
     start: float  # s, of the first and of the last of them
@@ -40,12 +38,13 @@ class RejectedRun(NamedTuple):
     largest: float  # how far off, standard deviations
     found: CauseFound
     others: tuple[int, ...] = ()  # sources that were rejected at the same time
-    silent: float = 0.0  # s since the fix before its cause; inf of the first
+    silent: float = 0.0  # s since the fix before its cause; inf for the first fix
+    receiver: str = ""  # of which the source is a class
 
 
 def assign_blame(runs: list[RejectedRun]) -> list[RejectedRun]:
-    """Runs in order of time. Of those at the same time some keep their own cause, the others of
-    each source become one that contradicts."""
+    """Return the runs in time order. Of simultaneous runs some keep their own cause; the others of
+    each source become one run that contradicts other sources."""
     alone = [run for run in runs if run.found.shape in BY_THEMSELVES]
     for together in _together([run for run in runs if run.found.shape not in BY_THEMSELVES]):
         alone += _judge_runs(together)
@@ -64,7 +63,8 @@ def _together(runs: list[RejectedRun]) -> Iterator[list[RejectedRun]]:
 
 def _judge_runs(runs: list[RejectedRun]) -> list[RejectedRun]:
     sources = {run.source for run in runs}
-    if len(sources) < 2:
+    # classes of a receiver have no fix at the same time, and so contradict nothing
+    if len({run.receiver or run.source for run in runs}) < 2:
         return runs
     gain, count = sum(run.found.gain for run in runs), sum(run.number for run in runs)
     best = max((run.found for run in runs), key=lambda found: found.gain)
@@ -90,17 +90,17 @@ def _judge_runs(runs: list[RejectedRun]) -> list[RejectedRun]:
 
 
 def _one(runs: list[RejectedRun], others: tuple[int, ...]) -> RejectedRun:
-    """Runs of a source that say no more than that it and others contradict each other."""
+    """Merge runs of a source that only show that it and others contradict each other."""
     biggest = max(runs, key=lambda run: run.number)
     return merge_runs(runs)._replace(found=biggest.found._replace(shape=DISAGREE), others=others)
 
 
 def merge_runs(runs: list[RejectedRun]) -> RejectedRun:
-    """Runs of a source, in order of time, as one with the cause of the first."""
+    """Merge runs of a source, in time order, into one with the cause of the first."""
     spans = [(run.of - 1) / (run.stop - run.start) for run in runs if run.stop > run.start]
     start, stop = runs[0].start, max(run.stop for run in runs)
     count, of = sum(run.number for run in runs), sum(run.of for run in runs)
-    if len(runs) > 1 and spans:  # those between them were good
+    if len(runs) > 1 and spans:  # the fixes between them were accepted
         of = max(of, round(float(np.median(spans)) * (stop - start)) + 1)
     return runs[0]._replace(
         stop=stop, number=count, of=of, largest=max(run.largest for run in runs)

@@ -1,8 +1,8 @@
-"""Runs of rejected fixes of each source, from the rows that the loop wrote.
+"""Runs of rejected fixes of each source, from the rows of the loop.
 
-Rejections less than FOLD s apart belong together, unless some in a row stand out from the others.
-Single ones of which nothing more is to be said are gathered over the whole recording; where the gate
-rejects as many right ones, they are chance.
+Rejections less than FOLD s apart belong together, unless consecutive ones stand out from the
+others. Single outliers are collected over the whole recording. They count as chance where the gate
+would reject as many correct fixes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,25 +21,26 @@ from .windows import WindowFixes, window
 
 FEW = 3  # rejections: fewer are single outliers
 AT_ONCE = 4  # rejections in a row that can stand out
-STANDS_OUT = 1e-3  # how often so many in a row may be expected by the share of the others
-UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
-INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
-MAX_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
+STANDS_OUT = 1e-3  # largest expected number of such rows, given the share of the others
+UNLIKELY = 1e-3  # probability of as many single rejections by chance, or of one as far off
+INEXACT = 2.0  # times the number expected by chance, because no model fits its distribution exactly
+MAX_RUNS = 10  # separate runs of a source; the last includes all that follow
 WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
-"""Causes that can explain rejections with good fixes between them."""
+"""Causes that can explain rejections with accepted fixes between them."""
 
 
 def find(fixes: WindowFixes, sources: Sequence[Source]) -> list[RejectedRun]:
-    """The runs of all sources, in the order of their beginning; what is chance is left out."""
+    """Return the runs of all sources in order of their beginning, without those by chance."""
     runs: list[RejectedRun] = []
     for s in np.unique(fixes.rows["source"][fixes.rejected].astype(int)).tolist():
-        runs += _of_source(s, fixes.of(s), fixes, sources[s].kind)
+        found = _of_source(s, fixes.of(s), fixes, sources[s].kind)
+        runs += [run._replace(receiver=sources[s].receiver) for run in found]
     return assign_blame(sorted(runs, key=lambda run: (run.start, run.source)))
 
 
 def join_runs(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list[RejectedRun]:
-    """Runs found earlier and those after them: single outliers of a source are one run, and so is
-    all that comes after MAX_RUNS of it."""
+    """Join earlier runs and later ones: single outliers of a source are one run, and so are all
+    runs after its MAX_RUNS-th."""
     found: dict[int, list[RejectedRun]] = {}
     for run in (*before, *now):
         own = found.setdefault(run.source, [])
@@ -79,7 +80,7 @@ def _of_source(s: int, own: WindowFixes, every: WindowFixes, kind: str) -> list[
 def _together(
     own: WindowFixes, every: WindowFixes, kind: str, chains: list[Ints]
 ) -> CauseFound | None:
-    """Find one lasting cause of all chains of rejections together; None where there is none."""
+    """Find one lasting cause of all chains of rejections; None where there is none."""
     long = [chain for chain in chains if len(chain) >= FEW]
     if len(long) < 2:
         return None
@@ -90,8 +91,8 @@ def _together(
 def _explain_chain(
     own: WindowFixes, every: WindowFixes, kind: str, bad: Ints
 ) -> Iterator[tuple[Ints, CauseFound | None]]:
-    """Yield a chain of rejections, or each of its parts, with its cause; None where they are
-    few."""
+    """Yield a chain of rejections, or each of its parts, with its cause; None for few
+    rejections."""
     if len(bad) < FEW:
         yield bad, None
         return
@@ -112,26 +113,27 @@ def _explain_chain(
 
 
 def _without_onset(found: CauseFound, own: WindowFixes) -> CauseFound:
-    """A drift that was there from the beginning may as well be that of the others."""
+    """Change the cause of a drift from the beginning, which may as well be that of the other
+    sources."""
     early = found.shape == causes.DRIFT and found.since < own.began + CHAIN
     return found._replace(shape=causes.ALWAYS) if early else found
 
 
 def _mark_start_error(run: RejectedRun, begin: float) -> RejectedRun:
-    """A run that is over soon after the filter began shows an error of its start as well as one of
-    the fixes."""
+    """Mark a run that ends soon after the filter began: it may come from an error of the start or
+    of the fixes."""
     if run.found.shape == causes.NOISE or run.stop > begin + SETTLING:
         return run
     return run._replace(found=run.found._replace(shape=causes.START))
 
 
 def _distant_rejections(own: WindowFixes, bad: Ints, seconds: float) -> list[Ints]:
-    """Rejections that are further than that from each other."""
+    """Return groups of rejections that are more than `seconds` apart."""
     return np.split(bad, np.flatnonzero(np.diff(own.t[bad]) > seconds) + 1)
 
 
 def _parts(own: WindowFixes, bad: Ints) -> Iterator[Ints]:
-    """Rejections that belong together."""
+    """Yield groups of rejections that belong together."""
     rejected = own.rejected
     for part in _distant_rejections(own, bad, FOLD):
         for first, last in _split(rejected, int(part[0]), int(part[-1])):
@@ -139,7 +141,8 @@ def _parts(own: WindowFixes, bad: Ints) -> Iterator[Ints]:
 
 
 def _split(rejected: Mask, first: int, last: int) -> Iterator[tuple[int, int]]:
-    """Parts of [first, last], where its longest row of rejections stands out from the others."""
+    """Yield the parts of [first, last] where its longest row of rejections stands out from the
+    others."""
     inside = rejected[first : last + 1]
     edges = np.flatnonzero(np.diff(np.r_[0, inside.astype(int), 0]))
     starts, ends = edges[::2], edges[1::2]

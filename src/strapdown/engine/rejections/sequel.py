@@ -1,5 +1,6 @@
-"""The sequel of a jump or a drift: the filter follows fixes that stay where nothing felt them go, its gates
-accept them again, and yet nobody knows whether they or what was before is right."""
+"""The time after a jump or a drift that the IMU did not measure. The filter follows the displaced
+fixes and its gates accept them again, but the data do not show whether the fixes before or after
+are correct."""
 
 from collections.abc import Iterable, Sequence
 
@@ -11,15 +12,15 @@ from .causes import DRIFT, JUMP
 from .contradictions import RejectedRun
 
 RETURNED = 0.3
-"""Part of its largest distance from where it was that a source may keep when it has returned."""
+"""Part of its largest displacement that a returned source may keep."""
 
 
 def unresolved_spans(
     runs: Sequence[RejectedRun], sources: Iterable[int]
 ) -> list[tuple[float, float]]:
-    """[(from, to)] s: when one of these sources contradicts what it said before, or the IMU, by a jump or a
-    drift to which it stays; until it returns, or the end (inf). A jump after HEARD seconds without a fix is
-    no contradiction: the filter may have drifted meanwhile."""
+    """[(from, to)] s: times when one of these sources contradicts its earlier fixes, or the IMU, by
+    a lasting jump or drift, until it returns or to the end (inf). A jump after HEARD seconds
+    without a fix is not a contradiction, because the filter may have drifted."""
     found = []
     for s in sources:
         found += _of_source([run for run in runs if run.source == s and run.silent < HEARD])
@@ -45,5 +46,5 @@ def _of_source(runs: list[RejectedRun]) -> list[tuple[float, float]]:
 
 
 def _sum_of_steps(size: Array) -> Array:
-    """(3,) the sum of the steps (3 k,) of a jump."""
+    """Return the sum (3,) of the steps (3 k,) of a jump."""
     return np.asarray(size).reshape(-1, 3).sum(axis=0)

@@ -23,7 +23,7 @@ from .causes import (
 )
 from .contradictions import RejectedRun
 
-VERTICAL = 0.3  # part of a vector from which its vertical component is said too
+VERTICAL = 0.3  # part of a vector above which its vertical component is reported too
 WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 REMEDIES = {
     JUMP: "check whether the fixes before or after the jump are correct, and leave out the others",
@@ -37,7 +37,7 @@ REMEDIES = {
 
 
 def rejection_texts(runs: Sequence[RejectedRun], sources: Sequence[Source]) -> list[Rejected]:
-    """The runs in words."""
+    """Return the runs as text."""
     names = [a.name or a.kind for a in sources]
     return [_rejection_text(run, sources[run.source], names) for run in runs]
 
@@ -49,7 +49,7 @@ def _rejection_text(run: RejectedRun, source: Source, names: Sequence[str]) -> R
     if cause == DISAGREE:
         others = ", ".join(names[s] for s in run.others)
         also = (
-            f"fixes of {others} were also rejected" if others else "those of other sources were not"
+            f"fixes of {others} were also rejected" if others else "fixes of other sources were not"
         )
         seen = f"{', '.join(filter(None, [seen, also]))}: the sources contradict each other"
     span = run.start, run.stop, run.number, run.of

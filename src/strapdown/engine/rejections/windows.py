@@ -1,4 +1,4 @@
-"""The fixes that the loop wrote, and those about a run of rejections."""
+"""The fixes from the loop, and the window of fixes around a run of rejections."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,21 +9,21 @@ from ...core.loop.contract import Use
 from ...typing import Array, Ints, Mask
 from .causes import Window
 
-BEFORE, AFTER = 60.0, 5.0  # s of fixes about a run in which its cause is looked for
-MAX_BEFORE, MAX_INSIDE, MAX_AFTER = 150, 600, 20  # fixes of them
-MOVED = 0.5  # s to either side over which accelerations are taken
+BEFORE, AFTER = 60.0, 5.0  # s of fixes around a run that are used to find its cause
+MAX_BEFORE, MAX_INSIDE, MAX_AFTER = 150, 600, 20  # largest numbers of these fixes
+MOVED = 0.5  # s to either side for the mean acceleration
 
 
 class WindowFixes(NamedTuple):
-    """Fixes as the loop wrote them, in their order."""
+    """Fixes from the loop, in order."""
 
     rows: Any  # (m,) a table of FixRow
     std: Array  # (m, 3) stated
-    after: Array  # (sources,) s: rejections up to then are known already
-    begin: Array  # (sources,) s: the first that was tested, kept or not
+    after: Array  # (sources,) s: earlier rejections are already known
+    begin: Array  # (sources,) s: the first tested fix, kept or not
 
     def of(self, s: int) -> "WindowFixes":
-        """Those of a source that were tested."""
+        """Return the tested fixes of a source."""
         own = (self.rows["source"] == s) & np.isfinite(self.rows["nis"])
         return self._replace(rows=self.rows[own], std=self.std[own])
 
@@ -34,8 +34,7 @@ class WindowFixes(NamedTuple):
 
     @property
     def began(self) -> float:
-        """When the first measurement of the source was tested, s; for measurements of one
-        source."""
+        """Time of the first tested measurement, s; for measurements of one source."""
         return float(self.begin[int(self.rows["source"][0])])
 
     @property
@@ -45,7 +44,7 @@ class WindowFixes(NamedTuple):
 
     @property
     def measured(self) -> Ints:
-        """Rows of each innovation (m,)."""
+        """Number of rows of each innovation (m,)."""
         known = np.isfinite(self.rows["innovation"])
         return known.sum(axis=1, dtype=np.int64)
 
@@ -59,7 +58,7 @@ class WindowFixes(NamedTuple):
 def window(
     own: WindowFixes, every: WindowFixes, kind: str, parts: Sequence[Ints], before: int = 0
 ) -> Window:
-    """The fixes of a source about these parts of a run, none before number `before`."""
+    """Return the fixes of a source around these parts of a run, none before number `before`."""
     first, last = int(parts[0][0]), int(parts[-1][-1])
     begin = int(np.searchsorted(own.t, own.t[first] - BEFORE))
     begin = max(begin, first - MAX_BEFORE, before)

@@ -1,9 +1,9 @@
 """Which loop for my IMU on my mission: a paired study of open loop, resets and closed loop, a
 stated rule, and the answer with its reasons.
 
-The framework that Hager & Bryne's conclusion promises, for any IMU and motion: the studies, the
-crossover map and the folder. The rule itself is in `verdicts`, the words and figures in
-`page` and `figures`.
+This is the framework announced in the conclusion of Hager & Bryne, for any IMU and motion: the
+studies, the crossover map and the folder. The rule is in `verdicts`, texts and figures in `page`
+and `figures`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from .verdicts import (
 )
 
 INTERVALS = (10, 60, 300, 1200)
-"""s between the resets that are compared, where two or more fit into the mission."""
+"""s between resets: the compared intervals, where two or more fit into the mission."""
 QUICK_INTERVALS = (60, 600)
 RUNS, QUICK_RUNS, MAP_RUNS = 40, 36, 10
 """35 runs without a loss are the fewest that show a survival of 90 % (Wilson's interval)."""
@@ -64,12 +64,12 @@ STEP_TIME, CELL_TIME = 1.2e-6, 0.3
 """s of one core per filter step, and beside that per scenario and IMU, about: measured, see
 docs/how-to/advise.md."""
 GIVEN, MOVING = "given", "moving"
-"""Sources of the attitude at the start: as the scenario says, or by an alignment in motion."""
+"""Sources of the initial attitude: the scenario, or an alignment in motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Advice(Value):
-    """The answer for an IMU and a mission with all it rests on; `print` shows it in a few lines,
+    """The answer for an IMU and a mission with its evidence; `print` shows it in a few lines,
     `save` writes the folder."""
 
     scenario: Scenario
@@ -78,7 +78,7 @@ class Advice(Value):
     found: dict[str, FilterEvidence]  # {filter: Evidence}
     decision: Decision
     others: dict[str, Decision]  # {changed threshold: Decision}
-    # [(duration s, Decision)] of this mission cut short, by the estimates
+    # [(duration s, Decision)] for shortened missions, from the estimates
     through: list[tuple[float, Decision]]
     campaign: Campaign
     map: list[dict[str, Any]]  # dicts: motion, imu, duration_s, answer, filter, sure
@@ -107,7 +107,7 @@ class Advice(Value):
             page(self).save(folder / "index.html")
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON values of all but the campaigns; NaN is null."""
+        """Return everything except the campaigns as JSON values; NaN is null."""
 
         def decision(d: Decision) -> dict[str, Any]:
             return {
@@ -198,9 +198,9 @@ def advise(
     seed : int
         Of the random errors.
     out : path
-        Folder that all goes to; a command that was interrupted goes on there where it was.
+        Folder for all results; an interrupted command resumes from it.
     map : bool
-        Make the crossover map of grades, durations and dynamics, too; default: unless quick.
+        Also make the crossover map of grades, durations and dynamics; default: unless quick.
     quick : bool
         No map, and two reset intervals only.
     rules : Rules
@@ -208,8 +208,8 @@ def advise(
     rate : float
         Hz of the IMU.
     alignment : str
-        "given", the attitude at the start is known as the scenario says, or "moving", as an
-        alignment in motion knows it.
+        Initial attitude: "given", with the std of the scenario, or "moving", with that of an
+        alignment in motion.
     progress : bool or callable
         Called with the fraction done; True shows a bar.
 
@@ -231,7 +231,7 @@ def advise(
     steps = sum(part.steps() for part in parts.values())
     folder = Path(out) if out is not None else None
     check_number(how.get("workers", 0), "workers", least=0, whole=True)
-    # what is refused is refused before anything is said
+    # all checks come before any message
     begun = [Campaign.begin(parts[name], folder / "runs" / name) for name in parts if folder]
     how["notify"] = notify = how.get("notify") or (lambda text: None)
     compiling = seconds_to_compile(kernels_for(study) + (kernels_for(maps) if maps else []))
@@ -338,8 +338,8 @@ def _advice(
 def crossover(
     campaign: Campaign, duration: float, rules: Rules = DEFAULT_RULES
 ) -> list[dict[str, Any]]:
-    """The map of a campaign of the map's study: a dict per motion, IMU and duration; `sure` is
-    False where an interval allows another answer."""
+    """Return the map from the campaign of the map's study: a dict per motion, IMU and duration;
+    `sure` is False where an interval allows another answer."""
     rows = []
     for number, cell in enumerate(campaign.cells):
         about, runs = campaign.manifest["cells"][number], Runs.of(campaign, cell)
@@ -361,13 +361,13 @@ def crossover(
 
 
 def _certain(found: FilterEvidence, rules: Rules) -> FilterVerdict:
-    """As `judge`, survival by its estimate: few runs cannot show it."""
+    """Judge as `judge`, but survival by its estimate, because few runs cannot prove it."""
     return judge(found._replace(survived=found.survived.alone), rules)
 
 
 def durations(duration: float) -> Array:
-    """Geometric grid of at most nine durations up to `duration`, s, from a hundredth of it or a
-    minute on; all but the last have two digits."""
+    """Return a geometric grid of at most nine durations up to `duration`, s, from a hundredth of it
+    or a minute on; all but the last have two digits."""
     first = max(60.0, duration / 100)
     count = (
         min(9, 1 + int(np.ceil(np.log(duration / first) / np.log(1.75))))

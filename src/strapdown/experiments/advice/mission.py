@@ -1,5 +1,5 @@
-"""Missions to advise on: a kind of flight, a built-in scenario or a scenario file, flown again
-and again until the wanted time is over."""
+"""Missions for advice: a kind of flight, a built-in scenario or a scenario file, repeated for the
+requested duration."""
 
 import math
 import re
@@ -22,14 +22,14 @@ from ...units.wording import duration_text
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""
 MIN_MISSION, MAX_MISSION = 10.0, 24 * 3600.0
-"""s: what is advised on."""
+"""Limits of the duration of a mission, s."""
 MISSION_RATE = 20.0
-"""IMU samples per second of a mission, at most: vibration is no part of the question, and the
-time that the runs take grows with it."""
+"""Largest IMU rate of a mission, Hz: vibration is not simulated, and the computing time grows with
+the rate."""
 ALIGNING = 120.0
-"""s of a mission in which an alignment in motion must find the heading."""
+"""s at the beginning of a mission in which an alignment in motion must find the heading."""
 UNKNOWN_HEADING = np.radians(90.0)
-"""Standard deviation from which on a heading is taken for not found."""
+"""Standard deviation above which a heading counts as not found."""
 CIRCUIT: dict[str, Any] = {
     "name": "dynamic",
     "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, "
@@ -97,8 +97,8 @@ def mission(flight: File | Scenario, duration: float, rate: float = MISSION_RATE
     """The Scenario of a `flight` of `duration` s: one of `kinds()`, a scenario file's path, or a
     Scenario. Raises DataError.
 
-    Legs and waypoints begin again until the time is over. The IMU has `rate` samples per second, or
-    the scenario's where that is less.
+    Legs and waypoints repeat for the duration. The IMU has `rate` samples per second, or the
+    scenario's if lower.
     """
     if isinstance(flight, Scenario):
         made = _with_duration(flight, duration)
@@ -112,8 +112,8 @@ def mission(flight: File | Scenario, duration: float, rate: float = MISSION_RATE
 
 
 def aligned_in_motion(made: Scenario, spec: ImuSpec) -> Scenario:
-    """The Scenario whose start knows the attitude as well as `align` claims to on its first
-    seconds, simulated once with this IMU. Raises DataError where that finds no heading."""
+    """Return the Scenario with the initial attitude std that `align` claims for its first seconds,
+    simulated once with this IMU. Raises DataError where alignment finds no heading."""
     beginning = made.replace(duration=min(made.duration, ALIGNING))
     start = align(simulate(beginning, imu=spec, seed=0), spec)
     if start.std[8] > UNKNOWN_HEADING:
@@ -133,7 +133,7 @@ def _table(flight: File) -> tuple[dict[str, Any], Path]:
     if resource := find_shipped("scenarios", "strapdown.sim", flight):
         return tomllib.loads(resource.read_text(encoding="utf-8")), Path(flight)
     if flight.endswith(".toml") or len(Path(flight).parts) > 1:
-        scenario(flight)  # says what is wrong with the file
+        scenario(flight)  # raises for an invalid file
         return read_toml(flight, "check the path"), Path(flight)
     raise DataError(
         f"unknown flight {flight!r}{did_you_mean(flight, kinds())}; flights: {', '.join(kinds())}; "

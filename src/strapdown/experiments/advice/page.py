@@ -77,8 +77,8 @@ UNESTIMATED = (
     "saturation",
     "temperature",
 )
-"""Error terms of an IMU that the filters' models of noise and bias do not hold, or, as the
-temperature, hold only roughly."""
+"""Error terms of an IMU that the filters' models of noise and bias do not include, or, as the
+temperature, include only roughly."""
 
 
 def sentences(advice: Advice) -> list[str]:
@@ -216,8 +216,8 @@ def _verdict(advice: Advice, e: FilterEvidence) -> str:
 
 
 def _not_estimated(advice: Advice) -> list[str]:
-    """Where not even the closed loop is admissible: the errors of the IMU that no filter here
-    estimates, as a likely cause, and the remedy."""
+    """Return a likely cause and the remedy where not even the closed loop is admissible: errors of
+    the IMU that no filter here estimates."""
     if advice.decision.verdicts[CLOSED].admissible != NO:
         return []
     triads = {"gyro": advice.imu.gyro, "accelerometer": advice.imu.accel}

@@ -1,9 +1,8 @@
-"""The rule of `strapdown advise`: what the runs of a study say of each filter, whether that makes
-it admissible, and the answer.
+"""The rule of `strapdown advise`: evidence on each filter from the runs of a study, whether the
+filter is admissible, and the answer.
 
 Criteria and answer are in `Rules`, `judge` and `decide`; docs/how-to/advise.md lists them.
-Everything is computed from the stored rows of the runs, so that the answer for a shorter mission
-needs no runs of its own.
+Everything is computed from the stored rows of the runs, so a shorter mission needs no further runs.
 """
 
 from __future__ import annotations
@@ -31,9 +30,9 @@ if TYPE_CHECKING:
 
 OPEN, CLOSED, RESET = "open-loop", "closed-loop", "periodic-reset:interval="
 STRETCHES = 10
-"""Equal parts of a mission in which the NEES is looked at."""
+"""Number of equal parts of a mission in which the NEES is evaluated."""
 MAX_RUNS = 100_000
-"""As many runs as an open question may be said to take."""
+"""Largest number of runs that is reported as necessary for a decision."""
 YES, NO, UNDECIDED = "yes", "no", "undecided"
 
 
@@ -65,8 +64,8 @@ class FilterEvidence(NamedTuple):
 
 
 class FilterVerdict(NamedTuple):
-    """Is a filter admissible: YES, NO or UNDECIDED; by criterion; and how many runs in all an
-    open question would take, about."""
+    """Verdict on a filter: admissible YES, NO or UNDECIDED, also by criterion, and about how many
+    runs in all a decision would need."""
 
     admissible: str
     survival: str
@@ -83,7 +82,7 @@ class Decision(NamedTuple):
     filter: str | None
     verdicts: dict[str, FilterVerdict]  # {filter: Verdict}
     doubtful: str | None = None  # the filter that more runs would decide
-    runs: int = 0  # that this would take in all, about
+    runs: int = 0  # approximate number of runs in all for a decision
 
 
 class Runs(NamedTuple):
@@ -147,7 +146,8 @@ class Runs(NamedTuple):
 
 
 def evidence(runs: Runs) -> dict[str, FilterEvidence]:
-    """{filter: Evidence} of Runs, in the order of isolation: open loop first, closed loop last."""
+    """Return {filter: FilterEvidence} of Runs in order of isolation: open loop first, closed loop
+    last."""
     found, reference = {}, np.log(_mean_square(runs, CLOSED))
     for label in sorted(runs.filters, key=interval_of, reverse=True):
         place = runs.filters.index(label)
@@ -223,8 +223,8 @@ def display_name(label: str | None) -> str:
 
 
 def judge(found: FilterEvidence, rules: Rules = DEFAULT_RULES) -> FilterVerdict:
-    """The FilterVerdict on an FilterEvidence: each criterion is met (YES) or broken (NO) where its whole
-    interval says so."""
+    """The FilterVerdict on an FilterEvidence: each criterion is met (YES) or broken (NO) where its
+    whole interval says so."""
     survival = _between(found.survived, rules.survival, np.inf)
     belief = _between(found.nees, 1 / rules.belief, rules.belief)
     worse = YES if found.filter == CLOSED else _between(found.ratio, 0.0, 1 + rules.worse)
@@ -251,8 +251,8 @@ def _between(interval: Interval, least: float, most: float) -> str:
 
 
 def _runs_needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
-    """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where
-    that cannot be said."""
+    """Return the number of runs in all that would decide each criterion if the estimates did not
+    change; 0 where it is unknown."""
     count, share = found.count, found.survived.value
     sizes = np.unique(np.geomspace(count + 1, MAX_RUNS, 400).astype(int))
 
@@ -269,8 +269,8 @@ def _runs_needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
 
 
 def _shrunk(interval: Interval, limits: tuple[float, ...], count: int) -> int:
-    """Runs until an interval whose width falls with the root of their number leaves the nearest
-    limit outside."""
+    """Return the number of runs until an interval, whose width falls with their square root,
+    excludes the nearest limit."""
     if not np.isfinite(interval).all():
         return 0
     half = 0.5 * (interval.high - interval.low)
@@ -287,8 +287,8 @@ def decide(
     """The Decision on {filter: Evidence} in the order of isolation: the first admissible one, open
     loop first, closed loop last.
 
-    An open question about a filter before it matters where it could change the kind of the answer;
-    then the answer is "undecided".
+    If an earlier filter is undecided and could change the kind of the answer, the answer is
+    "undecided".
     """
     verdicts = {label: judged(each, rules) for label, each in found.items()}
     order = list(verdicts)
@@ -308,8 +308,8 @@ def decide(
 
 
 def variants(rules: Rules = DEFAULT_RULES) -> dict[str, Rules]:
-    """{what is changed: Rules} with each threshold once stricter and once laxer: does the answer
-    hang on them?"""
+    """Return {description: Rules} with each threshold once stricter and once laxer, to show whether
+    the answer depends on them."""
     lax, strict = max(1 - 2 * (1 - rules.survival), 0.0), 1 - 0.5 * (1 - rules.survival)
     changes = [
         *((f"survival of {100 * share:.3g} %", {"survival": share}) for share in (lax, strict)),

@@ -1,2 +1,2 @@
-"""Many simulated runs of several filters: studies in resumable campaigns, their summaries, and
-advice that rests on them."""
+"""Monte Carlo studies: many simulated runs of several filters in resumable campaigns, and their
+summaries."""

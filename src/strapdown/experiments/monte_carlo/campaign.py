@@ -1,9 +1,9 @@
 """A campaign: the folder of a study, with its manifest, one file per finished chunk, and the tables
 made of them.
 
-`manifest.json` says what is run and with which version; `chunks/CELL/FIRST-STOP.nc` are written
-whole or not at all; `summary.csv` and `runs.csv` are made from the chunk files alone, in their
-order. Arrays stay in the files and open lazily.
+`manifest.json` has the definition of the runs and the version; each `chunks/CELL/FIRST-STOP.nc` is
+complete or not written; `summary.csv` and `runs.csv` are made only from the chunk files, in order.
+Arrays stay in the files and open lazily.
 """
 
 from __future__ import annotations
@@ -71,9 +71,8 @@ class Campaign:
     def __init__(self, folder: File, manifest: dict[str, Any], study: Study | None = None) -> None:
         self.folder, self.manifest, self.study = Path(folder), dict(manifest), study
         self.processors: dict[str, str] = self.manifest.pop("processors", {})
-        """Those that made the chunks, and how they compare, once it is finished; see
-        `processors`."""
-        self._whole: set[Path] = set()  # chunk files whose checksum was looked at
+        """Processors that made the chunks, and their agreement, after the end; see `processors`."""
+        self._whole: set[Path] = set()  # chunk files with a verified checksum
         self._kept: dict[str, tuple[Any, Any]] = {}  # see _made_once
 
     @classmethod
@@ -93,8 +92,8 @@ class Campaign:
         return campaign
 
     def _settle(self) -> None:
-        """Write the manifest, or compare with the one that is there; one that has no chunks yet
-        binds nobody. The folder must be locked."""
+        """Write the manifest, or compare it with an existing one; a manifest without chunks may be
+        replaced. The folder must be locked."""
         path, chunks = self.folder / "manifest.json", any(self.folder.glob("chunks/*/*.nc"))
         if chunks and not path.exists():
             raise DataError(
@@ -113,25 +112,24 @@ class Campaign:
 
     @classmethod
     def open(cls, folder: File) -> Campaign:
-        """A campaign that some run has left in `folder`, to read. Raises DataError."""
+        """Open the campaign in `folder` for reading. Raises DataError."""
         return cls(folder, _manifest(Path(folder)))
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Hold the folder: a second process that wants to write there is refused."""
+        """Lock the folder: a second process that wants to write there is refused."""
         try:
             held = open(self.folder / "lock", "wb")
         except OSError as error:
             raise DataError(
-                f"{self.folder}: nothing can be written there ({error.strerror}); choose another "
-                f"folder"
+                f"{self.folder}: is not writable ({error.strerror}); choose another folder"
             ) from None
         with held:
             try:
                 lock(held)
             except OSError:
                 raise DataError(
-                    f"{self.folder}: another process works on this campaign; wait for it, or choose "
+                    f"{self.folder}: another process is running this campaign; wait for it, or choose "
                     f"another folder"
                 ) from None
             yield
@@ -156,12 +154,12 @@ class Campaign:
 
     def missing_chunks(self) -> list[Chunk]:
         """Chunks without a file."""
-        assert self.study is not None  # one that was opened to be read asks for none
+        assert self.study is not None  # not called for a campaign opened for reading
         return [chunk for chunk in self.study.chunks() if not self.path(chunk).exists()]
 
     def work(self, chunk: Chunk, skip: Collection[int] = ()) -> Chunk:
         """Run a chunk and write its file."""
-        assert self.study is not None  # one that was opened to be read has no work
+        assert self.study is not None  # a campaign opened for reading has no work
         arrays = run_chunk(self.study, chunk, skip)
         path = self.path(chunk)
         make_folder(path.parent)
@@ -207,7 +205,7 @@ class Campaign:
         """[{name: array}] of the chunk files of a cell, in the order of the runs; names that a
         file has not are left out."""
         found: list[Arrays] = []
-        known: dict[str, int] = {}  # epochs, of which all files of a cell have as many
+        known: dict[str, int] = {}  # number of epochs, equal in all files of a cell
         for path in self._files(cell):
             arrays = read(
                 path, names, self.manifest, self._identity(path), known, path in self._whole
@@ -218,8 +216,8 @@ class Campaign:
         return found
 
     def _last_of(self, what: str, cell: str, make: Callable[[], Arrays]) -> Arrays:
-        """Return the result of `make` for a cell, kept until another cell is asked for or a file
-        has changed: tables ask for it once for each filter."""
+        """Return the result of `make` for a cell, cached until another cell is requested or a file
+        has changed, because tables request it once for each filter."""
 
         def build() -> Arrays:
             return {name: read_only(values) for name, values in make().items()}
@@ -227,8 +225,8 @@ class Campaign:
         return dict(self._made_once(what, [cell], build))
 
     def _made_once(self, what: str, cells: Sequence[str], make: Callable[[], Made]) -> Made:
-        """Return the result of `make`, made again where it is of other cells than the last one or
-        one of their files has changed."""
+        """Return the result of `make`, computed again for other cells than the last ones or after a
+        change of their files."""
         stats = [path.stat() for cell in cells for path in self._files(cell)]
         key = (*cells, *((stat.st_ino, stat.st_mtime_ns, stat.st_size) for stat in stats))
         if self._kept.get(what, (None, None))[0] != key:
@@ -284,7 +282,7 @@ class Campaign:
     def arrays(self, cell: str) -> xarray.Dataset:
         """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that
         stays in the chunk files until it is used."""
-        self.read(cell, ("t",))  # are the files whole, and of this study?
+        self.read(cell, ("t",))  # checks that the files are complete and of this study
         with optional_import("an array of a study"):
             from .labelled import labelled_dataset
 
@@ -371,7 +369,7 @@ class Campaign:
 
 
 def describe(study: Study) -> dict[str, Any]:
-    """The manifest of a study: all that its results depend on."""
+    """Return the manifest of a study: everything that determines its results."""
     cells = [
         {"name": cell.name, "scenario": cell.scenario.describe(), "imu": asdict(cell.imu)}
         for cell in study.cells
@@ -406,7 +404,7 @@ def _digest(plugin: Plugin) -> str:
         return hashlib.sha256("".join(said).encode()).hexdigest()[:12]
     except NoWords as error:
         raise DataError(
-            f"plugin {plugin.name}: {error}, by which nobody can tell whether runs of a study belong "
+            f"plugin {plugin.name}: {error}, so it cannot be checked whether runs of a study belong "
             f"together; make it a number, a tuple or an array"
         ) from None
     except OSError as error:
@@ -431,7 +429,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
         number = manifest["format"]
     except OSError as error:
         raise DataError(
-            f"{path}: cannot be read ({error.strerror}); is this the folder of a study?"
+            f"{path}: cannot be read ({error.strerror}); give the folder of a study"
         ) from None
     except LimitError:
         raise
@@ -439,7 +437,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
         raise DataError(f"{path}: not the manifest of a study; choose another folder") from None
     if number != CAMPAIGN_FORMAT:
         raise DataError(
-            f"{path}: format {brief(number)}, this version reads {CAMPAIGN_FORMAT}; use the version "
+            f"{path}: has format {brief(number)}, but this version reads {CAMPAIGN_FORMAT}; use the version "
             f"of strapdown that wrote it, or another folder"
         )
     found: dict[str, Any] = check_values(ManifestRules, manifest, path)

@@ -21,7 +21,8 @@ RUNS = re.compile(r"(\d{6,9})-(\d{6,9})\.nc", re.ASCII)
 
 
 def _number(axes: str, least: float = 0.0, optional: bool = False) -> Column:
-    """Not negative, NaN where a run says nothing of it, inf where it diverged."""
+    """Return a Column of numbers that are not negative, NaN where a run has none, inf where it
+    diverged."""
     return Column(axes, least=least, missing=True, infinite=True, optional=optional)
 
 
@@ -71,7 +72,7 @@ ABOUT = {
 def labels_of(
     filters: Sequence[str], runs: Sequence[int] | Any, t: Any, parameters: Sequence[str] | Any
 ) -> dict[str, Any]:
-    """{dimension: what stands along it}."""
+    """Return {dimension: labels}."""
     labels: dict[str, Any] = {
         "filter": list(filters),
         "run": np.array(runs),
@@ -85,8 +86,8 @@ def labels_of(
 
 
 def fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> None:
-    """Write a chunk into an h5netcdf file, each array with a checksum of its own, for those who read
-    it in parts."""
+    """Write a chunk into an h5netcdf file, with a checksum for each array, so that arrays can be
+    read separately."""
     import h5py
 
     labels = labels_of(filters, runs, arrays["t"], arrays.get(LABELS, ()))
@@ -117,10 +118,10 @@ def read(
     known: Mapping[str, int],
     whole: bool,
 ) -> Arrays:
-    """{name: array} of "t" and those of `names` that a chunk file has; it must be the file of
-    `identity`, and as its format and the manifest have it. Raises DataError.
+    """Return {name: array} of "t" and those of `names` in a chunk file. It must be the file of
+    `identity` and agree with its format and the manifest. Raises DataError.
 
-    known: further lengths of dimensions; whole: its checksum was looked at before.
+    known: further lengths of dimensions; whole: its checksum was already verified.
     """
     try:
         if manifest.get("installation"):
@@ -158,7 +159,7 @@ def _label_sizes(path: Path, names: Collection[str], arrays: Arrays) -> dict[str
         return {}
     labels = arrays.get(LABELS)
     if labels is None or labels.ndim != 1 or labels.dtype.kind != "O":
-        raise DataError(f"{path}: {LABELS} is no list of names; {DAMAGED}")
+        raise DataError(f"{path}: {LABELS} is not a list of names; {DAMAGED}")
     return {LABELS: len(labels)}
 
 

@@ -1,7 +1,7 @@
-"""The work of a campaign and its workers: the cells and chunks of a study, and the chunk function.
+"""The work of a campaign: the cells and chunks of a study, and the chunk function.
 
-A chunk is some runs of a cell with all filters on the same records; its results depend on the study
-and the numbers of its runs alone.
+A chunk is some runs of a cell with all filters on the same records; its results depend only on the
+study and the numbers of its runs.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def simulator(cell: Cell) -> Simulator:
                 _simulators.pop(next(iter(_simulators)))
             _simulators[key] = threading.Lock(), []
         one_at_a_time, made = _simulators[key]
-    with one_at_a_time:  # another thread may make another one meanwhile
+    with one_at_a_time:  # another thread may make one at the same time
         if not made:
             made.append(Simulator(cell.scenario))
     return made[0]
@@ -153,7 +153,7 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
 
 
 class RunRecord:
-    """A simulated run by itself, as a user would make it; simulated when it is asked for."""
+    """A single simulated run, as a user would make it; simulated on first use."""
 
     def __init__(self, study: Study, cell: Cell, made: Simulator, at: Epochs, run: int) -> None:
         self.study, self.cell, self.made, self.run = study, cell, made, run
@@ -161,7 +161,7 @@ class RunRecord:
 
     @cached_property
     def _drawn(self) -> tuple[Installed, InitialState, Epochs]:
-        """(recording with what is wrong with its installation, start, truth in its axes)."""
+        """(recording with its installation errors, start, truth in its axes)."""
         recording, start = self.made.run(self.cell.imu, self.stream)
         installed = wrongly_installed(self.study, self.cell, self.run, recording)
         if not installed.parameters:
@@ -206,7 +206,7 @@ def estimated_parameters(installation: Installation, label: Labelled) -> Install
 
 
 def wrongly_installed(study: Study, cell: Cell, run: int, recording: Recording) -> Installed:
-    """The recording of a run with the installation drawn wrong, from a stream of its own: the same
+    """Return the recording of a run with installation errors drawn from a separate stream: the same
     for every IMU and every set of filters."""
     if not study.installation:
         return Installed(recording, (), np.empty(0))

@@ -1,9 +1,9 @@
 """The chunk function of a study on Dask: worker processes of this machine, or those of a scheduler
 elsewhere that see the same folder.
 
-The chunk files are the only interface: a worker writes its file and returns nothing. A chunk whose
-worker dies is tried again on a fresh one; where it kills that too, its runs are tried one by one,
-those that kill alone are quarantined, and the chunk is run without them.
+The chunk files are the only interface: a worker writes its file and returns nothing. If a worker
+dies, its chunk is tried again on a new one. If that dies too, the runs are tried one by one, runs
+that kill a worker alone are quarantined, and the chunk is run without them.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def _needed_plugins(study: Study) -> list[tuple[str, str]]:
     needed = [(plugin.name, plugin.where) for plugin in plugins_of(study)]
     if (SESSION, "") in needed:
         raise DataError(
-            "worker processes cannot see what was registered in a session: write it into a file, "
-            "register it there and import that"
+            "worker processes cannot see plugins that were registered in a session: write the plugin into a "
+            "file, register it there and import that file"
         )
     return needed
 
@@ -112,8 +112,8 @@ def _killers(
     times: int,
     notify: Notify | None,
 ) -> tuple[int, ...]:
-    """Runs of a chunk that kill their worker when they are alone, found one after the other so
-    that none dies for another. Raises DataError."""
+    """Return the runs of a chunk that kill their worker alone, tested one after the other. Raises
+    DataError."""
     from dask.distributed import wait
 
     cell, killers = study.cells[chunk.cell], []
@@ -134,8 +134,8 @@ def _killers(
     if not killers and times == ATTEMPTS:
         raise DataError(
             f"{cell.name}, runs {chunk.first} to {chunk.stop - 1}: together they kill their worker, "
-            f"alone none does; "
-            "perhaps memory: use fewer workers and run again, finished chunks are kept"
+            f"but none does alone; "
+            "memory may be short: use fewer workers and run again, finished chunks are kept"
         )
     return tuple(killers)
 
@@ -147,8 +147,8 @@ def _probe(needed: list[tuple[str, str]], study: Study, chunk: Chunk) -> None:
 
 @contextmanager
 def _kept_alive(cluster: LocalCluster, workers: int) -> Iterator[None]:
-    """New workers where there are none for two looks in a row: now and then one that died is not
-    started again, and everybody would wait forever."""
+    """Start new workers where two successive checks find none: occasionally a dead worker is not
+    restarted, and the campaign would wait forever."""
     over = Event()
 
     def watch() -> None:

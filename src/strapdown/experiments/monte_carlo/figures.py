@@ -1,5 +1,5 @@
-"""Figures of a cell of a study over time: errors with stated uncertainty and Cramer-Rao bound, NEES with
-its band, runs alive. A filter has the same colour in all of them."""
+"""Figures of a cell of a study over time: errors with stated uncertainty and Cramer-Rao bound, NEES
+with its band, runs alive. A filter has the same colour in all of them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LIMIT = {"color": RED, "width": 1, "dash": "dash"}
 """The line of a threshold."""
 MAX_RATIO = 1e4
-"""Ratio of the ends of a logarithmic axis at most, so that one diverging run does not flatten all
+"""Largest ratio of the ends of a logarithmic axis, so that one diverging run does not flatten all
 others."""
 USUAL_NEES = 2.0
 """NEES per state, and its inverse, that the axis shows at least."""
@@ -137,8 +137,8 @@ def heading(drawn: CellCurves) -> go.Figure:
 
 
 def nees(drawn: CellCurves, limit: float | None = None) -> go.Figure:
-    """NEES per state over time, with the band of a mean over all runs, and a `limit` of it and of its
-    inverse."""
+    """NEES per state over time, with the band of a mean over all runs, and a `limit` of it and of
+    its inverse."""
 
     def lines(curves: Arrays, place: int) -> list[Array]:
         return [np.where(curves["alive"][place] > 0, curves["nees"][place], np.nan)]
@@ -179,7 +179,8 @@ NAMED: dict[str, tuple[str, Callable[[CellCurves], go.Figure]]] = {
 
 
 def figure_of_name(campaign: Campaign, what: str, cell: str | None) -> go.Figure:
-    """The figure of that name as it stands alone, of a cell, by default the first. Raises DataError."""
+    """The figure of that name as it stands alone, of a cell, by default the first. Raises
+    DataError."""
     heading, draw = NAMED[check_choice(what, "figure", NAMED)]
     cell = check_choice(campaign.cells[0] if cell is None else cell, "cell", campaign.cells)
     return add_title(draw(curves_of(campaign, cell)), f"{heading}, {cell}")

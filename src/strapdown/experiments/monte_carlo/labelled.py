@@ -1,7 +1,7 @@
 """The stored rows of a cell as labelled arrays that stay in the chunk files until they are used.
 
-They are read as every other part of a chunk is: what damaged dimension scales tell is not given to a
-library that ends the process over them.
+They are read like every other part of a chunk, because damaged dimension scales can make a library
+end the process.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ def labelled_dataset(
 def _runs(path: Path) -> tuple[int, int]:
     """The first run of a chunk file, and that after its last."""
     found = RUNS.fullmatch(path.name)
-    assert found is not None  # `load` looked at it
+    assert found is not None  # `load` has checked it
     return int(found[1]), int(found[2])
 
 
 def _join_arrays(files: Sequence[Path], load: Any, name: str, first: Any) -> Any:
-    """The array of that name of all files along its runs, each file a block; `first` is of the first
-    file."""
+    """The array of that name of all files along its runs, each file a block; `first` is of the
+    first file."""
     axis, blocks = COLUMNS[name].axes.split().index("run"), []
     for path in files:
         begin, stop = _runs(path)

@@ -1,8 +1,8 @@
 """The processors that made the chunks of a campaign, and whether they agree.
 
-Strict arithmetic gives the same bits on all of them, but for what the C library computes by another
-way on another processor. So nothing is assumed: where chunks come from several, a run of each of the
-others is computed again here and compared with its file.
+Strict arithmetic gives the same bits on all of them, except for functions of the C library that use
+other algorithms on other processors. Where chunks come from several processors, a run of each of
+the others is therefore computed again here and compared with its file.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ SAME = "the same bits"
 
 
 def compare_processors(campaign: Campaign) -> dict[str, str]:
-    """{processor: SAME, or by how much a run of it differs from the same run here}; that of this
-    machine first. A campaign of one processor, this one, has no others to compare."""
+    """Return {processor: SAME, or the difference of a run from the same run here}, with this
+    machine first. A campaign of this processor alone has no comparison."""
     study, here = campaign.study, library.processor()
     assert study is not None  # it has just run
     found = {here: SAME}
@@ -45,7 +45,7 @@ def _difference(campaign: Campaign, chunk: Chunk) -> str:
     if np.array_equal(mine, error, equal_nan=True):
         return SAME
     if (np.isnan(mine) != np.isnan(error)).any():
-        return "a filter that ends elsewhere"
+        return "a filter ends at another time"
     with np.errstate(all="ignore"):
         most = float(np.nanmax(np.abs(mine - error) / std))
     return f"up to {most:.1g} standard deviations"

@@ -1,5 +1,5 @@
-"""Runs of a study side by side: simulated block after block, eight at once, through each filter that
-has lanes, and scored on the way. Nothing of the size of a recording is made."""
+"""Batches of eight runs of a study: simulated block by block, run through each filter that supports
+batches, and scored immediately. No array has the size of a recording."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -29,8 +29,8 @@ from . import batch_scoring
 from .scoring import Epochs, FixRows, Scored, ScoredRows, score_runs
 
 SAMPLES = 512
-"""Samples that are simulated at once: with what a filter works on they stay in the second cache of a
-core."""
+"""Number of samples that are simulated at once: with the filter's data they fit a core's
+second-level cache."""
 
 
 class Lanes:
@@ -197,7 +197,8 @@ def _score_lanes(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> l
 
 
 def _left_model(filter: Filter, first_held: Array) -> float:
-    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is none."""
+    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is
+    none."""
     held = [
         float(t)
         for condition, t in zip(filter.conditions, first_held)

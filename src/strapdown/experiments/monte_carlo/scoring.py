@@ -69,8 +69,7 @@ def epochs(truth: Trajectory, every: int) -> Epochs:
 
 
 class ScoredRows(NamedTuple):
-    """Runs at the scored epochs, before anything is made of them; NaN from where the filter
-    stopped."""
+    """Runs at the scored epochs before evaluation; NaN after the filter stopped."""
 
     error: Array  # (runs, n, 15) true - estimate, SI, radians
     rph: Array  # (runs, n, 3) errors of roll, pitch and heading, rad
@@ -115,8 +114,8 @@ def score_runs(
     at: Epochs,
     limits: consistency.LossLimits,
 ) -> list[Scored]:
-    """Scored of each run, of what was kept of it; left_model: when the raw INS of an open loop left
-    its model, s, NaN where it did not."""
+    """Return Scored of each run from its rows; left_model: time when the raw INS of an open loop
+    left its model, s, NaN where it did not."""
     t, n = at.truth.t, len(at.rows)
     with np.errstate(all="ignore"):
         distance = np.sqrt(_square(rows.error[..., POS]))

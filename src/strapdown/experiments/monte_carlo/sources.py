@@ -1,9 +1,9 @@
 """Sources of the results of a study, beside its manifest: the code of all modules that the chunk
 function can reach, the data files beside them, and the versions of the packages that they use.
 
-Imports are followed as they stand in the files, those inside functions too. Of a package that looks
-for its modules by itself (filters, kinds of measurement) all count. Docstrings, comments and annotations
-do not, as in `core.compile.kernel_cache`.
+Imports in the files are followed, also those inside functions. All modules count of a package that
+finds its modules itself (filters, kinds of measurement). Docstrings, comments and annotations do
+not count, as in `core.compile.kernel_cache`.
 """
 
 import ast
@@ -22,14 +22,14 @@ ROOT = Path(__file__).parents[2]
 CHUNKS = __name__.rpartition(".")[0] + ".chunks"
 """The module of the chunk function."""
 NOT_ASKED = {f"{TOP}.diagnosis", f"{TOP}.notebook"}
-"""Rooms that functions of the closure import, and that no chunk asks for: a verdict and what a
-notebook shows are asked of a Solution by its user."""
+"""Rooms that functions of the closure import but no chunk uses: verdicts and notebook output of a
+Solution."""
 NO_NUMBERS = {"h5netcdf", "h5py", "pandas", "pydantic", "pydantic_core", "fcntl"}
 """Packages that only read, write and lay out."""
 NO_DATA = {".py", ".pyc", ".pyi", ".md", ".typed"}
 """Endings of files that no function opens."""
 WITH_NUMBA = "llvmlite"
-"""Package that makes numba's machine code, which imports itself."""
+"""Package that generates numba's machine code and imports itself."""
 
 
 def versions() -> dict[str, str]:

@@ -69,9 +69,9 @@ class Study:
     imus : str, ImuSpec or several
         Grades, files or ImuSpec, each with every scenario; default: the scenario's own.
     runs : int
-        Of each filter in each cell, a scenario with an IMU.
+        Number of runs of each filter in each cell, a scenario with an IMU.
     seed : int
-        Of all chance.
+        Seed of all random numbers.
     epoch : float
         s between scored rows.
     keep : int
@@ -79,7 +79,7 @@ class Study:
     limits : LossLimits
         Bounds beyond which a run is lost.
     chunk_steps : int
-        Filter steps in a chunk, about: seconds of work, which is what an interruption loses.
+        Approximate filter steps in a chunk: seconds of work, the loss from an interruption.
     installation : dict
         {parameter: standard deviation} from which each run draws its installation errors, SI, named
         as in `fuse(estimate=)`. A filter estimates them if its label says so, as
@@ -136,7 +136,7 @@ class Study:
         check_number(self.epoch, "study: epoch", "s", above=0)
         vars(self)["installation"] = check_installation(self.installation)
         if not self.scenarios or not self.filters:
-            raise DataError("study: it needs a scenario and a filter at least")
+            raise DataError("study: it needs at least a scenario and a filter")
         for label in self.filters:
             parse_label(label)
         names = [cell.name for cell in self.cells]
@@ -159,10 +159,10 @@ class Study:
         ]
         if "attitude" in filter.needs and bare:
             raise DataError(
-                f"study: {filter.name} needs attitude aiding, and the scenario {bare[0]!r} has "
+                f"study: {filter.name} needs attitude aiding, but the scenario {bare[0]!r} has "
                 f"none: give it an AHRS, "
                 "section [attitude] of its file, or a [magnetometer], from which attitude-mekf "
-                "makes an attitude"
+                "computes an attitude"
             )
 
     @property
@@ -172,8 +172,8 @@ class Study:
 
     @property
     def side_by_side(self) -> bool:
-        """True where runs go through filters with lanes eight at a time. A study of a second or so
-        runs them one by one, and waits for no other kernels."""
+        """True where filters that support it process runs in batches of eight. A study of a second
+        or so runs them one by one, without waiting for other kernels."""
         lanes = any(parse_label(label)[0].lanes for label in self.filters)
         return COMPILED and lanes and not self.installation and self.steps() >= MANY_STEPS
 
@@ -209,9 +209,9 @@ class Study:
         progress: Progress | bool | None = None,
         **how: Unpack[CampaignOptions],
     ) -> Campaign:
-        """Run what is missing of the campaign in a folder and return the Campaign.
+        """Run the missing chunks of the campaign in a folder and return the Campaign.
 
-        Ctrl-C or a kill loses the chunks in work only.
+        Ctrl-C or a kill loses only the chunks in progress.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class Study:
         Raises
         ------
         DataError
-            Where the folder is of another study, or an option is out of range.
+            If the folder belongs to another study, or an option is out of range.
         """
         threads, workers = how.get("threads"), how.get("workers", 0)
         scheduler, notify = how.get("scheduler"), how.get("notify")

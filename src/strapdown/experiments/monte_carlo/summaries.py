@@ -1,5 +1,5 @@
-"""The tables of a campaign: one row per cell and filter, one row per run. Everything comes from
-the numbers in the chunk files."""
+"""The tables of a campaign, from the numbers in the chunk files: one row per cell and filter, and
+one row per run."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from .chunks import Arrays
 
 SETTLED_AFTER = 120.0
-"""s: the Cramer-Rao ratio leaves out what comes before, where the start and not the filter
-decides."""
+"""s: the Cramer-Rao ratio excludes earlier times, where the start dominates."""
 GROUP_SCALES = {
     "roll": np.degrees(1),
     "pitch": np.degrees(1),
@@ -196,7 +195,7 @@ def compare(campaign: Campaign, cell: str, first: str, second: str) -> Paired:
     position error of `first` less that of `second`.
 
     Below 0 the first is better; half of it is the logarithm of the ratio of RMSEs. Raises DataError
-    for a filter that the campaign has not.
+    for a filter that is not in the campaign.
     """
     filters = campaign.manifest["filters"]
     for name in (first, second):

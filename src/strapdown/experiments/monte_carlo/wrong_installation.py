@@ -1,9 +1,9 @@
-"""A simulated recording as a user would set it up who does not know the installation: its parameters
-are drawn from standard deviations, and the recording is given without them."""
+"""Simulated recordings with unknown installation errors: the errors are drawn from standard
+deviations, and the recording is set up without them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
@@ -15,11 +15,16 @@ from ...data.calibration_parameters import (
     ACCEL_MISALIGNMENT,
     ACCEL_SCALE,
     CLOCK,
+    DECLINATION,
+    FIELD,
     GYRO_MISALIGNMENT,
     GYRO_SCALE,
+    HARD_IRON,
     LEVER_ARM,
     MOUNTING,
+    OF_SOURCE,
     SCALE,
+    SOFT_IRON,
     CalibrationParameter,
     prior,
 )
@@ -33,11 +38,12 @@ from ...typing import Array
 from ..filter_label import check_parameter
 
 Installation: TypeAlias = Mapping[str, Prior]
-"""{parameter: standard deviation, SI, one or one per component; None for that of `calibration_parameters`}."""
+"""{parameter: standard deviation, SI, one or one per component; None for that of
+`calibration_parameters`}."""
 
 
 class Installed(NamedTuple):
-    """A recording with wrong parameters of its installation, and by how much they are wrong."""
+    """A recording with installation errors, and these errors."""
 
     recording: Recording  # its reference and its true biases are those of the axes as described
     parameters: tuple[StateParameter, ...]
@@ -72,7 +78,7 @@ def parameters_of(recording: Recording, installation: Installation) -> tuple[Sta
 def draw_installation(
     recording: Recording, installation: Installation, seed: SeedLike
 ) -> Installed:
-    """The recording with each of the parameters wrong by an error drawn from its standard deviation.
+    """Return the recording with an error of each parameter, drawn from its standard deviation.
     Raises DataError."""
     found = parameters_of(recording, installation)
     return installed_wrong(
@@ -85,20 +91,26 @@ def draw_installation(
 def installed_wrong(
     recording: Recording, found: Sequence[StateParameter], error: Array
 ) -> Installed:
-    """The recording given with parameters that are wrong by `error` (m,), true - given, SI.
+    """Return the recording with parameter errors `error` (m,), true - given, SI.
 
-    A clock, a lever arm and a scale change their sources. A mounting and what is wrong with the
-    axes of the IMU change its samples; the true attitude and biases are those of its own axes then.
+    Parameters of sources change these sources. A mounting and errors of the IMU's axes change its
+    samples; the true attitude and biases are then in its own axes.
     """
     sources = list(recording.sources)
     vectors: dict[str, Array] = {}
+    of_sources: dict[tuple[int, str], Array] = {}
     for parameter, value in zip(found, error):
         of = parameter.of
-        if of not in (CLOCK, LEVER_ARM, SCALE):
-            vectors.setdefault(of.name, np.zeros(len(of.components)))[parameter.component] = value
-            continue
-        for i in parameter.sources:
-            sources[i] = _given_wrong(sources[i], of, parameter.component, float(value))
+        zero = np.zeros(len(of.components))
+        if of.name in OF_SOURCE:
+            for i in parameter.sources:
+                of_sources.setdefault((i, of.name), zero)[parameter.component] = value
+        else:
+            vectors.setdefault(of.name, zero)[parameter.component] = value
+    for name, make_wrong in GIVEN_WRONG.items():
+        for i, a in enumerate(sources):
+            if (i, name) in of_sources:
+                sources[i] = make_wrong(a, of_sources[i, name])
     start, stop = recording.span
     changed = replace(recording, sources=tuple(a.between(start, stop + 1e-9) for a in sources))
     return Installed(_samples_wrong(changed, vectors), tuple(found), np.asarray(error, float))
@@ -122,14 +134,37 @@ def start_of(installed: Installed, start: InitialState) -> InitialState:
     )
 
 
-def _given_wrong(a: Source, of: CalibrationParameter, component: int, error: float) -> Source:
-    if of is CLOCK:
-        return replace(a, t=a.t - error)
-    if of is SCALE:
-        return replace(a, y=a.y * (1 + error))
-    arm = [*a.parameters, 0.0, 0.0, 0.0][:3]
-    arm[component] -= error
-    return replace(a, parameters=tuple(map(float, arm)))
+def _vector_wrong(a: Source, error: Array) -> Source:
+    """A source whose lever arm, or whose field's model, is less by the error."""
+    given = np.array([*a.parameters, 0.0, 0.0, 0.0][:3]) - error
+    return replace(a, parameters=tuple(given.tolist()))
+
+
+def _declination_wrong(a: Source, error: Array) -> Source:
+    field = Rotation.from_rotvec([0.0, 0.0, -error[0]]).apply(np.array(a.parameters[:3]))
+    return replace(a, parameters=tuple(field.tolist()))
+
+
+def _soft_iron_wrong(a: Source, error: Array) -> Source:
+    """A magnetometer with a soft iron (6,)."""
+    made = np.eye(3)
+    for pair, value in zip(SOFT_IRON.components, error):
+        i, j = ("xyz".index(letter) for letter in pair)
+        made[i, j] = made[j, i] = float(i == j) + value
+    return replace(a, y=a.y @ made)
+
+
+GIVEN_WRONG: dict[str, Callable[[Source, Array], Source]] = {
+    CLOCK.name: lambda a, error: replace(a, t=a.t - error[0]),
+    LEVER_ARM.name: _vector_wrong,
+    SCALE.name: lambda a, error: replace(a, y=a.y * (1 + error[0])),
+    SOFT_IRON.name: _soft_iron_wrong,
+    HARD_IRON.name: lambda a, error: replace(a, y=a.y + error),
+    FIELD.name: _vector_wrong,
+    DECLINATION.name: _declination_wrong,
+}
+"""{parameter: what its errors (components,), true - given, make of a source that was right}, in the order in
+which they come about."""
 
 
 def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Recording:

@@ -1,2 +1,2 @@
-"""Filters side by side on the same outages of one recording: protocols, the runs, the scores,
-what they say together."""
+"""Comparison of filters on the same outages of one recording: protocols, runs, scores and
+summaries."""

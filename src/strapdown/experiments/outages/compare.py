@@ -1,5 +1,5 @@
-"""Filters side by side on the same outages of a recording: one start, one noise, the same
-sources and the same fixes withheld for all."""
+"""Compare filters on the same outages of a recording: one start, one noise, the same sources and
+the same withheld fixes for all."""
 
 from __future__ import annotations
 
@@ -32,15 +32,16 @@ from .runs import Common, Entrant, FilterWay, Result, through
 from .scores import known_reference, outages_of
 from .smoothed_fixes import NOTE, smoothed_fixes
 
-WITHHELD_KINDS = "position", "velocity"
-"""Kinds of measurement that an outage of GNSS withholds."""
+WITHHELD_KINDS, BASELINE = ("position", "velocity"), "baseline"
+"""Kinds of measurement that an outage of GNSS withholds, and that of two antennas, which it
+withholds too where a recording has it."""
 NUMBER_IN_TEXT = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 """A number in the text of an event."""
 SLOW_FILTERS = ("pkf",)
-"""Filters of hundreds of components, which take minutes where the others take a second: they run
-only where they are named."""
+"""Filters with hundreds of components, which take minutes instead of a second: they run only if
+named."""
 HERE = re.compile(r",? (?:first|from) here\b")
-"""Words by which the text of an event refers to its time."""
+"""Words in the text of an event that refer to its time."""
 
 
 @takes(SourceOptions)
@@ -55,8 +56,8 @@ def compare(
     progress: Progress | bool | None = None,
     **shared: Unpack[SourceOptions],
 ) -> Comparison:
-    """Run filters through the same outages of a recording, and return the Comparison of their errors
-    against its reference, or without one against the withheld fixes.
+    """Run filters through the same outages of a recording, and return the Comparison of their
+    errors against its reference, or without one against the withheld fixes.
 
     A filter that cannot run, or stops, stays in the result with its message.
 
@@ -72,7 +73,7 @@ def compare(
         Windows to withhold measurements in, such as "30/300" (30 s every 300 s) or "8:12,14:18"
         (from 8 to 12 s, and so on); see `outages.protocols`.
     kinds : str or list of str
-        Of the fixes that are withheld.
+        Kinds of the withheld fixes; a baseline of two antennas too, where nothing else is named.
     threads : int
         At a time; default: one per core.
     progress : bool or callable
@@ -81,7 +82,7 @@ def compare(
     Returns
     -------
     Comparison
-        Scores of every filter in every outage, and what they say together.
+        Scores of every filter in every outage, and their summary.
 
     Raises
     ------
@@ -92,6 +93,8 @@ def compare(
     start, noise, notify = asked["start"], asked["noise"], asked["notify"]
     _check(recording, threads, start, noise)
     entrants, kinds = _entrants(filters), _kinds(kinds)
+    if kinds == WITHHELD_KINDS and any(a.kind == BASELINE for a in recording.sources):
+        kinds = (*kinds, BASELINE)
     recording = with_weights(
         with_estimates(recording, asked["estimate"]), asked["robust"], asked["adaptive"]
     )
@@ -110,7 +113,7 @@ def compare(
     end = min(recording.span[1], float(reference.t[-1]))
 
     made = protocol(outages, recording.span, end, lambda: start_of_all().t + SETTLING)
-    # without the fixes of an early outage an alignment would wait, or begin with less
+    # without the fixes of an early outage, an alignment would wait or use fewer data
     before_start(made, start_of_all())
     hidden = recording.hidden(made.windows, kinds)
     begin = start or _hidden_start(hidden, spec, asked)
@@ -130,7 +133,7 @@ def _idle_ahrs(ahrs: str | Filter | None, entrants: list[Entrant]) -> list[str]:
     """A note on an AHRS that feeds no filter."""
     if ahrs is None or any("attitude" in entrant.filter.needs for entrant in entrants):
         return []
-    return [f"{ahrs} fed no filter, for none of these needs an attitude"]
+    return [f"{ahrs} was not used, because none of these filters needs an attitude"]
 
 
 def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -> list[Entrant]:
@@ -152,13 +155,13 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
         made.append(Entrant(found.label, *found))
         if not has_position(found.filter):
             raise DataError(
-                f"{made[-1].label} estimates no position, by which outages are scored; leave it out"
+                f"{made[-1].label} estimates no position, but outages are scored by position; leave it out"
             )
     labels = [entrant.label for entrant in made]
     if not labels:
-        raise DataError("compare: there is no filter; name one at least")
+        raise DataError("compare: there is no filter; give at least one")
     if twice := [label for label in labels if labels.count(label) > 1]:
-        raise DataError(f"compare: the filter {twice[0]!r} is there twice; leave one out")
+        raise DataError(f"compare: the filter {twice[0]!r} is given twice; leave one out")
     return made
 
 
@@ -171,7 +174,7 @@ def _pair(each: object) -> tuple[str, dict[str, Any]]:
         and isinstance(each[1], dict)
     ):
         raise DataError(
-            f"compare: {each!r} is no filter; give its name, NAME:option=value, or (name, {{option: "
+            f"compare: {each!r} is not a filter; give its name, NAME:option=value, or (name, {{option: "
             f"value}})"
         )
     return each[0], each[1]
@@ -206,15 +209,15 @@ def _check(recording: object, threads: int | None, start: object, noise: object)
 
 
 def _check_ahrs(ahrs: str | Filter | None) -> None:
-    """Raise DataError where this is no filter of attitude alone; None is fine."""
+    """Raise DataError unless this is an attitude filter or None."""
     name = ahrs.name if isinstance(ahrs, Filter) else ahrs
     known = [each for each in filters.names() if not has_position(filters.find(each))]
     if name is not None and name not in known:
-        raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
+        raise DataError(f"ahrs is {name!r}, which is not an AHRS; there are: {', '.join(known)}")
 
 
 def _aligned_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> InitialState:
-    assert spec is not None  # it is, where there is no start
+    assert spec is not None  # required without a start
     return align_start(recording, spec, noise=asked["noise"], notify=asked["notify"])
 
 
@@ -226,7 +229,7 @@ def _hidden_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions)
 
 
 class Ran(NamedTuple):
-    """The filters of a comparison, and what became of them."""
+    """The filters of a comparison and their results."""
 
     entrants: list[Entrant]
     ways: list[FilterWay]
@@ -241,7 +244,8 @@ def _comparison(
     reference: Trajectory,
     spec: ImuSpec | None,
 ) -> Comparison:
-    """The Comparison of what the runs gave. Raises DataError where nothing was scored."""
+    """Return the Comparison from the results of the runs. Raises DataError where nothing was
+    scored."""
     entrants, ways, results = ran
     labels = [entrant.label for entrant in entrants]
     rows: list[dict[str, Any]] = [
@@ -259,7 +263,7 @@ def _comparison(
         for number, (each, outage) in enumerate(zip(own, common.outages), 1)
     ]
     if all(isinstance(each, str) for own in results for each in own):
-        raise DataError(f"no filter got through any outage; {labels[0]}: {results[0][0]}")
+        raise DataError(f"no filter completed any outage; {labels[0]}: {results[0][0]}")
     widest = max(rows, key=len)
     scores = pd.DataFrame(rows, columns=list(widest))
     tracks = {

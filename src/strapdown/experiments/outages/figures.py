@@ -3,7 +3,7 @@ single outages, coverage, the track.
 
 Errors are true - estimate. Every function takes a comparison.Comparison and returns a plotly
 Figure, or None where there is nothing to draw; a filter has the same colour, symbol and dash in all
-of them. What was not scored is left out of the drawing and named in a sentence below it.
+of them. Filters that were not scored are left out and named in a sentence below the figure.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ OUTAGE_COLOUR = "rgba(59,125,216,0.35)"
 GAUSS = (68.27, 95.45, 99.73)
 """Percent of a normal error within 1, 2 and 3 standard deviations."""
 REACH = 100.0
-"""Largest ratio to the median, above and below, that a logarithmic axis shows: a filter that
-diverges leaves it instead of flattening the others."""
+"""Largest ratio to the median, above and below, on a logarithmic axis: a diverging filter leaves
+the axis instead of flattening the others."""
 SHARES = {
     f"{part}coverage_{k + 1}": (col, k)
     for col, part in enumerate(("", "down_"), 1)
@@ -77,8 +77,8 @@ SINCE = "time since the outage began [s]"
 LINE_POINTS = 250
 """Points of a line over one outage at most."""
 MIDDLING = 5.0
-"""Multiple of the largest error of the middle filter that the frame of a single outage shows, where
-others go twice as far."""
+"""Limit of the frame of a single outage, as a multiple of the median filter's largest error, if
+others exceed twice this error."""
 
 
 class Style(NamedTuple):
@@ -504,8 +504,8 @@ def _breaks(hidden: Mask) -> Ints:
 
 
 def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> None:
-    """Where each filter thought it was in the outages: the reference less its error. Lines of
-    one filter are one entry of the legend."""
+    """Draw the estimates of each filter in the outages: the reference less its error. Lines of one
+    filter are one entry of the legend."""
     for name, style in styles(comparison.filters).items():
         parts = []
         for (start, _), track in zip(comparison.windows, comparison.tracks[name]):
@@ -538,8 +538,8 @@ NAMED = {
 def figure_of_name(
     comparison: Comparison, what: str, length: float | None, outage: int
 ) -> go.Figure:
-    """The figure of that name as it stands alone, of the outages of a `length` in s, or of the one of
-    that number. Raises DataError."""
+    """The figure of that name as it stands alone, of the outages of a `length` in s, or of the one
+    of that number. Raises DataError."""
     heading = NAMED[check_choice(what, "figure", NAMED)]
     length = comparison.lengths[-1] if length is None else length
     if length not in comparison.lengths:

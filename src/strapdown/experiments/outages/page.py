@@ -1,5 +1,4 @@
-"""The page that `strapdown compare` writes: the answer in words, tables, figures, how it was
-done."""
+"""The page of `strapdown compare`: the answer as text, tables, figures and settings."""
 
 from __future__ import annotations
 
@@ -52,7 +51,7 @@ COVERAGE = (
     "deviation, 68.3, 95.4 and 99.7 %. "
     "Left of them the filter trusts itself too much, right of them too little."
 )
-TRACK = "The reference, and the outages on it with what the filters took for the track."
+TRACK = "The reference, and the outages on it with the tracks that the filters estimated."
 SWEPT = "The reference, and the outages on it: the colour of a mark is the error in the outage that begins there."
 DRAWN_IN_FULL = 6
 """Most outages that are all drawn in full."""

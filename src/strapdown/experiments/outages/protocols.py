@@ -19,7 +19,7 @@ from ...core.loop.contract import InitialState
 Window: TypeAlias = tuple[float, float]
 """Start and stop, s."""
 SWEEP_STEP = 5.0
-"""s between the windows of a sweep that does not say it."""
+"""Default interval of the windows of a sweep, s."""
 SETTLING = 60.0
 """s after the start in which a sweep that names no range withholds nothing."""
 MAX_WINDOWS = 5000
@@ -33,11 +33,11 @@ class Protocol(NamedTuple):
     """Windows in which fixes are withheld, and whether all in one run or each in a run of its
     own."""
 
-    text: str  # as it was asked for, or made of the windows
+    text: str  # as given, or from the windows
     # ((start, stop), ...) s, in order of length and start where they are of a sweep, else of start
     windows: tuple[Window, ...]
     sweep: bool  # each window is a run of its own with all fixes before it
-    words: str  # what that means, for people
+    words: str  # description
 
 
 def protocol(
@@ -73,7 +73,7 @@ def _list_protocol(windows: Iterable[Window], text: str | None = None) -> Protoc
             f"{PROTOCOL_HINT}"
         ) from None
     if not found:
-        raise DataError(f"outages: there are none; {PROTOCOL_HINT}")
+        raise DataError(f"outages: none are given; {PROTOCOL_HINT}")
     if len(found) > MAX_WINDOWS:
         raise DataError(f"outages: more than {MAX_WINDOWS} windows in a list; give fewer")
     count = (
@@ -91,9 +91,7 @@ def _periodic(text: str, span: Window) -> Protocol:
     beginning of the first IMU sample."""
     parts = text.split("/")
     if len(parts) != 2:
-        raise DataError(
-            f"outages {text!r}: {len(parts)} numbers where there are 2; {PROTOCOL_HINT}"
-        )
+        raise DataError(f"outages {text!r}: {len(parts)} numbers instead of 2; {PROTOCOL_HINT}")
     length, period = _positive(text, "length", parts[0]), _positive(text, "period", parts[1])
     if length >= period:
         raise DataError(
@@ -108,9 +106,9 @@ def _periodic(text: str, span: Window) -> Protocol:
     ends = [first + k * period for k in range(2, int((last - first + ROUNDING) / period) + 1)]
     if not ends:
         raise DataError(
-            f"outages {text!r}: the recording lasts {last - first:.6g} s, and the first period is "
-            f"left out: "
-            f"there is no outage in less than two periods of {period:g} s; give a shorter period"
+            f"outages {text!r}: the recording lasts {last - first:.6g} s, but with the first period "
+            f"left out, "
+            f"an outage needs at least two periods of {period:g} s; give a shorter period"
         )
     words = f"{length:g} s at the end of every {period:g} s but the first, all in one run"
     return Protocol(text, tuple((end - length, end) for end in ends), False, words)
@@ -150,7 +148,7 @@ def _window(part: str, end: float, text: str) -> Window:
     """(start, stop) of "A:B", or of "A:", which stops at `end`."""
     start, colon, stop = part.partition(":")
     if not colon:
-        raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {PROTOCOL_HINT}")
+        raise DataError(f"outages {text!r}: {part.strip()!r} is not a window; {PROTOCOL_HINT}")
     first = _number(text, start)
     if not stop.strip() and first >= end:
         raise DataError(
@@ -169,7 +167,7 @@ def _number(text: str, part: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise DataError(
-            f"outages {text!r}: {part.strip()!r} is no number of seconds; {PROTOCOL_HINT}"
+            f"outages {text!r}: {part.strip()!r} is not a number of seconds; {PROTOCOL_HINT}"
         )
     return value
 
@@ -209,17 +207,18 @@ def _check(made: Protocol, span: Window) -> None:
     for one, after in zip(made.windows, made.windows[1:] if not made.sweep else ()):
         if after[0] < one[1] - ROUNDING:
             raise DataError(
-                f"outages {window_text(one)} and {window_text(after)} overlap, which in one run they must "
-                f"not; "
-                "give others, or a sweep (30@240:575/5), in which each is a run of its own"
+                f"outages {window_text(one)} and {window_text(after)} overlap, which is impossible in one "
+                f"run; "
+                "give others, or a sweep (30@240:575/5), in which each has a separate run"
             )
 
 
 def before_start(made: Protocol, start: InitialState) -> None:
-    """Raise DataError where a window does not begin after the start of the filters, an InitialState."""
+    """Raise DataError where a window does not begin after the start of the filters, an
+    InitialState."""
     window = min(made.windows, key=lambda window: window[0])
     if window[0] <= start.t + ROUNDING:
         raise DataError(
-            f"outage {window_text(window)} begins before the alignment is done, at {start.t:.10g} s; "
+            f"outage {window_text(window)} begins before the end of the alignment, at {start.t:.10g} s; "
             "give later outages (or, in Python, a start= before them)"
         )

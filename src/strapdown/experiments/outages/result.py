@@ -1,5 +1,5 @@
-"""The result of a comparison: scores of every filter in every outage, what they say together,
-and the files of it."""
+"""The result of a comparison: scores of every filter in every outage, their summaries, and its
+files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 TABLES = ("scores", "summary", "paired", "growth", "table")
 """Files of `Comparison.write`, beside the page: NAME.csv each."""
 UNITS = {"_m_s": "m/s", "_percent": "percent", "_deg": "degree", "_m": "m", "_s": "s"}
-"""{how the name of a score ends: its unit}; others are numbers."""
+"""{suffix of the name of a score: its unit}; others are numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ class Comparison(Value):
 
     @cached_property
     def lengths(self) -> tuple[float, ...]:
-        """Lengths of outages that are pooled, s: those of a sweep one by one; those of one run
-        all together, under the longest."""
+        """Lengths of pooled outages, s: in a sweep each length separately; in one run all together,
+        under the longest."""
         found = sorted(set(self.scores["length_s"]))
         return tuple(found) if self.sweep else (found[-1],)
 
@@ -187,9 +187,9 @@ class Comparison(Value):
             page(self).save(folder / "index.html")
 
     def plot(self, what: str = "growth", length: float | None = None, outage: int = 1) -> go.Figure:
-        """A figure of its page as a plotly Figure, which can be changed: "growth" of the errors with
-        time, "outages", RMSE of each, "paired", ratios to the best filter, "course" of the errors in
-        one outage, "coverage" of the claimed standard deviations, or "track".
+        """A figure of its page as a plotly Figure, which can be changed: "growth" of the errors
+        with time, "outages", RMSE of each, "paired", ratios to the best filter, "course" of the
+        errors in one outage, "coverage" of the claimed standard deviations, or "track".
 
         length: of the outages, s, where there are several (default: the longest); outage: number of
         that of "course". Raises DataError.
@@ -205,8 +205,8 @@ class Comparison(Value):
         return made
 
     def to_xarray(self) -> xr.Dataset:
-        """The scores as an xarray Dataset over filter and outage, with units. Raises DataError where
-        xarray is missing."""
+        """The scores as an xarray Dataset over filter and outage, with units. Raises DataError
+        where xarray is missing."""
         from ...pages.notebook.labelled import need_xarray
 
         need_xarray()

@@ -1,9 +1,9 @@
 """The runs of a comparison.
 
 A protocol of one run withholds its fixes from a single run of each filter. In a sweep each window
-is a run of its own with all fixes before it, and windows overlap: the filter runs once with all
-fixes, its whole state is kept just before the first withheld fix of each window, and each window
-goes on from there without them. That is, bit for bit, the run of `fuse` on
+has a separate run with all fixes before it, and windows may overlap: the filter runs once with all
+fixes, its complete state is kept just before the first withheld fix of each window, and each window
+continues from there without its fixes. This equals, bit for bit, the run of `fuse` on
 `recording.hidden([window], kinds)`.
 """
 
@@ -70,7 +70,7 @@ class FilterWay(NamedTuple):
 
     run: Run | None  # that it made; None where it cannot run at all
     stands: dict[int, Stand]  # {IMU row: (Belief, Cursor) before it}
-    # each outage needs a run of its own from the start, for what it is fed depends on what is
+    # each outage needs a separate run from the start, because its input depends on what is
     # withheld
     alone: bool
     said: str  # why it cannot run, or stopped
@@ -244,7 +244,7 @@ def _run_branch(run: Run, stand: Stand, outage: ScoredOutage, sources: list[int]
         int(np.searchsorted(fixes.t, samples.t[-1] + loop.SAME_TIME, side="right")),
     )
     t, source = fixes.t[near], fixes.source[near]
-    # one whose clock is a state is used later than its stamp says
+    # a fix whose clock is a state is used after its time stamp
     waited = fixes.sources["delay"][source]
     stamp = np.where(waited > 0, np.round(t - waited, 9), t)
     keep = ~((stamp >= outage.start) & (stamp < outage.stop) & np.isin(source, sources))

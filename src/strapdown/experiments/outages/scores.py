@@ -24,16 +24,16 @@ from ...typing import Array, Mask
 from .protocols import Protocol, Window, window_text
 
 HARDLY = 10.0
-"""m: over a shorter way the drift is no percentage of it."""
+"""m: over a shorter distance the drift is not given in percent."""
 MOSTLY = 0.95
-"""Share of the rows of an outage at which the reference is known that goes without saying."""
+"""Share of rows with a known reference above which there is no note."""
 NEAR_END = 0.02
 """Share of the length of an outage: so far before its end, or one IMU sample, the reference must be
 known for errors at the end."""
 COARSE = 5, 1.0
 """A reference of fewer rows in an outage, or of longer steps (s), is noted."""
 NAMED = 10
-"""Outages that a note names by their numbers at most."""
+"""Largest number of outages that a note lists."""
 DRAWN = 301
 """Rows of an outage that are kept for drawing."""
 
@@ -68,19 +68,19 @@ class ErrorTrack(NamedTuple):
 
 
 def known_reference(recording: Recording) -> Trajectory:
-    """The rows of the recording's reference, which it has, whose position is known. Raises DataError
-    where there are none."""
+    """The rows of the recording's reference, which it has, whose position is known. Raises
+    DataError where there are none."""
     reference = recording.reference
     assert reference is not None
     known: Mask = np.all(np.isfinite(reference.lla), axis=1)
     if known.sum() < 2:
         raise DataError(
-            "the reference has no position, and outages are scored by position: add one to it"
+            "the reference has no position, but outages are scored by position: add one to it"
         )
     (first, last), (begin, end) = reference.t[known][[0, -1]], recording.span
     if last < begin or first > end:
         raise DataError(
-            f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to "
+            f"the reference covers {first:.10g} to {last:.10g} s, but the recording {begin:.10g} to "
             f"{end:.10g} s; check its clock"
         )
     return replace(reference.take(known), std=None)
@@ -106,7 +106,8 @@ def outages_of(
     kinds: Collection[str],
     start: InitialState,
 ) -> tuple[list[ScoredOutage], list[str]]:
-    """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the InitialState of the filters.
+    """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the InitialState of the
+    filters.
 
     A window of a sweep in which nothing is withheld or nothing known of the reference is left out
     and noted. Raises DataError where all are, or in another protocol one is; and where two outages
@@ -175,7 +176,7 @@ def _scene(
 
 def _outage(window: Window, scene: _Scene) -> ScoredOutage:
     begin, stop = window
-    # the first fix that is, and the first that is not any more
+    # the first withheld fix, and the first one that is no longer withheld
     missing, again = (int(np.searchsorted(scene.times, edge)) for edge in window)
     if missing >= again:
         raise DataError(
@@ -231,8 +232,8 @@ def _poor_references(found: list[ScoredOutage], step: float) -> list[str]:
     poor = (
         (
             lambda o: o.known < MOSTLY,
-            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {{}}, which "
-            f"are scored where it is",
+            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {{}}; only these "
+            f"rows are scored",
         ),
         (
             lambda o: not o.reaches_end,
@@ -240,8 +241,8 @@ def _poor_references(found: list[ScoredOutage], step: float) -> list[str]:
         ),
         (
             lambda o: o.coarse,
-            f"the reference has a row every {step:.3g} s, which is coarse for {{}}: what it does "
-            f"not show between its rows counts as error",
+            f"the reference has a row every {step:.3g} s, which is coarse for {{}}: motion between "
+            f"its rows counts as error",
         ),
     )
     numbers = [([i for i, o in enumerate(found, 1) if has(o)], text) for has, text in poor]
@@ -260,7 +261,7 @@ def score_outage(solution: Solution, outage: ScoredOutage) -> tuple[dict[str, fl
     its position is no number."""
     estimate, truth = solution.trajectory, outage.truth
     if not np.isfinite(estimate.lla).all():
-        raise DataError("diverged: its position is no number")
+        raise DataError("diverged: its position is not a number")
     known = np.isfinite(truth.lla).all(axis=1)
     p = displacement(truth.lla[known], estimate.lla[known])
     std = np.full_like(p, np.nan) if estimate.std is None else estimate.std[known, :3]

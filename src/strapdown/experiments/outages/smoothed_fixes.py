@@ -1,4 +1,4 @@
-"""The fixes that outages withhold, against which they are scored where a recording has no reference."""
+"""Withheld fixes as the reference of outages, for a recording without a reference."""
 
 from dataclasses import replace
 
@@ -11,15 +11,15 @@ from ...engine.smoothing import smooth
 
 FILTER = "closed-loop"
 NOTE = (
-    f"no reference: errors are against the withheld fixes, as {FILTER} smoothed over all fixes has them at "
-    "the IMU; their standard deviations count in the coverage, attitude is not scored, and what is wrong "
-    "in the set-up is wrong in both"
+    f"no reference: errors are against the withheld fixes, transferred to the IMU by {FILTER}, smoothed "
+    "over all fixes; the coverage includes their standard deviations, attitude is not scored, and errors of "
+    "the set-up affect both"
 )
 
 
 def smoothed_fixes(recording: Recording, asked: RunOptions, start: InitialState) -> Trajectory:
-    """The position and velocity of a recording by all of its fixes, with standard deviations. Raises
-    DataError where it has none of position."""
+    """Return position and velocity of a recording from all of its fixes, with standard deviations.
+    Raises DataError where it has no position fixes."""
     if not any(source.kind == "position" for source in recording.sources):
         raise DataError(
             "the recording has no reference to score against, and no fixes of position that could stand "

@@ -18,8 +18,8 @@ from .scores import ErrorTrack
 GRID = 61
 """Points of a growth curve."""
 CURVE_GAP = 2.5
-"""Usual steps of a ErrorTrack, thinned to every row or every other one: it is unknown in longer gaps,
-and further than that beyond its ends."""
+"""Largest gap in an ErrorTrack, in median steps of its thinned rows, across which it is
+interpolated, and beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
 MEDIANS = tuple(f"{part}_rmse_deg" for part in EULER) + (
     "velocity_rmse_m_s",
@@ -71,8 +71,8 @@ def pool_scores(own: pd.DataFrame) -> dict[str, Any]:
 
 
 def blocks(starts: Iterable[float], lengths: Iterable[float]) -> Ints:
-    """(n,) number of the block of each window, in order of start: those that begin before the
-    first one of the block stops are in it."""
+    """Return the block number (n,) of each window, in order of start: a window belongs to a block
+    if it begins before the first one of the block ends."""
     found, number, until = [], -1, -np.inf
     for start, length in zip(starts, lengths):
         if start >= until - ROUNDING:

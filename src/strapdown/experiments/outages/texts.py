@@ -1,5 +1,5 @@
-"""The result of a comparison over outages in words: which filter drifts least and how certain that
-is, and which filters were not scored, with why."""
+"""Text of the result of a comparison over outages: the filter with the least drift and its
+significance, and the filters that were not scored, with reasons."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .result import Comparison
 
 HEIGHTS = "altitude", "pressure", "zero-sea-level"
-"""Kinds of sources that tell the height alone."""
+"""Kinds of sources that measure only the height."""
 
 
 class ErrorRatio(NamedTuple):
@@ -31,8 +31,8 @@ class ErrorRatio(NamedTuple):
 def ratio(
     comparison: Comparison, name: str, base: str, length: float, axis: str = "horizontal"
 ) -> ErrorRatio:
-    """The ErrorRatio of RMSE of `name` to that of `base` along an axis, over the outages of a length;
-    NaN where they have none in common."""
+    """The ErrorRatio of RMSE of `name` to that of `base` along an axis, over the outages of a
+    length; NaN where they have none in common."""
     rows = comparison.paired
     rows = rows[(rows["axis"] == axis) & (rows["length_s"] == length)]
     for a, b, sign in (name, base, 1), (base, name, -1):
@@ -103,13 +103,13 @@ def _answer(comparison: Comparison, length: float) -> str:
         return f"{best} drifts least {within}: {_times(best, found, order[1:2])}, the next."
     if len(alike) == len(found):
         return (
-            f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE "
+            f"The data do not separate the filters: {best} has the smallest horizontal RMSE "
             f"{within}, but there may be no difference to "
             f"{join_words(alike)}: {_times(best, found, alike)}."
         )
     rest = [name for name in found if name not in alike]
     return (
-        f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from "
+        f"{best} has the smallest horizontal RMSE {within}, but the data do not separate it from "
         f"{join_words(alike)}: "
         f"{_times(best, found, alike)}; {join_words(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
         f"more."
@@ -153,7 +153,8 @@ def told_alike(
     length: float,
     axis: str = "horizontal",
 ) -> list[str]:
-    """Those of the others whose RMSE is not significantly larger than that of `best` along an axis."""
+    """Those of the others whose RMSE is not significantly larger than that of `best` along an
+    axis."""
     ratios = {name: ratio(comparison, name, best, length, axis) for name in others}
     return [name for name, r in ratios.items() if not (r.blocks > 1 and r.low > 1)]
 

@@ -34,6 +34,7 @@ from ...core.loop.contract import (
     kernel,
     matrix,
 )
+from ...core.mathematics.disturbed_field import DIP_ALLOWED, STRENGTH_ALLOWED, SURELY
 from ...core.mathematics.earth import GRAVITY_EQUATOR, RATE, gravity
 from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observe_innovation
 from ...core.mathematics.kalman import MIN_NOISE, decay, of_estimates
@@ -127,17 +128,12 @@ REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
-STRENGTH_ALLOWED, DIP_ALLOWED = 0.15, math.radians(8.0)
-"""Share of the known strength, and rad, by which a field may be off besides its noise and the tilt's
-uncertainty. A room bends it by as much (the BROAD trials without a magnet: 12 % and 8 deg)."""
 STUCK_TURN = 0.5
 """rad: a body cannot turn so far while its field stays the same number by number."""
 REFUSED_FOR, REFUSED_MAX = 1.0, 5.0
 """s: refused fields that count; and at most, so that the count is over as soon again."""
 GONE = 10.0
 """s: a source of which nothing came for so long is gone."""
-SURELY = 3.0
-"""Standard deviations."""
 LASTING, RISE_TIME = 1.0, 20.0
 """m/s^2: mean vertical acceleration over RISE_TIME (s) that no body keeps up: the attitude is wrong
 (by 26 deg where the specific force is as large as gravity, by 30 deg in a turn of that bank)."""

@@ -1,1 +1,1 @@
-"""Bare tables: guesses at what their columns are, as the sections of a description."""
+"""Bare tables: the meaning of their columns, guessed, as sections of a description."""

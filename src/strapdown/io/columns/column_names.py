@@ -1,4 +1,4 @@
-"""Names that loggers give the columns of a table, and the units that names spell."""
+"""Names that loggers give the columns of a table, and the units in these names."""
 
 import re
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from ..tables.table_file import FileTable
 
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
 MEASURED = r"_(meas(ured)?|noisy)"
-"""Behind the names of a sensor's columns where a simulation writes true values beside them."""
+"""Suffix of the columns with measured values where a simulation also writes true values."""
 OWN_NAMES = {
     GYRO: [("roll_?rate|rollspeed", "pitch_?rate|pitchspeed", "yaw_?rate|yawspeed"), "pqr"]
 }
@@ -20,7 +20,7 @@ MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
 ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|spec(ific)?_?(force|acc))"
 TEMPERATURE = r"((gyro?|acc(el)?|sensor|chip|die)_?)?temp(erature)?"
 OF = r"(gps|gnss|pos|position|nav|fix|ubx)?[_ .]?"
-"""Words that may stand before the name of a column of fixes."""
+"""Words that may precede the name of a column of fixes."""
 POSITION = {
     "latitude": OF + r"(lat|latitude|latitud|breite(ngrad)?)|ll[ah]_1",
     "longitude": OF + r"(lon|lng|long|longitude|longitud|l(ä|ae)nge(ngrad)?)|ll[ah]_2",
@@ -127,8 +127,8 @@ class ColumnNames(NamedTuple):
         return self._replace(names=[name for name in self.names if name not in left])
 
     def find(self, pattern: str) -> str | None:
-        """The first column named so, with or without a unit behind, or None; one without it
-        first."""
+        """Return the first column whose name matches, with or without a unit behind it, or None;
+        names without a unit come first."""
         for whole in (f"(?:{pattern})", f"(?:{pattern}){UNIT}"):
             for name in self.names:
                 if re.fullmatch(whole, plain(name)):
@@ -147,7 +147,7 @@ class ColumnNames(NamedTuple):
         return [name for name in names if name] if all(names) else None
 
     def _of_triple(self, pattern: str, axis: int) -> str | None:
-        """A column of a triple that has a name of its own for each axis."""
+        """Return a column of a triple whose axes have different names."""
         own = OWN_NAMES.get(pattern, [])
         unit = r"([_ .]?(m?rad|m?deg|m?dps).*|[_ ]*[\[(].*)?"
         found = (
@@ -168,7 +168,7 @@ class ColumnNames(NamedTuple):
         return pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
 
     def unit(self, name: str, units: Iterable[str]) -> str | None:
-        """The unit that the end of a column's name spells, or the line of units, or None."""
+        """Return the unit at the end of a column's name, or in the line of units, or None."""
         texts = []
         for spelt in (_lower(name), plain(name)):
             ends = re.split(r"[\[(]|(?<=[^_ ])[_ ]", spelt, maxsplit=4)
@@ -182,11 +182,11 @@ class ColumnNames(NamedTuple):
 
 
 def plain(name: str) -> str:
-    """A name as the patterns have it: small letters, words apart."""
+    """Return a name in the form of the patterns: lower case, words separated."""
     head, mark, tail = re.fullmatch(r"([^\[(]*)([\[(]?)(.*)", name.strip()).groups()  # type: ignore[union-attr]
     return re.sub(r"^imu[_ .]", "", _lower(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", head) + mark + tail))
 
 
 def _lower(name: str) -> str:
-    # but for the sign of micro, whose small form another character is
+    # except the micro sign, whose lower-case form is another character
     return re.sub(r"^imu[_ .]", "", name.strip().lower()).replace(" ", "_")

@@ -1,5 +1,5 @@
-"""A bare table as a Log: guesses at what its columns are, by names, units, magnitudes and content,
-with a reason wherever the user must check."""
+"""A bare table as a Log: the columns are identified by names, units, magnitudes and content, with a
+reason wherever the user must check."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,7 +39,7 @@ def open_table(path: Path) -> Log:
         facts += log.facts
         left += log.left
         asked += log.asked
-    if sections and len(found) > 1:  # the other tables are what they are
+    if sections and len(found) > 1:  # the other tables need no section
         asked = [line for line in asked if "gravity" in line or "height" in line]
     return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked))
 
@@ -59,8 +59,8 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     clock = find_clock(columns, is_imu)
     if clock is None:
         no_time = (
-            f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MAX_NAMES])}: "
-            f"rename it to time, or name it in `time` of a recording.toml"
+            f"no column has the name or the content of a time, among {', '.join(columns.names[:MAX_NAMES])}: "
+            f"rename the time column to time, or name it in `time` of a recording.toml"
         )
         return Log({"": table}, (), tuple(facts), asked=(no_time,))
     facts.append(clock.fact + (f" (a guess: {clock.assumed})" if clock.assumed else ""))
@@ -82,8 +82,8 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     asked += fixes.asked
     if not sections and not asked:
         asked.append(
-            f"nothing was recognised among its columns {', '.join(columns.names[:20])}: say in a "
-            f"recording.toml what they are, or rename them, as gyro_x, acc_x, lat, lon, height"
+            f"none of its columns was recognised: {', '.join(columns.names[:20])}; describe them in a "
+            f"recording.toml, or rename them, as gyro_x, acc_x, lat, lon, height"
         )
     if fixes.made:
         table = table.with_columns(fixes.made)
@@ -98,11 +98,11 @@ def _of_table(table: FileTable, name: str | None) -> Log:
 
 
 MAX_NAMES = 40
-"""Columns that a line lists at most."""
+"""Largest number of columns that a line lists."""
 
 
 def _not_taken(columns: ColumnNames, label: str) -> tuple[str, ...]:
-    """A line on the columns that nothing is made of, but for empty ones."""
+    """Return a line on the unused columns, except empty ones."""
     names = [name for name in columns.names if columns.table.cells_filled(name).any()]
     if not names:
         return ()
@@ -110,12 +110,12 @@ def _not_taken(columns: ColumnNames, label: str) -> tuple[str, ...]:
     of = f" of {label}" if label else ""
     text = f"columns{of} not recognised or not needed: {', '.join(names[:MAX_NAMES])}{more}"
     if {"vx", "vy", "vz"} <= {plain(name) for name in names}:
-        text += "; nothing tells the axes of vx, vy, vz: rename them vn, ve, vd or ve, vn, vu"
+        text += "; the axes of vx, vy, vz are unknown: rename them vn, ve, vd or ve, vn, vu"
     return (text,)
 
 
 NO_COLUMN = ("kind", "table", "unit", "axes", "form", "clock", "format", "equals", "field")
-"""Keys whose text is no column."""
+"""Keys whose text does not name a column."""
 
 
 def column_names(keys: Any) -> list[str]:
@@ -128,10 +128,10 @@ def column_names(keys: Any) -> list[str]:
 
 
 def _with_table(section: Section, clock_assumed: str, table: str | None) -> Section:
-    """The section with the name of its table and what is assumed of its clock."""
+    """Return the section with the name of its table and the assumption on its clock."""
     assumed = dict(section.assumed) | ({"time": clock_assumed} if clock_assumed else {})
     keys: dict[str, Any] = {key: section.keys[key] for key in section.keys if key != "table"}
-    if "table" in section.keys:  # has columns that the file has not
+    if "table" in section.keys:  # its columns are derived, not those of the file
         keys = {**keys, "table": table or MADE}
     elif table:
         keys = {**keys, "table": table}
@@ -141,9 +141,9 @@ def _with_table(section: Section, clock_assumed: str, table: str | None) -> Sect
 
 
 MAX_KINDS = 20
-"""Texts in a column at most that are kinds of rows."""
+"""Largest number of different texts in a column that name kinds of rows."""
 MADE = "with degrees"
-"""Name of the table of a file of one, with columns that are made of its own."""
+"""Name of the table with derived columns, of a file that has one table."""
 
 
 def _without_header(table: FileTable) -> Log:
@@ -155,7 +155,7 @@ def _without_header(table: FileTable) -> Log:
         for name, each in values
         if np.isfinite(each).any()
     ]
-    asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
+    asked = "the table has no header line: give its columns by number in a recording.toml, the first is 1"
     for name, each in values:
         texts: list[str] = (
             list(dict.fromkeys(table.cells(name)[table.cells_filled(name)]))
@@ -164,7 +164,7 @@ def _without_header(table: FileTable) -> Log:
         )
         if 1 < len(texts) <= MAX_KINDS:
             asked = (
-                f"column {name} holds {', '.join(map(repr, texts))}: each row is of another kind; "
-                f"write a file of each kind, as with grep, and a header line into it"
+                f"column {name} holds {', '.join(map(repr, texts))}: the table mixes kinds of rows; "
+                f"write each kind to a file of its own, for example with grep, and add a header line"
             )
     return Log({"": table}, (), tuple(facts), asked=(asked,))

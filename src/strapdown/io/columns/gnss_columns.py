@@ -1,6 +1,6 @@
-"""Sections of a table's fixes: position, velocity, speed and course, with their accuracy, by the names,
-magnitudes and content of its columns; and which rows count: those with a fix, that are not zeros, and
-where it arrived."""
+"""Sections for the fixes of a table: position, velocity, speed and course, with their accuracy,
+from the names, magnitudes and content of its columns. Only rows with a newly arrived fix that is
+not zero count."""
 
 import re
 from typing import Any, NamedTuple
@@ -26,10 +26,10 @@ from .column_names import (
 from .track_units import angles_of, unit_of_velocity, units_of_course
 
 POSITION_STD, VELOCITY_STD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
-"""m and m/s of a receiver that states none."""
+"""m and m/s, for a receiver that states no standard deviation."""
 SPREADS = (("m", "mm", "cm", "km", "ft"), ("rad", "deg"), tuple(UNITS["speed"]))
-"""Units of deviations, those of one quantity together."""
-NO_STD = "the table tells no accuracy; this is a usual one of a receiver"
+"""Units of standard deviations, by quantity."""
+NO_STD = "the table states no accuracy; this is a typical one of a receiver"
 ARM = (
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
     "the antenna",
@@ -41,29 +41,29 @@ class GnssColumns(NamedTuple):
 
     sections: list[Section]
     facts: list[str]
-    # columns (n,) of degrees that were made of degrees and minutes, by name
+    # columns (n,) in degrees, converted from degrees and minutes, by name
     made: dict[str, Array]
-    # what these were made of
+    # the columns that these were converted from
     sources: list[str]
     asked: list[str]
 
 
 class Keys(NamedTuple):
-    """Keys of a section, and why some of them have their value, which the table does not say."""
+    """Keys of a section, and the reason for each value that the table does not state."""
 
     values: dict[str, Any]
     assumed: dict[str, str]
 
     def with_more(self, more: "Keys") -> "Keys":
-        """These, then the others."""
+        """Return these keys, then the others."""
         return Keys(self.values | more.values, self.assumed | more.assumed)
 
 
 def fix_sections(
     columns: ColumnNames, time: dict[str, Any], t: Array, is_imu: bool = False
 ) -> GnssColumns:
-    """The GnssColumns of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
-    from row to row."""
+    """Return the GnssColumns of a table with the times `time`, t (n,) s. Beside an IMU, rows may
+    repeat the fix before."""
     found = GnssColumns([], [], {}, [], [])
     told = conditions(columns, is_imu)
     shared = Keys({"time": time}, {})
@@ -87,7 +87,7 @@ def _add(found: GnssColumns, kind: str, told: Keys) -> None:
 
 
 def _position(columns: ColumnNames, shared: Keys, found: GnssColumns) -> Array | None:
-    """Add the position; latitude and longitude (n, 2), rad, or None."""
+    """Add the position, and return latitude and longitude (n, 2), rad, or None."""
     names = {key: columns.find(pattern) for key, pattern in POSITION.items()}
     lat, lon = names["latitude"], names["longitude"]
     if not lat or not lon:
@@ -106,14 +106,14 @@ def _position(columns: ColumnNames, shared: Keys, found: GnssColumns) -> Array |
     if height is None:
         others = ", ".join(columns.without([*angles.sources, *angles.names]).names[:20])
         found.asked.append(
-            f"{names['latitude']} and {names['longitude']} are there, but which column is the height? "
-            f"A position needs one: rename it to height, in m (the other columns are {others})"
+            f"{names['latitude']} and {names['longitude']} are there, but no column is recognised as "
+            f"the height, which a position needs: rename it to height, in m (the other columns are {others})"
         )
         return track
     length, size = _length(columns, height)
     keys |= {"columns": [lat, lon, height], "unit": [angle, angle, length]}
     if scale != 1 or size != 1:
-        keys["scale"], why["scale"] = [scale, scale, size], "by the size of the numbers"
+        keys["scale"], why["scale"] = [scale, scale, size], "from the magnitude of the numbers"
     if height != names["ellipsoidal"]:
         keys |= _geoid(columns, names, height, why)
     keys["std"], told = _position_std(columns, "mm" if size != 1 else "m")
@@ -125,12 +125,12 @@ def _position(columns: ColumnNames, shared: Keys, found: GnssColumns) -> Array |
 def _geoid(
     columns: ColumnNames, names: dict[str, str | None], height: str, why: dict[str, str]
 ) -> dict[str, Any]:
-    """The key `geoid` of a height that is not named as ellipsoidal."""
+    """Return the key `geoid` of a height whose name does not say that it is ellipsoidal."""
     if names["separation"]:
         unit, _ = _length(columns, names["separation"])
         return {"geoid": {"column": names["separation"], "unit": unit}}
     if height == names["sea"]:
-        why["geoid"] = f"{height!r} reads like a height above mean sea level"
+        why["geoid"] = f"the name {height!r} means a height above mean sea level"
         return {"geoid": "EGM96"}
     why["columns"] = "; ".join(
         filter(
@@ -153,7 +153,7 @@ def _length(columns: ColumnNames, name: str) -> tuple[str, float]:
 
 
 def _position_std(columns: ColumnNames, unit: str) -> tuple[Any, str]:
-    """(std, why it is assumed); `unit` is that of columns that name none."""
+    """(std, why it is assumed); `unit` applies to columns that name none."""
     named = {key: columns.find(pattern) for key, pattern in DEVIATIONS.items()}
     if all(named[key] for key in ("north", "east", "down")):
         return [_deviation(columns, str(named[key]), unit) for key in ("north", "east", "down")], ""
@@ -164,17 +164,17 @@ def _position_std(columns: ColumnNames, unit: str) -> tuple[Any, str]:
     if named["vertical"]:
         return [across, across, _deviation(columns, named["vertical"], unit)], ""
     up = dict(across, scale=2.0)
-    return [across, across, up], "of the height twice that of the position"
+    return [across, across, up], "std of the height: twice the horizontal one"
 
 
 def _deviation(columns: ColumnNames, name: str, unit: str) -> dict[str, Any]:
-    """The entry of `std` of a column, in the unit of its name or else in this one."""
+    """Return the entry of `std` of a column, in the unit of its name or else in `unit`."""
     alike = next(units for units in SPREADS if unit in units)
     return {"column": name, "unit": columns.unit(name, alike) or unit}
 
 
 def _ecef(columns: ColumnNames, shared: Keys, found: GnssColumns) -> None:
-    """Add a position and a velocity in ECEF, which the size of the numbers shows."""
+    """Add a position and a velocity in ECEF, recognised by the magnitude of the numbers."""
     names = [name for pattern in ECEF.values() if (name := columns.find(pattern))]
     if len(names) < 3:
         return
@@ -200,7 +200,7 @@ def _ecef(columns: ColumnNames, shared: Keys, found: GnssColumns) -> None:
 
 
 def _ecef_keys(names: list[str], unit: str, covariance: Any, usual_std: float) -> Keys:
-    """Keys of x, y and z; `usual_std` is taken where there is no covariance."""
+    """Return the keys of x, y and z; without a covariance, their std is `usual_std`."""
     keys = {"columns": names, "axes": "ECEF", "unit": unit}
     if covariance is None:
         return Keys({**keys, "std": usual_std}, {"std": NO_STD})
@@ -208,7 +208,8 @@ def _ecef_keys(names: list[str], unit: str, covariance: Any, usual_std: float) -
 
 
 def _covariance(columns: ColumnNames, of: str, unit: str) -> list[dict[str, Any]] | None:
-    """Six columns of variances and covariances of x, y, z, xy, yz, zx; None where one is missing."""
+    """Return six columns of variances and covariances of x, y, z, xy, yz, zx; None where one is
+    missing."""
     sign = r"(σ²|σ\^?2|var(iance)?|cov(ariance)?|p)_?"
     found = []
     for pair in ("xx|x", "yy|y", "zz|z", "xy|yx", "yz|zy", "zx|xz"):
@@ -285,25 +286,25 @@ def _course_std(columns: ColumnNames, units: list[str]) -> tuple[Any, str]:
     of_speed, of_course = (columns.find(DEVIATIONS[key]) for key in ("speed", "course"))
     across = _deviation(columns, of_speed, "m/s") if of_speed else _of(VELOCITY_STD[0], units[0])
     if not of_course:
-        return across, f"{'of the velocity' if of_speed else f'{NO_STD},'} in all directions"
+        return across, f"{'std of the velocity' if of_speed else f'{NO_STD},'} in all directions"
     down = [_of(VELOCITY_STD[2], unit) for unit in units[2:]]
     told = "" if of_speed and not down else NO_STD
     return [across, _deviation(columns, of_course, units[1]), *down], told
 
 
 def _of(speed: float, unit: str) -> float:
-    """A speed in m/s in another unit, rounded."""
+    """Convert a speed in m/s to another unit, rounded."""
     return float(f"{speed / UNITS['speed'][unit]:.2g}")
 
 
-# ---- rows that count
+# ---- rows with a fix
 
 NO_FIX = re.compile(r"no(ne|[ _-]?fix|t .*)?|invalid|v|false|0|2d?|time.*", re.IGNORECASE)
-"""Words of a row that is no fix in three dimensions."""
+"""Words that mark a row without a three-dimensional fix."""
 
 
 def conditions(columns: ColumnNames, is_imu: bool) -> list[tuple[dict[str, Any], str]]:
-    """[(condition of the key `where`, why)]; beside an IMU fixes may be held from row to row."""
+    """[(condition of the key `where`, why)]; beside an IMU, rows may repeat the fix before."""
     fix = _where(columns)
     found = [fix, _zeros(columns, fix[0]), _arrival_condition(columns) if is_imu else (None, "")]
     return [(where, why) for where, why in found if where]
@@ -329,18 +330,18 @@ def _where(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
             3 if type_of_fix and values.max() >= 3 else 2 if type_of_fix and values.max() > 1 else 1
         )
         unused = int((cells < least).sum())
-        return {"column": name, "least": least}, f"{unused} rows of {len(cells)} are no fix"
+        return {"column": name, "least": least}, f"{unused} rows of {len(cells)} have no fix"
     texts = sorted({str(cell) for cell in cells})
     good = [text for text in texts if not NO_FIX.fullmatch(text.strip())]
     if not good or len(texts) > 12:
         return None, ""
     unused = sum(str(cell) not in good for cell in cells)
-    return {"column": name, "equals": good}, f"{unused} rows of {len(cells)} are no fix"
+    return {"column": name, "equals": good}, f"{unused} rows of {len(cells)} have no fix"
 
 
 def _zeros(columns: ColumnNames, where: dict[str, Any] | None) -> tuple[dict[str, Any] | None, str]:
-    """(Condition on the rows that are fixes, or None; why) of a receiver that writes zeros without
-    one, of the rows of which `where` holds."""
+    """(Condition on the rows that are fixes, or None; why), for a receiver that writes zeros where
+    it has no fix; only the rows that satisfy `where` count."""
     names = [columns.find(POSITION["latitude"]), columns.find(POSITION["longitude"])]
     if not all(names):
         names = [columns.find(pattern) for pattern in ECEF.values()]
@@ -354,11 +355,11 @@ def _zeros(columns: ColumnNames, where: dict[str, Any] | None) -> tuple[dict[str
     alone = [name for name, each in zip(some, zero.T) if each.sum() == count]
     if not 0 < count < len(zero) or not alone:
         return None, ""
-    return {"column": alone[0], "unequal": 0}, f"{count} rows of {len(zero)} are zeros, no fix"
+    return {"column": alone[0], "unequal": 0}, f"{count} rows of {len(zero)} are zero: no fix"
 
 
 def _arrival_condition(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
-    """(Condition on the rows where a fix arrived, or None; why) of fixes that most rows repeat."""
+    """(Condition on the rows where a fix arrived, or None; why), where most rows repeat a fix."""
     patterns = [*POSITION.values(), *VELOCITY.values()]
     if not columns.find(POSITION["latitude"]):
         patterns = [*ECEF.values(), *ECEF_VELOCITY.values()]

@@ -26,7 +26,7 @@ from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, ColumnNames
 
 ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
 NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
-"""No column of roll, pitch or heading has this in its name."""
+"""Text that excludes a column from being roll, pitch or heading."""
 AXES = ("FRD", "forward-right-down")
 IMU_KEYS = (
     '# mounting = { roll = 0.0, pitch = 0.0, heading = 0.0, unit = "deg" }    # sensor to body, where '
@@ -35,19 +35,19 @@ IMU_KEYS = (
     "the IMU",
 )
 UNCALIBRATED = (
-    "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it first "
-    "(`strapdown calibrate`)"
+    "the table does not say that it is calibrated, and nearby iron distorts the heading; calibrate it "
+    "first (`strapdown calibrate`)"
 )
 MAG_KEYS = (
     '# place = { latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }    # at the top, '
-    "beside date: the field is then of true north",
-    '# calibration = "mag.toml"       # what `strapdown calibrate` wrote; few magnetometers are right '
-    "without",
+    "beside date: headings are then from true north",
+    '# calibration = "mag.toml"       # written by `strapdown calibrate`; few magnetometers are '
+    "accurate without",
 )
 
 
 class Part(NamedTuple):
-    """Keys of a section, why some of them have their value, facts and what is asked."""
+    """Keys of a section, reasons for assumed values, facts and open questions."""
 
     keys: dict[str, Any]
     assumed: dict[str, str] = {}
@@ -62,7 +62,7 @@ class Force(NamedTuple):
     raw: Array  # (n, 3), as in the table
     unit: str
     scale: float
-    why: str  # unit and scale are assumed; "": the table says them
+    why: str  # unit and scale are assumed; "": the table states them
     axes: tuple[str, str]  # (axes, why they are assumed)
 
     @property
@@ -74,8 +74,8 @@ class Force(NamedTuple):
 def imu_section(
     columns: ColumnNames, time: dict[str, Any], t: Array
 ) -> tuple[Section | None, list[str], list[str]]:
-    """(Section [imu] with gyro, accel or both, or None; facts; what is asked) of a table whose times
-    are `time`, t (n,) s, with the units and axes that fit gravity best."""
+    """(Section [imu] with gyro, accel or both, or None; facts; open questions) of a table with the
+    times `time`, t (n,) s; units and axes are those that fit gravity best."""
     gyro, accel = columns.triple(GYRO), columns.triple(ACCEL)
     if not gyro and not accel:
         return None, [], []
@@ -130,8 +130,8 @@ def _gyro_part(columns: ColumnNames, names: list[str], t: Array, force: Force | 
     unit, scale, why = _gyro_unit(columns, names[0], t, raw, force)
     whole = bool(np.all(raw[np.isfinite(raw)] % 1 == 0))
     asked = [
-        f"gyro: {', '.join(names)} are whole numbers beside an accelerometer of counts: write their "
-        f"unit and scale of the data sheet in the draft, as gyro = {{ columns = [...], "
+        f"gyro: {', '.join(names)} are whole numbers, as are the accelerometer's: enter unit and "
+        f"scale from the data sheet in the draft, as gyro = {{ columns = [...], "
         f'unit = "deg/s", scale = 0.0076 }}'
     ]
     times = f" times {scale:g}" if scale != 1 else ""
@@ -159,7 +159,7 @@ def _stack(columns: ColumnNames, names: list[str]) -> Array:
 
 
 def _strength(vectors: Array) -> float:
-    """Median magnitude of the rows (n, 3) that are whole; 0 without any."""
+    """Median magnitude of the complete rows (n, 3); 0 without any."""
     whole = vectors[np.isfinite(vectors).all(axis=1)]
     return float(np.median(np.linalg.norm(whole, axis=1))) if len(whole) else 0.0
 
@@ -178,10 +178,10 @@ def _gyro_unit(
     if force is None:
         largest = float(np.nanpercentile(np.abs(gyro), 99)) if np.isfinite(gyro).any() else 0.0
         unit = "deg/s" if largest > 12 else "rad/s"
-        return unit, 1.0, f"the unit is not in the name; 1 % of the values are beyond {largest:.3g}"
+        return unit, 1.0, f"the unit is not in the name; 1 % of the values exceed {largest:.3g}"
     try:
         imu, _ = increments(t, gyro, force.raw * force.factor)
-    except DataError:  # which reading tells
+    except DataError:  # reading reports it
         return "rad/s", 1.0, "the unit is not in the name"
     turn = axes_matrix(force.axes[0], BODY_AXES).T
     imu = imu._replace(dtheta=imu.dtheta @ turn, dv=imu.dv @ turn)
@@ -208,7 +208,7 @@ def _accel_unit(columns: ColumnNames, name: str, raw: Array) -> tuple[str, float
 
 
 def _axes(force: Array) -> tuple[str, str]:
-    """(axes, comment) that turn the median specific force to -z."""
+    """Return (axes, comment) that bring the median specific force to -z."""
     main = int(np.argmax(np.abs(force)))
     up = force[main] > 0
     if main == 2:
@@ -223,7 +223,7 @@ def _axes(force: Array) -> tuple[str, str]:
         text = f"+{forward} {sign}{other} {down}"
         try:
             axes_matrix(text, BODY_AXES)
-            return text, "gravity lies on " + "xyz"[main] + "; forward and right are a guess"
+            return text, "gravity is along " + "xyz"[main] + "; forward and right are a guess"
         except DataError:
             continue
     raise AssertionError("one of the two signs makes them right-handed")
@@ -232,8 +232,8 @@ def _axes(force: Array) -> tuple[str, str]:
 def magnetometer_section(
     columns: ColumnNames, time: dict[str, Any], axes: str
 ) -> tuple[Section | None, list[str]]:
-    """(Section [[source]] of a magnetometer or None, facts), its unit the one of its name or that
-    gives about the Earth's field."""
+    """(Section [[source]] of a magnetometer or None, facts). Its unit is that of the name, or the
+    one that gives about the Earth's field strength."""
     names = columns.triple(MAG)
     if not names:
         return None, []
@@ -268,8 +268,8 @@ def magnetometer_section(
 def attitude_section(
     columns: ColumnNames, time: dict[str, Any]
 ) -> tuple[Section | None, list[str]]:
-    """(Section [[source]] of roll, pitch and heading or None, facts), which is left: a logged
-    attitude is most often another filter's, made of this same IMU."""
+    """(Section [[source]] of roll, pitch and heading or None, facts). It is left out: a logged
+    attitude usually comes from another filter that used the same IMU."""
     tilt = {key: columns.find(NO_ANGLE + pattern) for key, pattern in ANGLES.items()}
     if not tilt["roll"] or not tilt["pitch"]:
         return None, []
@@ -290,7 +290,7 @@ def attitude_section(
     assumed |= {} if named else {"unit": f"the largest is {largest:.4g}"}
     fact = f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}"
     left = (
-        "an attitude beside the IMU is most often that of another filter, made of this same IMU; where "
-        "it is an AHRS's, --take attitude=0 takes it"
+        "an attitude beside the IMU usually comes from another filter that used the same IMU; if it is "
+        "that of a separate AHRS, --take attitude=0 takes it"
     )
     return Section("source", "attitude", keys, assumed=assumed, left=left), [fact]

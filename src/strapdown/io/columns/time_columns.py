@@ -1,4 +1,4 @@
-"""Which columns of a table are its time, and on which clock, by names, magnitudes and content."""
+"""The time columns of a table and their clock, from names, magnitudes and content."""
 
 import re
 from collections.abc import Iterable
@@ -24,12 +24,12 @@ CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc|uhrzeit|zeit)"
 GPS_NAME = r".*gps.*"
 GPS_TIME = r"gps_?time"
 AFTER = r"([_ .,\[(].*)?"
-"""Words that may stand behind a name."""
+"""Words that may follow a name."""
 UNIX_UNITS = ("s", "ms", "us", "ns")
 MAX_INTERVALS = (float(DAY), 100.0)
-"""s between two fixes, and two samples of an IMU: a unit that gives more is another."""
+"""s: largest interval of fixes, and of IMU samples; a unit that gives a larger one is excluded."""
 MIN_UNIX = 0.95e9
-"""POSIX seconds of 2000; no clock of a device counts so far from its own start."""
+"""POSIX seconds of the year 2000; a clock that counts from switch-on never reaches it."""
 FORMATS = (
     "iso",
     "%d.%m.%Y %H:%M:%S",
@@ -42,14 +42,14 @@ FORMATS = (
     "%Y%m%d %H%M%S",
 )
 OF_DAY = "%H:%M:%S"
-"""A time alone, whose day another file may tell."""
+"""A time of day without a date; the date may come from another file."""
 DAYS = 2
-"""Number of the first formats with a date of digits alone that are tried in a column alone."""
+"""Number of formats (the first ones) with an all-digit date that are tried in a single column."""
 
 
 class ColumnClock(NamedTuple):
-    """The time of a table in the keys of a description. A `week` of None is not known: the column
-    is the time of week, whose week another file may tell."""
+    """The time of a table as keys of a description. A `week` of None is unknown: the column is the
+    time of week, and the week may come from another file."""
 
     keys: dict[str, Any]
     fact: str
@@ -80,7 +80,8 @@ def find_clock(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
 
 
 def _by_content(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
-    """The ColumnClock of the first column that reads as POSIX time or dates, whatever its name."""
+    """Return the ColumnClock of the first column that holds POSIX times or dates, whatever its
+    name."""
     for name in columns.names:
         if columns.table.content[name].dtype.kind not in "iuf":
             form = _format(columns, name)
@@ -98,8 +99,8 @@ def _by_content(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
 
 
 def _unix_unit(t: Array, units: Iterable[str], is_imu: bool) -> str | None:
-    """The unit in which a column (n,) counts from 1970, or GPS time from 1980, and whose intervals
-    can be those of the table; None where there is none."""
+    """Return the unit in which a column (n,) counts from 1970, or GPS time from 1980, with
+    intervals that suit the table; None where there is none."""
     known = t[np.isfinite(t)]
     steps = np.diff(known)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
@@ -135,12 +136,13 @@ def _number_clock(columns: ColumnNames, name: str, is_imu: bool) -> ColumnClock:
         sure = "" if is_gps or seconds > MIN_UNIX + GPS_ZERO else "or GPS time since 1980"
         return ColumnClock(keys, f"time: {name!r} in {absolute}, {which}", sure)
     unit = named or _unit_by_interval(t, is_imu)
-    why = "" if named or unit == "s" else "by the interval of its rows"
+    why = "" if named or unit == "s" else "from the interval of its rows"
     return ColumnClock({"column": name, "unit": unit}, f"time: {name!r} in {unit}", why)
 
 
 def _unit_of_week(name: str, t: Array, named: str | None, is_imu: bool) -> str | None:
-    """The unit of a column (n,) of times of week; None where it is none, by name and magnitude."""
+    """Return the unit of a column (n,) of times of week, from name and magnitude; None for other
+    columns."""
     known = t[np.isfinite(t)]
     called = plain(name)
     if not len(known) or known.min() < 0:
@@ -155,14 +157,14 @@ def _unit_of_week(name: str, t: Array, named: str | None, is_imu: bool) -> str |
         return unit
     late = (
         re.fullmatch(GPS_TIME + AFTER, called) and known.min() * size > DAY
-    )  # less may as well count from switch-on
+    )  # smaller numbers may count from switch-on
     return unit if late else None
 
 
 def _unit_by_interval(t: Array, is_imu: bool) -> str:
     interval = float(np.median(np.diff(t[np.isfinite(t)]))) if np.isfinite(t).sum() > 1 else 0.01
     for unit, least in (
-        ("ns", 1e6 if is_imu else 3e7),  # fixes of 1 Hz in us are not those of 1 kHz in ns
+        ("ns", 1e6 if is_imu else 3e7),  # 1 Hz fixes in us must not pass for 1 kHz fixes in ns
         ("us", 1e3 if is_imu else 1e4),
         ("ms", 1.0 if is_imu else 20.0),
     ):
@@ -193,8 +195,8 @@ def _format(columns: ColumnNames, name: str, day: str | None = None) -> str | No
 
 
 def _of_no_form(columns: ColumnNames, name: str) -> str:
-    """Return the message on a text column that holds no times: the cell that is no number, where
-    most are numbers."""
+    """Return the message on a text column that holds no times; where most cells are numbers, it
+    names the cell that is not."""
     table = columns.table
     numbers, known = columns.numbers(name), table.cells_filled(name)
     odd = np.flatnonzero(known & ~np.isfinite(numbers))
@@ -204,14 +206,14 @@ def _of_no_form(columns: ColumnNames, name: str) -> str:
             f"number; correct the cell or leave it empty"
         )
     return (
-        f"{table.name}: {name!r} is written {table.frame[name].iloc[0]!r}, which is no form of a time "
-        f"that is known; say its `format` in a recording.toml"
+        f"{table.name}: {name!r} begins with {table.frame[name].iloc[0]!r}, whose time format is "
+        f"unknown; give its `format` in a recording.toml"
     )
 
 
 def _is_written(cells: Any, pattern: Pattern) -> bool:
-    """Return True where all cells are times of a pattern. No logger predates 1970, but the digits
-    of 010524 could be of the year 1."""
+    """Return True where all cells are times of a pattern and after 1970; the digits of 010524 could
+    otherwise mean the year 1."""
     found, wrong = moments(cells, pattern)
     return not wrong.any() and bool(np.all(found.minute >= 0))
 

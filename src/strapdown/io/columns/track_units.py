@@ -1,5 +1,6 @@
-"""Units of the positions, speeds and courses of a table of fixes: of latitude and longitude with the
-hemisphere that stands beside them, and of what a table does not name, or misnames, by its positions."""
+"""Units of the positions, speeds and courses of a table of fixes. Latitude and longitude take their
+signs from the hemisphere columns beside them. Where a name gives no unit, or an incorrect one, the
+positions decide."""
 
 from typing import NamedTuple
 
@@ -12,17 +13,17 @@ from ...units.conversion import DEG, UNITS
 from .column_names import ColumnNames
 
 BASE = 4.0
-"""s between two positions whose difference tells a speed."""
+"""s between two positions whose difference gives a speed."""
 WORST_FIT = 0.25
-"""Relative difference of a speed, and rad of a course, from those of the positions, up to which a
-unit fits."""
+"""Largest relative difference of a speed, and largest difference of a course (rad), from those of
+the positions with which a unit fits."""
 
 
 def units_of_course(
     columns: ColumnNames, speed: str, course: str, t: Array, track: Array | None
 ) -> tuple[list[str], str]:
-    """([unit of the speed, of the course], why they are assumed): those of the names, unless the
-    positions show another."""
+    """Return ([unit of the speed, of the course], why they are assumed): the units of the names
+    unless the positions show others."""
     named = [columns.unit(speed, tuple(UNITS["speed"])), columns.unit(course, ("rad", "deg"))]
     angles = columns.numbers(course)
     largest = float(np.nanmax(np.abs(angles))) if np.isfinite(angles).any() else 0.0
@@ -43,14 +44,14 @@ def units_of_course(
         }
         if miss["rad"] < WORST_FIT < miss["deg"] and units[1] != "rad":
             units[1] = "rad"
-            told.append(f"{course!r} is in rad in spite of its name: only so it fits the positions")
+            told.append(f"{course!r} is in rad in spite of its name: only rad fits the positions")
     return units, "; ".join(told)
 
 
 def unit_of_velocity(
     columns: ColumnNames, north: str, east: str, t: Array, track: Array | None
 ) -> tuple[str, str]:
-    """(unit of a velocity, why it is assumed): that of the name, else the one that fits the
+    """Return (unit of a velocity, why it is assumed): that of the name, else the one that fits the
     positions."""
     named = columns.unit(north, tuple(UNITS["speed"]))
     if named:
@@ -59,12 +60,13 @@ def unit_of_velocity(
         values = np.hypot(columns.numbers(north), columns.numbers(east))
         fits = _best_unit(values, _of_positions(t, track)[0])
         if fits:
-            return fits, f"the name says none; {fits} fits the positions"
-    return "m/s", "the name says none"
+            return fits, f"the name has no unit; {fits} fits the positions"
+    return "m/s", "the name has no unit"
 
 
 def _best_unit(values: Array, fast: Array) -> str | None:
-    """The unit in which speeds (n,) are those of the positions (n,), m/s; None where none is."""
+    """Return the unit in which speeds (n,) agree with those of the positions (n,), m/s; None where
+    none does."""
     moving = (fast > 2.0) & np.isfinite(values)
     if not moving.any():
         return None
@@ -75,8 +77,8 @@ def _best_unit(values: Array, fast: Array) -> str | None:
 
 
 def _of_positions(t: Array, track: Array) -> tuple[Array, Array]:
-    """Speed (n,), m/s, and course (n,), rad, between the positions half of `BASE` before and after
-    each; NaN where there are none."""
+    """Return speed (n,), m/s, and course (n,), rad, from the positions half of `BASE` before and
+    after each; NaN without them."""
     fast, way = np.full(len(t), np.nan), np.full(len(t), np.nan)
     known = np.flatnonzero(np.isfinite(track).all(axis=1) & np.isfinite(t))
     known = known[(track[known] != 0).any(axis=1)]
@@ -107,15 +109,15 @@ class Angles(NamedTuple):
     unit: str
     scale: float
     track: Array  # (n, 2), rad
-    # columns (n,) of degrees by name, where they are made of others
+    # columns (n,) in degrees by name, where they are converted from others
     made: dict[str, Array]
-    sources: tuple[str, ...] = ()  # the columns that these are made of
+    sources: tuple[str, ...] = ()  # the columns that these are converted from
     why: str = ""
 
 
 def angles_of(columns: ColumnNames, lat: str, lon: str) -> Angles:
-    """The Angles of two columns of a table: rad, degrees, 1e-7 degrees, or degrees and minutes as
-    ddmm.mmmm of NMEA 0183; columns of N and S, E and W beside them say their signs."""
+    """Return the Angles of two columns of a table: rad, degrees, 1e-7 degrees, or degrees and
+    minutes as ddmm.mmmm of NMEA 0183. Columns of N and S, E and W beside them give the signs."""
     values = np.stack([columns.numbers(lat), columns.numbers(lon)], axis=1)
     some = values[np.isfinite(values).all(axis=1) & (values != 0).any(axis=1)]
     largest = float(np.abs(some).max(initial=0.0))
@@ -145,16 +147,16 @@ def _why(lat: str, minutes: bool, beside: list[str | None], signed: bool) -> str
     told = [name for name in beside if name]
     source = f"the degrees and minutes of {lat!r}" if minutes else repr(lat)
     letters = f" and the letters of {', '.join(map(repr, told))}" if told else ""
-    text = f"degrees, made of {source}{letters}"
+    text = f"degrees, from {source}{letters}"
     if len(told) == 2 or signed:
         return text
     lacking = [which for which, name in zip(("north", "east"), beside) if name is None]
-    return f"{text}; taken as {' and '.join(lacking)}, for no column says otherwise"
+    return f"{text}; assumed {' and '.join(lacking)}, because no column gives the hemisphere"
 
 
 def _negative(columns: ColumnNames, name: str | None, letters: str, values: Array) -> Mask | None:
-    """Which rows (n,) are south or west by the letters of a column; None where the values have
-    signs of their own."""
+    """Return True for the rows (n,) that are south or west by the letters of a column; None where
+    the values have signs of their own."""
     if name is None or (values < 0).any():
         return None
     cells = columns.table.frame[name].astype(str).str.strip().str.upper().str[:1]
@@ -168,8 +170,8 @@ def _signed_degrees(values: Array, negative: Mask | None, minutes: bool) -> Arra
 
 
 def _hemisphere(columns: ColumnNames, beside: str, letters: str) -> str | None:
-    """The column nearest to that of the coordinate, those behind it first, whose cells are these
-    letters or words that begin so."""
+    """Return the column nearest to that of the coordinate, columns behind it first, whose cells are
+    these letters or words that begin with them."""
     words = {"N", "S", "NORTH", "SOUTH"} if letters == "NS" else {"E", "W", "EAST", "WEST"}
     at = columns.names.index(beside)
     near = sorted(range(len(columns.names)), key=lambda i: (abs(i - at), i < at))

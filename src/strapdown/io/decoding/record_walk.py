@@ -1,5 +1,5 @@
-"""Records of a binary log, one after another: those of one kind side by side, and where to go on
-after damage."""
+"""Consecutive records of a binary log: those of one kind as an array, and where to resume after
+damage."""
 
 from abc import ABC, abstractmethod
 from array import array
@@ -14,29 +14,29 @@ from ..tables.table_file import FileTable
 
 Bytes = NDArray[np.uint8]
 Follow = Callable[[NDArray[np.int64]], NDArray[np.int64]]
-"""Where the record ends that begins at each of these places; -1 where none does."""
+"""End of the record that begins at each of these places; -1 without a record."""
 IN_A_ROW = 4
-"""Records that must follow each other for a place to be the beginning of one."""
+"""Number of consecutive records that prove that a place is the beginning of a record."""
 MAX_DAMAGES = 1000
-"""Places at which a walk finds its way again; what follows the last is left out."""
+"""Largest number of restarts after damage; the rest of the file is then left out."""
 MAX_AT_ONCE = 1 << 18
-"""Places that are looked at together: each takes some hundred bytes of arrays."""
+"""Number of places that are examined together; each takes some hundred bytes of arrays."""
 
 
 def side_by_side(data: Bytes, starts: NDArray[np.int64], size: int) -> Bytes:
-    """(n, size) copies of the bytes from each start, all of which must lie in the data."""
+    """Return copies (n, size) of the bytes from each start; all must lie in the data."""
     if not len(starts):
         return np.empty((0, size), np.uint8)
     return np.lib.stride_tricks.sliding_window_view(data, size)[starts]
 
 
 def structured_records(data: Bytes, starts: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
-    """(n,) records of a structured type that begin at each start."""
+    """Return the records (n,) of a structured type that begin at each start."""
     return side_by_side(data, starts, kind.itemsize).view(kind)[:, 0]
 
 
 def next_record(follow: Follow, begin: int, end: int) -> int:
-    """The first place from `begin` at which records follow each other, or `end`."""
+    """Return the first place from `begin` on with consecutive records, or `end`."""
     size = 256
     while begin < end:
         at = np.arange(begin, min(begin + size, end))
@@ -51,9 +51,9 @@ def next_record(follow: Follow, begin: int, end: int) -> int:
 
 
 class Walked(ABC):
-    """A log of records one after another, walked once, with the parameters that it sets and the count
-    of what was lost. Each format says which records are whole, which one is cut short, and how
-    records follow each other."""
+    """A log of consecutive records, read in one pass, with its parameters and counts of lost data.
+    Each format defines which records are complete, which one is cut short, and how records follow
+    each other."""
 
     def __init__(self, content: bytes) -> None:
         self.content = content
@@ -67,7 +67,7 @@ class Walked(ABC):
 
     @abstractmethod
     def _take_records(self, at: int, end: int) -> int:
-        """Take in whole records from `at`; return the place where they end."""
+        """Take complete records from `at` on; return where they end."""
 
     @abstractmethod
     def _is_cut(self, at: int, end: int) -> bool:
@@ -78,7 +78,7 @@ class Walked(ABC):
         """The Follow of this file."""
 
     def _walk(self, begin: int, end: int) -> None:
-        """Take in the records from `begin`; what is no record is passed over and counted."""
+        """Take the records from `begin` on; other bytes are skipped and counted."""
         while begin < end:
             begin = self._take_records(begin, end)
             if begin >= end:
@@ -96,7 +96,8 @@ class Walked(ABC):
     def _group_records(
         self, kind_of: Callable[[NDArray[np.int64]], NDArray[Any]], kinds: Sequence[int]
     ) -> dict[int, NDArray[np.int64]]:
-        """{kind: where its records begin}, of kinds in rising order; `kind_of` are those of places."""
+        """{kind: beginnings of its records}, in rising order; `kind_of` has the kind of each
+        place."""
         starts = np.frombuffer(self._places, np.int64)
         every = kind_of(starts)
         order = np.argsort(every, kind="stable")
@@ -104,18 +105,18 @@ class Walked(ABC):
         return dict(zip(kinds, np.split(starts[order], cuts)[1:]))
 
     def _set(self, name: str, value: float) -> None:
-        """Take in the value of a parameter."""
+        """Store the value of a parameter."""
         if name in self.parameters and self.parameters[name] != value:
             self.changed.setdefault(name, []).append(self.parameters[name])
         self.parameters[name] = value
 
     @property
     def remarks(self) -> list[str]:
-        """Lines on what of the file was lost."""
+        """Lines on lost parts of the file."""
         lines = []
         if self.unread:
             lines.append(
-                f"{count_text(self.damages, 'damaged place')}, {self.unread} bytes passed over"
+                f"{count_text(self.damages, 'damaged place')}, {self.unread} bytes skipped"
             )
         if self.cut:
             lines.append(f"the last record is cut short ({self.cut} bytes)")
@@ -123,7 +124,7 @@ class Walked(ABC):
 
 
 class Tables(Mapping[str, FileTable]):
-    """Tables by name, each made when it is asked for."""
+    """Tables by name, each made on request."""
 
     def __init__(self, makers: Mapping[str, Callable[[], FileTable]]) -> None:
         self._makers = makers
@@ -142,11 +143,11 @@ class Tables(Mapping[str, FileTable]):
 
 
 def how_it_begins(content: bytes | memoryview, magic: bytes) -> str:
-    """Return the message on a file that does not begin with the mark of its format, with the
-    remedy."""
+    """Return the message and remedy for a file that does not begin with the magic bytes of its
+    format."""
     if not len(content):
         return "it is empty; copy it again from the device"
     start = bytes(content[: len(magic)])
     if magic.startswith(start):
         return f"it ends after {len(content)} bytes, within its header; copy it again"
-    return "it begins with other bytes; is it the file of the device, and whole?"
+    return "it begins with other bytes; give the complete file of the device"

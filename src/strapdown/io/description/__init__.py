@@ -1,2 +1,2 @@
-"""`recording.toml`: its keys and their complaints, what it yields, and a draft of one for a bare
-table."""
+"""`recording.toml`: its keys and their error messages, the Recording that it yields, and the draft
+of one for a bare table."""

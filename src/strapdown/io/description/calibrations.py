@@ -1,5 +1,5 @@
-"""The calibration files that a description names: applied to the IMU, and kept in the meta of the
-Recording."""
+"""The calibration files that a description names: applied to the IMU, and kept in the metadata of
+the Recording."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -18,8 +18,8 @@ from .source_files import Files
 
 
 def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:
-    """{"gyro": Correction, "accel": Correction} that [imu] names; zero and identity where it
-    names none. Raises DataError."""
+    """{"gyro": Correction, "accel": Correction} that [imu] names; zero and identity without one.
+    Raises DataError."""
     found = (
         read_corrections(files.locate(part.calibration))
         if part.calibration
@@ -36,8 +36,8 @@ def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:
 
 
 def calibrate_imu(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list[str]]:
-    """(increments of the gyro, of the accelerometer (n, 3) in the axes of the columns, notes): an
-    Imu with the calibration of [imu].
+    """(increments of the gyro and of the accelerometer (n, 3) in the axes of the columns, notes):
+    an Imu after the calibration of [imu].
 
     Raises DataError.
     """
@@ -58,7 +58,7 @@ def calibrate_imu(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, 
                 notes.append(
                     f"{name}: {count_text(len(beyond), 'sample')} at {beyond.min():.1f} to "
                     f"{beyond.max():.1f} degC, "
-                    f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end "
+                    f"outside the temperature table ({low:g} to {high:g} degC); the bias at its end "
                     f"is used there"
                 )
         if np.any(bias):
@@ -71,8 +71,8 @@ def calibrate_imu(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, 
 
 
 def temperatures(part: ImuPart, column: Temperature, files: Files) -> tuple[Array, Array]:
-    """(t (m,) s, (m,) degC) of the cells that are not empty, in the order of time. Raises
-    DataError where there is none."""
+    """(t (m,) s, (m,) degC) of the cells that are not empty, in time order. Raises DataError
+    without any."""
     table, t, (values,), _ = files.columns(
         part.file,
         column.time or part.time,
@@ -91,8 +91,8 @@ def temperatures(part: ImuPart, column: Temperature, files: Files) -> tuple[Arra
 
 
 def kept_temperatures(part: ImuPart, files: Files) -> RecordingMeta:
-    """{"temperature": (m, 2) s and degC} for the meta of a Recording, at most one a second; empty
-    where [imu] names none. Raises DataError."""
+    """{"temperature": (m, 2) s and degC} for the metadata of a Recording, at most one per second;
+    empty where [imu] names none. Raises DataError."""
     if part.temperature is None:
         return {}
     t, values = temperatures(part, part.temperature, files)
@@ -106,10 +106,10 @@ def frames(
     description: Description, files: Files, sources: Iterable[Source]
 ) -> dict[str, dict[str, Any]]:
     """{"gyro", "accel" and names of magnetometers: {"axes", "bias", "matrix", "temperature",
-    "field"}} as lists, for the meta of a Recording.
+        "field"}} as lists, for the metadata of a Recording.
 
-    It is what a later calibration in body axes needs to come back to the columns; what is left out
-    is identity, zero or none.
+    A later calibration in body axes needs them to return to the axes of the columns. A missing
+    entry means identity, zero or none.
     """
     imu = description.imu
     found = (

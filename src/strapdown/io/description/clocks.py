@@ -1,6 +1,6 @@
-"""One clock for the tables of several files: the week of a time of week and the day of a time of day
-are those that another file tells, and clocks of devices whose zeros are known are set to one of them;
-what nothing tells is asked."""
+"""One clock for the tables of several files. The week of a time of week and the day of a time of
+day come from another file; device clocks with known zeros are converted to one of them; anything
+still unknown becomes a question to the user."""
 
 from collections.abc import Callable, Mapping, Sequence
 from datetime import timedelta
@@ -20,8 +20,8 @@ HALF_WEEK = timedelta(days=3, hours=12).total_seconds()
 
 
 class Timed(NamedTuple):
-    """A section with the first and last of its times, s: GPS time since its zero of an absolute
-    clock, else as they count."""
+    """A section with its first and last time, s: GPS time since its zero on an absolute clock, else
+    as counted."""
 
     path: Path
     section: Section
@@ -31,13 +31,13 @@ class Timed(NamedTuple):
 
 
 def table_of(log: Log, section: Section) -> FileTable | None:
-    """The table that a section names, or the only one."""
+    """Return the table that a section names, or the only one."""
     name = section.keys.get("table")
     return log.tables.get(name) if name else next(iter(log.tables.values()), None)
 
 
 def timed_section(path: Path, log: Log, section: Section) -> Timed | None:
-    """The section with its times; None where it has none, or reading refuses them."""
+    """Return the section with its times; None without times, or where reading refuses them."""
     keys, table = section.keys.get("time"), table_of(log, section)
     if keys is None or table is None:
         return None
@@ -98,7 +98,8 @@ def one_clock(
 
 
 def _later(section: Section, seconds: float, clock: str = "") -> Section:
-    """The section with its times counted from a moment so much earlier, on that absolute clock."""
+    """Return the section with its times counted from a zero so many seconds earlier, on that
+    absolute clock."""
 
     def set_clock(keys: Mapping[str, Any]) -> dict[str, Any]:
         if "time" not in keys:
@@ -114,7 +115,7 @@ def _later(section: Section, seconds: float, clock: str = "") -> Section:
 def _weeks(
     found: Sequence[Timed], unknown: Sequence[Timed]
 ) -> tuple[Callable[[Section], Section], list[str]]:
-    """(What completes a time of week or of day, lines on what is asked)."""
+    """(function that completes a time of week or of day, open questions)."""
     absolute = next((each for each in found if each.kind == "absolute"), None)
     loose = [each for each in found if each.kind == "own"]
     weeks = [each for each in found if each.kind == "week"]
@@ -145,7 +146,8 @@ def _weeks(
 
 
 def _with_week(section: Section, week: int | None, why: str) -> Section:
-    """The section with the number of the week, or on no absolute clock where that is None."""
+    """Return the section with the number of the week, or without an absolute clock where that is
+    None."""
 
     def set_week(keys: Mapping[str, Any]) -> dict[str, Any]:
         time = keys.get("time", {})
@@ -165,7 +167,8 @@ def _with_week(section: Section, week: int | None, why: str) -> Section:
 def _change_times(
     keys: Mapping[str, Any], change: Callable[[Mapping[str, Any]], dict[str, Any]]
 ) -> dict[str, Any]:
-    """The keys of a section with a change of the time, also that of a gyro or an accelerometer."""
+    """Return the keys of a section with changed times, including those of a gyro or
+    accelerometer."""
     of_signals = {key: change(keys[key]) for key in ("gyro", "accel") if key in keys}
     return change(keys) | of_signals
 
@@ -178,8 +181,8 @@ def _of_two(own: Timed, other: Timed) -> str:
     column, there = (each.section.keys["time"]["column"] for each in (own, other))
     moment = f", from {iso(other.first)}," if other.kind == "absolute" else ""
     return (
-        f"{own.path}: its time {column!r} counts from an unknown moment ({own.first:.6g} to "
-        f"{own.last:.6g} s) and {there!r} of {other.path.name}{moment} does not: draft with "
-        f"`strapdown inspect ... --write recording.toml` and say at its top when {column!r} was zero, "
-        f'as epoch = "2024-05-01T12:30:00Z", UTC'
+        f"{own.path}: the zero of its time {column!r} ({own.first:.6g} to "
+        f"{own.last:.6g} s) is unknown, but that of {there!r} of {other.path.name}{moment} is known: draft "
+        f"with `strapdown inspect ... --write recording.toml` and give the UTC of {column!r} = 0 at its top, "
+        f'as epoch = "2024-05-01T12:30:00Z"'
     )

@@ -1,4 +1,4 @@
-"""Edits of an installation in a description, with numbers as the file has them."""
+"""Edits of an installation in a description, with numbers in the form of the file."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ class Edit(NamedTuple):
     of: CalibrationParameter
     # s to add to the offset; m of all three axes; roll, pitch, heading, rad; a factor
     value: tuple[float, ...]
-    std: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
+    std: tuple[float, ...]  # of the value, by component; 0 where it was not estimated
 
     @property
     def key(self) -> str:
@@ -21,7 +21,7 @@ class Edit(NamedTuple):
 
 
 def edit_text(edit: Edit) -> str:
-    """Return an edit in words, with the digits of the file."""
+    """Return an edit as text, with the digits of the file."""
     of, least = edit.of, min(std for std in edit.std if std)
     own = edit.std if of is LEVER_ARM else [least] * len(edit.value)
     numbers = [
@@ -39,7 +39,7 @@ def edit_text(edit: Edit) -> str:
 
 
 def deviations(edit: Edit) -> str:
-    """The standard deviations of the components that were estimated, by name."""
+    """Return the standard deviations of the estimated components by name."""
     of = edit.of
     return ", ".join(
         f"{name} +- {round_std(std * of.factor)} {of.unit}"
@@ -49,18 +49,19 @@ def deviations(edit: Edit) -> str:
 
 
 def number(value: float, std: float, least: int) -> str:
-    """A number with the digits that its standard deviation leaves it, and `least` behind the point
-    anyway."""
+    """Return a number with the digits that are significant by its standard deviation, but at least
+    `least` decimals."""
     text = f"{value:.{max(least, _digits(std))}f}"
     return text if float(text) else text.lstrip("-")
 
 
 def round_std(std: float) -> str:
-    """A standard deviation with the digits that count."""
+    """Return a standard deviation with its significant digits."""
     return f"{std:.{_digits(std)}f}"
 
 
 def _digits(std: float) -> int:
-    """Behind the point of a standard deviation: one that counts, two where the first is 1."""
+    """Number of decimals of a standard deviation: one significant digit, two where the first is
+    1."""
     magnitude, first = f"{std:.1e}".split("e")[1], f"{std:.0e}"[0]
     return max(0, -int(magnitude) + (first == "1"))

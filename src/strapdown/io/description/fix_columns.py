@@ -1,6 +1,6 @@
-"""Fixes of one source, or the rows of a reference, from the columns that a description names, in SI:
-velocities as speed and course, positions and velocities in ECEF and heights above the geoid in the form
-of the library."""
+"""Fixes of one source, or the rows of a reference, in SI from the columns that a description names.
+Speed and course, ECEF positions and velocities, and heights above the geoid are converted to the
+library's form."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, NamedTuple
@@ -21,6 +21,7 @@ from ...preprocessing.other_forms import (
     positions,
     vectors,
 )
+from ...preprocessing.receiver_classes import join_classes
 from ...sensor_models.geoid import undulation
 from ...typing import Array, Mask
 from ...units.conversion import factor, spread_factor
@@ -32,8 +33,8 @@ from .source_files import Files
 
 
 class FixColumns(NamedTuple):
-    """Rows of a source: t (m,) s, y (m, components) and std in SI and radians, where they are
-    from, and notes."""
+    """Rows of a source: t (m,) s, y (m, components) and std in SI and radians, their origin, and
+    notes."""
 
     t: Array
     y: Array
@@ -48,28 +49,28 @@ class FixColumns(NamedTuple):
 
 
 class Whereabouts(NamedTuple):
-    """Source of the vehicle's position: fixes of position, else the place of the recording."""
+    """The vehicle's position: from position fixes, else the place of the recording."""
 
     sources: Iterable[Source]
     place: Sequence[float] | None  # latitude, longitude, rad, and ellipsoidal height, m
 
     def at(self, t: Array) -> Array:
         """(m, 3) geodetic positions at the times t (m,), s. Raises DataError."""
-        for source in self.sources:
+        for source in join_classes(self.sources):
             whole = has_location(source) & np.isfinite(source.y[:, :2]).all(axis=1)
             if source.kind == "position" and whole.any():
                 return places(t, source.t[whole], source.y[whole])
         if self.place is None:
             raise DataError(
-                "nothing says where it is; add a source of positions, or the key place at the top"
+                "its position is unknown; add a source of positions, or the key place at the top"
             )
         return np.broadcast_to(np.array(self.place), (len(t), 3))
 
 
 def read_fixes(part: SourcePart, files: Files, whereabouts: Whereabouts, where: str) -> FixColumns:
-    """The rows of a source that is recorded; an attitude and a magnetic field as their columns
-    have them. Raises DataError, which names `where`."""
-    # the schema asks every kind that is recorded for these
+    """Return the rows of a recorded source; an attitude and a magnetic field stay in the axes of
+    the columns. Raises DataError, which names `where`."""
+    # the schema requires these of every recorded kind
     assert part.file is not None and part.time is not None and part.columns is not None
     entries = part.deviations
     geoid = part.geoid.column if isinstance(part.geoid, SeparationKeys) else None
@@ -78,6 +79,8 @@ def read_fixes(part: SourcePart, files: Files, whereabouts: Whereabouts, where: 
     table, t, columns, notes = files.columns(
         part.file, part.time, [*part.columns, *more], part.table, part.where
     )
+    # the rows that one class of a receiver lacks are in the others
+    notes = [] if part.receiver else notes
     many, read = len(part.columns), iter(columns[len(part.columns) :])
     y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
     std = np.stack(
@@ -96,8 +99,8 @@ def read_fixes(part: SourcePart, files: Files, whereabouts: Whereabouts, where: 
 def _in_ned(
     part: SourcePart, fixes: FixColumns, undulations: Array | None, whereabouts: Whereabouts
 ) -> FixColumns:
-    """The same with heights above the ellipsoid, latitude and longitude, and velocities north, east,
-    down, of those that come otherwise; `undulations` is the column of `geoid`."""
+    """Return the rows with heights above the ellipsoid, latitude and longitude, and velocities
+    north, east, down, converted where necessary; `undulations` is the column of `geoid`."""
     t, y, std, origin, notes = fixes
     if part.form is not None:
         y, std, said = over_ground(upright(y, part.form), std, origin)
@@ -105,7 +108,7 @@ def _in_ned(
     if part.ecef and part.kind == "position":
         lla = positions(y, origin)
         return fixes._replace(y=lla, std=deviations(std, lla))
-    if part.ecef and part.kind == "velocity":
+    if part.ecef and part.kind in ("velocity", "baseline"):
         lla = whereabouts.at(t)
         return fixes._replace(y=vectors(y, lla), std=deviations(std, lla))
     if part.geoid is not None:
@@ -117,15 +120,15 @@ def _in_ned(
 
 
 def upright(values: Array, form: str) -> Array:
-    """(m, 2 or 3) speed, course and, where there is one, the velocity down."""
+    """(m, 2 or 3) speed, course and, if there is one, the velocity down."""
     return values * [1.0, 1.0, -1.0] if form.endswith("up") else values
 
 
 def separation(
     geoid: Literal["EGM96"] | SeparationKeys, lla: Array, column: Array | None
 ) -> tuple[Array, str]:
-    """(height of the geoid above the ellipsoid (m,) in m, what is said of it) at geodetic positions
-    lla (m, 3), as the model, the column (m,) or the number of the key `geoid` says."""
+    """(height of the geoid above the ellipsoid (m,) in m, note on it) at geodetic positions lla (m,
+    3), from the model, the column (m,) or the number of the key `geoid`."""
     if geoid == "EGM96":
         found, source = undulation(lla[:, 0], lla[:, 1]), "EGM96"
     elif column is not None:
@@ -142,9 +145,9 @@ def _deviation_column(entry: Any) -> str | int | None:
 
 
 def _deviation(entry: Any, quantity: str, unit: Any, values: Array | None, many: int) -> Array:
-    """Standard deviations (many,) in SI of an entry of `std`, whose column, where it has one, holds
-    `values`: numbers and plain columns are in the unit of the component (latitude and longitude:
-    m), and of a covariance the sign is kept."""
+    """Return standard deviations (many,) in SI from an entry of `std`; `values` are those of its
+    column, if it has one. Numbers and plain columns are in the unit of the component (latitude and
+    longitude: m). A covariance keeps its sign."""
     if values is None:
         values = np.ones(many) * entry
     if isinstance(entry, dict):
@@ -159,7 +162,7 @@ def _deviation(entry: Any, quantity: str, unit: Any, values: Array | None, many:
 
 
 class Reference(NamedTuple):
-    """Rows of a reference as the fields of a Trajectory, where they are from, and notes."""
+    """Rows of a reference as the fields of a Trajectory, their origin, and notes."""
 
     t: Array  # (n,) s
     lla: Array  # (n, 3), NaN where there is no position
@@ -170,9 +173,9 @@ class Reference(NamedTuple):
 
 
 def read_columns(part: ReferencePart, files: Files, whereabouts: Whereabouts) -> Reference:
-    """The rows of a [reference] that names its columns; what is told in ECEF is turned at the
-    position of its row, or else where `whereabouts` says. Raises DataError."""
-    assert part.time is not None  # the schema asks for it
+    """Return the rows of a [reference] that names its columns. ECEF vectors are rotated at the
+    position of their row, or else at that of `whereabouts`. Raises DataError."""
+    assert part.time is not None  # the schema requires it
     parts = part.parts
     names = [column for vector in parts.values() for column in vector.columns]
     geoid = part.position.geoid if part.position is not None else None
@@ -209,7 +212,7 @@ def read_columns(part: ReferencePart, files: Files, whereabouts: Whereabouts) ->
 
 
 def _velocity(part: Vector, values: Array, here: Array, origin: Origin) -> tuple[Array, list[str]]:
-    """((n, 3) m/s NED, notes) of the columns of a velocity, SI, at the positions `here`."""
+    """((n, 3) m/s NED, notes) from the columns of a velocity, SI, at the positions `here`."""
     if part.form is not None:
         v_n, _, notes = over_ground(upright(values, part.form), np.zeros((len(values), 1)), origin)
         return v_n, notes

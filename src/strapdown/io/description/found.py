@@ -1,4 +1,4 @@
-"""A recording.toml changed to have what was found in the recording that was read from it."""
+"""Update a recording.toml with results from the recording that was read from it."""
 
 import datetime
 import difflib
@@ -18,17 +18,17 @@ from .rewriting import Keyed, change_installation, check_sections, rewrite, rewr
 class Change(NamedTuple):
     """A change that a command makes to the file of a recording."""
 
-    recording: Recording  # as it was read
-    command: str  # stands behind the date in the comments that it writes
+    recording: Recording  # as read from the file
+    command: str  # follows the date in the comments that it writes
     section: Callable[[Any, Any, str], None] = change_installation
 
     def check(self, path: File) -> None:
-        """Refuse what is no description, or has other values than the recording was read with.
-        Raises DataError."""
+        """Refuse a file that is not a description, or whose values differ from those that the
+        recording was read with. Raises DataError."""
         check_sections(path, self._kinds)
         read = self.recording.meta.get("installed")
         differs = (
-            "the recording was not read as a recording.toml has it"
+            "the recording was not read from a recording.toml, or was changed since"
             if read is None
             else difference(installation_numbers(load(path)), read)
         )
@@ -36,8 +36,8 @@ class Change(NamedTuple):
             raise DataError(f"{path}: {differs}; read that file and {self.command.split()[0]} it")
 
     def lines(self, path: File, edits: Iterable[Keyed]) -> list[str]:
-        """The lines that the edits change, with their numbers: - as they are, + as they would be.
-        Raises DataError."""
+        """Return the lines that the edits change, with their numbers: - old, + new. Raises
+        DataError."""
         new = rewrite_text(path, edits, self._kinds, self._mark, self.section).splitlines()
         old, lines = settings_text(path).splitlines(), []
         matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
@@ -48,8 +48,8 @@ class Change(NamedTuple):
         return lines
 
     def write(self, path: File, edits: Iterable[Keyed]) -> Path:
-        """Change the file; the path of the copy of the old one. Raises DataError, and then nothing
-        is changed."""
+        """Change the file and return the path of the copy of the old one. Raises DataError without
+        changing anything."""
         return rewrite(path, edits, self._kinds, self._mark, self.section)
 
     @property

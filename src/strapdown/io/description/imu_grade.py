@@ -1,5 +1,5 @@
-"""The IMU grade that a recording fits where nothing states one: by white noise, and by the readings of
-gyro and accelerometer at rest."""
+"""The IMU grade that fits a recording without a stated grade, from the white noise and from the
+readings of gyro and accelerometer at rest."""
 
 from typing import NamedTuple
 
@@ -14,26 +14,28 @@ from ...units.constants import STANDARD_GRAVITY as G
 from ...units.conversion import in_units
 
 CLASSES = ("navigation", "tactical", "industrial", "consumer")
-"""Grades from the best to the worst; the other grade that ships is of one product."""
+"""Grades from best to worst; the remaining shipped grade describes one product."""
 MARGIN = 1.4
-"""Times the noise of a grade that an IMU of it may show: the gyro noises of neighbouring grades are a
-factor of 2.1 or more apart."""
+"""Largest ratio of the noise of an IMU to that of its grade; the gyro noises of neighbouring grades
+differ by a factor of 2.1 or more."""
 SIGMAS = 3.0
-"""Standard deviations of its bias that a reading at rest may be off."""
-GRAVITY_RANGE = 0.03  # m/s^2: standard gravity is that far off at most, at sea level
-WINDOW = 50  # samples of which one estimate of noise is made
-QUIETEST = 10.0  # percent of the windows, which have the least motion
+"""Largest error of a reading at rest, in standard deviations of the bias."""
+GRAVITY_RANGE = 0.03  # m/s^2: largest error of standard gravity at sea level
+WINDOW = 50  # samples of one estimate of the noise
+QUIETEST = 10.0  # percent of the windows, those with the least motion
 CLUSTERS = (1, 4)
-"""Samples averaged at rest: a low-pass filter of the device hides noise from neighbouring samples."""
+"""Samples averaged at rest, because a low-pass filter in the device hides noise between
+neighbouring samples."""
 MEANS, STEADY = 1.0, 5.0
-"""Seconds of a mean at rest, and standard deviations by which it may differ from the next one:
-smooth motion would pass for a rest otherwise."""
+"""Seconds of a mean at rest, and largest difference from the next mean in standard deviations;
+without this limit, smooth motion would pass for a rest."""
 THIRD = 20.0
-"""Variance of the third difference of white noise of variance 1; it takes slow motion out."""
+"""Variance of the third difference of white noise of variance 1; the difference removes slow
+motion."""
 
 
 class ShownGrade(NamedTuple):
-    """White noise, the largest of what the record shows, and means at rest, NaN without a rest."""
+    """The largest white noise in the record, and the means at rest, NaN without a rest."""
 
     gyro: float  # rad/sqrt(s)
     accel: float  # m/s/sqrt(s)
@@ -50,12 +52,12 @@ def nearest_grade(imu: Imu) -> tuple[str, str]:
     rest = f", mean rate at rest {np.degrees(seen.rate):.2g} deg/s"
     return found, (
         f"estimated from its white noise of {gyro:.2g} deg/sqrt(h) and {accel:.2g} m/s/sqrt(h)"
-        + (", no rest shows its biases" if np.isnan(seen.rate) else rest)
+        + (", no rest to observe its biases" if np.isnan(seen.rate) else rest)
     )
 
 
 def _is_allowed(name: str, seen: ShownGrade) -> bool:
-    """Return True where a grade allows all that was seen; NaN is allowed."""
+    """Return True where a grade allows all observed values; NaN is allowed."""
     spec = imu_spec(name)
     accel_std, gyro_std = spec.bias_std()
     return not (
@@ -67,7 +69,7 @@ def _is_allowed(name: str, seen: ShownGrade) -> bool:
 
 
 def shown_grade(imu: Imu) -> ShownGrade:
-    """The noise and biases that the samples show."""
+    """Return the noise and biases of the samples."""
     dt = float(np.median(imu.dt))
     rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
     gyro, accel = (np.sqrt(dt) * _deviation(each) for each in (rate, force))
@@ -84,8 +86,8 @@ def shown_grade(imu: Imu) -> ShownGrade:
 
 
 def _deviation(values: Array) -> float:
-    """Standard deviation of a sample (n, 3) in the quietest windows, mean of the axes, the largest of
-    the clusters; at least that of rounding."""
+    """Return the standard deviation of a sample (n, 3) in the quietest windows, averaged over the
+    axes, for the noisiest cluster length; at least that of rounding."""
     steps = np.abs(np.diff(values, axis=0))
     moved = steps[steps > 0]
     found = [
@@ -95,10 +97,10 @@ def _deviation(values: Array) -> float:
     ]
     if not found or not len(moved):
         return np.inf
-    # the least steps of rounded values are their unit, of others a hundredth of the noise
+    # the smallest step of rounded values is their unit, that of others a hundredth of the noise
     return float(np.sqrt(max(found) + np.percentile(moved, 1.0) ** 2 / 12))
 
 
 def _blocks(values: Array, many: int) -> Array:
-    """(k, many, 3): the rows in blocks, without those of the last one that is not full."""
+    """(k, many, 3): the rows in blocks, without an incomplete last block."""
     return values[: len(values) // many * many].reshape(-1, many, 3)

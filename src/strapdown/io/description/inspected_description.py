@@ -1,5 +1,4 @@
-"""Lines for people on a `recording.toml`, part by part: one that cannot be read does not hide the
-others."""
+"""Findings on a `recording.toml`, part by part: an unreadable part does not hide the others."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -42,7 +41,8 @@ from .source_files import Files
 
 
 def inspect_description(path: Path) -> Findings:
-    """Findings on a description and all that it names. Raises DataError where it is no TOML."""
+    """Return the findings on a description and the files that it names. Raises DataError for a file
+    that is not TOML."""
     found, description = Findings.of(), complaints(path)
     if isinstance(description, Description):
         found.add(assumption_notes(description.imu))
@@ -59,8 +59,8 @@ def inspect_description(path: Path) -> Findings:
 
 
 def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
-    """Findings on the files of devices that make one recording together, also where they do not
-    make one. Raises DataError where one of them cannot be read."""
+    """Return the findings on device files that should make one recording, even where they do not.
+    Raises DataError where one of them cannot be read."""
     joined = join(open_logs(paths), take).with_grade()
     found = Findings.of(fact for path in paths for fact in joined.logs[path].facts)
     found.add(joined.told, joined.asked)
@@ -78,7 +78,7 @@ def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
 
 
 def _parts(path: Path, description: Description, found: Findings, files: Files) -> list[str]:
-    """The notes; all else goes into `found`."""
+    """Return the notes; everything else goes into `found`."""
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
         return [*files.notes, *notes]
@@ -88,7 +88,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     texts = [*found.problems, *(text for _, text in wrong)]
     without_gravity = any(NO_GRAVITY in text for text in texts)
     unusual = doubts(imu, gyro_bias_std(meta))
-    if without_gravity:  # its direction says nothing
+    if without_gravity:  # its direction has no information
         unusual = [each for each in unusual if each.cause != "axes"]
     _add_imu(path, imu, meta, wrong, unusual, found)
     sources, more = _sources(path, description, imu, meta, files, found)
@@ -96,7 +96,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     recording = Recording(imu, tuple(sources), None, meta)
     _hear_fixes(recording, unusual, found)
     of_fixes = source_facts(imu, sources, meta)
-    # against what is no specific force fixes tell nothing
+    # without gravity, a comparison with fixes has no meaning
     found.add(*(of_fixes[:1] if without_gravity else of_fixes))
     return [*files.notes, *notes]
 
@@ -109,7 +109,7 @@ def _add_imu(
     unusual: Iterable[Reason],
     found: Findings,
 ) -> None:
-    """Add what the samples hold, and what is wrong (by key of [imu]) and unusual of them."""
+    """Add facts on the samples, their mistakes (by key of [imu]) and unusual features."""
     if any(NO_GRAVITY in line for line in found.problems):  # which name the columns
         wrong = [(key, text) for key, text in wrong if NO_GRAVITY not in text]
     lines = [*(f"{key}: {text}" for key, text in wrong), *(each.line for each in unusual)]
@@ -126,7 +126,7 @@ def _sources(
     files: Files,
     found: Findings,
 ) -> tuple[list[Source], list[str]]:
-    """(the sources that can be read, notes)."""
+    """(the readable sources, notes)."""
     read, notes = read_sources(description, imu, files, found.attempt)
     sources, parts = list(read.values()), [(description.source[n - 1], n) for n in read]
     notes = [*notes, *level_notes(sources, meta)]
@@ -151,8 +151,8 @@ def _reference(
 
 
 def _hear_fixes(recording: Recording, unusual: Iterable[Reason], found: Findings) -> None:
-    """Take back what was said of the IMU alone and its fixes contradict: some of the `unusual`, and
-    a gyro that tilts unfelt."""
+    """Withdraw findings on the IMU alone that the fixes contradict: some of the `unusual`, and a
+    gyro that tilts without a change of the specific force."""
     kept = unusual_imu(recording, gyro_bias_std(recording.meta))
     denied = tuple(each.line for each in unusual if each not in kept)
     found.problems[:] = [line for line in found.problems if not line.endswith(denied)]
@@ -171,7 +171,7 @@ def _magnetometers(
     meta: RecordingMeta,
     found: Findings,
 ) -> list[str]:
-    """Notes; each magnetometer among the sources, made of the (SourcePart, number) in `parts`,
+    """Return notes; each magnetometer among the sources, from the (SourcePart, number) in `parts`,
     gets the Earth's field in place."""
     notes: list[str] = []
     for k, (part, number) in enumerate(parts):

@@ -1,5 +1,5 @@
-"""The installation as a description gives it: what a recording was read with, to be compared with the
-file before that is changed."""
+"""The installation that a recording was read with, to be compared with its description before that
+file is changed."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,13 +11,13 @@ from .schema import Description
 from .schema_source import SourcePart
 
 LOOK_THE_SAME = 1e-9
-"""By which numbers may differ that are the same."""
+"""Largest difference of numbers that count as equal."""
 
 
 def installation_numbers(description: Description) -> dict[str, list[float]]:
-    """{"[section] key": numbers}: offsets of time, s; lever arms, m; mounting, roll, pitch, heading,
-    rad; scales; standard deviations, or the scales of their columns; correlated errors, std and time.
-    In plain values, each as it is or, where it is not given, as it is taken."""
+    """{"[section] key": numbers}: time offsets, s; lever arms, m; mounting, roll, pitch, heading,
+    rad; scales; standard deviations, or the scales of their columns; correlated errors, std and
+    time. A key that is not given has its default."""
     imu = description.imu
     found = {
         "[imu] time offset": [imu.time.offset],
@@ -36,24 +36,25 @@ def installation_numbers(description: Description) -> dict[str, list[float]]:
 
 
 def _size(entry: Any) -> float:
-    """A number of `std`, or the scale of its column."""
+    """Return a number of `std`, or the scale of its column."""
     if isinstance(entry, dict):
         entry = entry.get("scale", 1.0)
     return float(entry) if is_number(entry) else 1.0
 
 
 def _correlated_numbers(part: SourcePart) -> list[float]:
-    """Standard deviations and time of its correlated errors, SI; none: []."""
+    """Standard deviations and time of its correlated errors, SI; [] without any."""
     errors = part.correlated_errors
     return [] if errors is None else [*errors.std, errors.time]
 
 
 def difference(there: dict[str, Any], read: dict[str, Any]) -> str:
-    """The first key of two installations that differs, with both values; "" where none does."""
+    """Return the first key that differs between two installations, with both values; "" where none
+    does."""
     for key in [*read, *there]:
         one, other = there.get(key), read.get(key)
         if one is None or other is None or len(one) != len(other) or not _same(one, other):
-            return f"{key} is {_numbers_text(one)}, and {_numbers_text(other)} where the recording was read"
+            return f"{key} is {_numbers_text(one)}, but the recording was read with {_numbers_text(other)}"
     return ""
 
 

@@ -1,5 +1,5 @@
-"""From the files of devices to one description: which of their sections a recording takes, and that
-description as a Recording or as the text of a `recording.toml`."""
+"""One description from the files of devices: the sections that a recording takes, as a Recording or
+as the text of a `recording.toml`."""
 
 import math
 import os
@@ -27,22 +27,23 @@ HEAD = """# Drafted from {names}. Check every line marked "check".
 """
 OPTIONAL = {
     "date": '# date = "2024-01-31"            # of the first sample, UTC; only the magnetic field needs it',
-    "vehicle": '# vehicle = "car"               # any, pedestrian, car, ship, multicopter or aircraft; nothing beyond its speed and heights is believed',
+    "vehicle": '# vehicle = "car"               # any, pedestrian, car, ship, multicopter or aircraft; values beyond its speed and heights are rejected',
 }
-"""Keys at the top of a draft that a user may want, where the files say nothing."""
+"""Optional keys at the top of a draft, where the files do not set them."""
 COMMENT = 33
-"""Column at which comments of a draft begin, where there is room."""
+"""Column at which comments of a draft begin, if there is room."""
 OTHER_PIECE = {
     "gyro": ("accelerometer", "Accelerometer.csv"),
     "accel": ("gyroscope", "Gyroscope.csv"),
 }
-"""Missing part of an IMU with gyro or accel alone: its words, and a name of a file that has it."""
+"""The missing part of an IMU with gyro or accel alone: its name, and an example of a file with
+it."""
 Take = Mapping[str, int | None]
-"""{role: instance} that a user asks for; None leaves the role out."""
+"""{role: instance} that the user chooses; None leaves the role out."""
 
 
 class Taken(NamedTuple):
-    """A section and the file that it is of."""
+    """A section and its file."""
 
     path: Path
     section: Section
@@ -60,7 +61,7 @@ class Joined(NamedTuple):
     logs: Mapping[Path, Log]
     head: Mapping[str, Any]
     taken: tuple[Taken, ...]
-    # sections that are not taken, with the reason
+    # sections left out, with the reason
     left: tuple[tuple[Taken, str], ...]
     clock: OneClock
 
@@ -75,14 +76,14 @@ class Joined(NamedTuple):
 
     @property
     def without_imu(self) -> list[str]:
-        """The line on what of an IMU is not there; none where all is."""
+        """Return the line on the missing part of an IMU; nothing for a complete one."""
         there = {_piece(each.section): each for each in self.taken if each.section.of == "imu"}
         names = ", ".join(map(str, self.paths))
         if len(there) == 1 and "" not in there:  # gyro or accel
             piece, each = next(iter(there.items()))
             missing, as_in = OTHER_PIECE[piece]
             return [
-                f"{names}: no {missing} in {each.path.name}; name the file that has it beside, as in "
+                f"{names}: no {missing} in {each.path.name}; name the file that has it too, as in "
                 f"strapdown fuse {each.path.name} {as_in}"
             ]
         unusable = [why for each, why in self.left if each.section.of == "imu"]
@@ -90,12 +91,12 @@ class Joined(NamedTuple):
             return [] if there else [f"{names}: {unusable[0]}"]
         return [
             f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
-            f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
+            f"too, as in strapdown fuse imu.csv {self.paths[0].name}"
         ]
 
     def _slow(self) -> Iterator[tuple[str, bool]]:
-        """(line on an IMU that is slow, whether it is refused) of the devices; a bare table may be
-        of anything."""
+        """(line on a slow IMU, whether it is refused), for logs of devices; a bare table may have
+        any content."""
         for each in self.taken:
             log = self.logs[each.path]
             found = slow(each.section, log.tables) if log.reader != "table" else None
@@ -104,7 +105,7 @@ class Joined(NamedTuple):
 
     @property
     def told(self) -> list[str]:
-        """Lines on what is taken, assumed and left."""
+        """Lines on what is taken, assumed and left out."""
         taken = [
             f"taken: {each.name}{each.section.title and f': {each.section.title}'}"
             for each in self.taken
@@ -123,8 +124,8 @@ class Joined(NamedTuple):
         return list(dict.fromkeys([*taken, *assumed, *notes, *left]))
 
     def with_grade(self, grade: str | None = None) -> "Joined":
-        """The same with the grade of its IMU: `grade`, or the one that the log states, or else one
-        that the samples fit, as assumed."""
+        """Return a copy with the grade of its IMU: `grade`, else the grade that the log states,
+        else the one that fits the samples, marked as assumed."""
         of_imu = [each for each in self.taken if each.section.of == "imu"]
         if grade is None and any("grade" in each.section.keys for each in of_imu):
             return self
@@ -141,17 +142,17 @@ class Joined(NamedTuple):
         return self._replace(taken=tuple(map(set_grade, self.taken)))
 
     def _fitting_grade(self) -> tuple[str, str]:
-        """(grade, why) that the samples fit; the worst one where they cannot be read."""
+        """(grade that fits the samples, why); the worst one where they cannot be read."""
         label = Path(", ".join(map(str, self.paths)))
         try:
             description = load(label, self.content("."))
             files = Files(label, description.epoch, ".", dict(self.logs))
             return nearest_grade(read_imu(description.imu, files)[0])
-        except DataError:  # which reading or inspection tells
-            return CLASSES[-1], "the samples cannot be read yet: the worst one"
+        except DataError:  # reading or inspection reports it
+            return CLASSES[-1], "the samples cannot be read yet, so the worst one"
 
     def content(self, folder: File) -> dict[str, Any]:
-        """The description as a `recording.toml` in `folder` has it."""
+        """Return the description in the form of a `recording.toml` in `folder`."""
         content: dict[str, Any] = dict(self.head)
         for each in _join_imus(self.taken, folder):
             keys = _keys(each, folder)
@@ -162,7 +163,7 @@ class Joined(NamedTuple):
         return content
 
     def text(self, folder: File) -> str:
-        """The same as the text of that file, with what was assumed as comments."""
+        """Return the text of that file, with the assumptions as comments."""
         parts = [HEAD.format(names=", ".join(printable(path.name) for path in self.paths))]
         parts[0] += "".join(f"{key} = {_value(value)}\n" for key, value in self.head.items())
         parts[0] += "".join(f"{line}\n" for key, line in OPTIONAL.items() if key not in self.head)
@@ -175,18 +176,18 @@ class Joined(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of the recording: the first file's, without endings."""
+        """The name of the recording: that of the first file, without endings."""
         return self.paths[0].name.partition(".")[0] or self.paths[0].name
 
 
 def open_logs(paths: Iterable[File]) -> dict[Path, Log]:
-    """{path: Log} of files that may make one recording together. Raises DataError."""
+    """Return {path: Log} of files that may make one recording together. Raises DataError."""
     logs: dict[Path, Log] = {}
     for path in map(Path, paths):
         reader = looker(path)
         if reader.open is None:
             raise DataError(
-                f"{path}: is a recording of its own and is read alone; leave the other files out"
+                f"{path}: is a complete recording and is read alone; leave the other files out"
             )
         if path in logs:
             raise DataError(f"{path}: is named twice; name it once")
@@ -195,8 +196,8 @@ def open_logs(paths: Iterable[File]) -> dict[Path, Log]:
 
 
 def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
-    """Join one recording from these files: for each role the last file that has it and there the
-    first instance, or the one that `take` names. Raises DataError."""
+    """Join one recording from these files. Each role comes from the last file that has it, with its
+    first instance or the one that `take` names. Raises DataError."""
     take = dict(take or {})
     for role in take:
         check_choice(role, "instance of", ROLES)
@@ -228,7 +229,7 @@ def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
 
 
 def _choose_sections(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:
-    """Those of one role that are taken."""
+    """Return the sections of one role that are taken."""
     wanted = take.get(role)
     if role in take and wanted is None:
         return []
@@ -238,17 +239,13 @@ def _choose_sections(role: str, of_role: Sequence[Taken], take: Take) -> list[Ta
             there = sorted({each.section.instance for each in of_role})
             raise DataError(
                 f"there is no {ROLES[role]} {wanted}; "
-                + (
-                    f"of them there is {', '.join(map(str, there))}"
-                    if there
-                    else "none at all is there"
-                )
+                + (f"of them there is {', '.join(map(str, there))}" if there else "none was found")
             )
     else:
         found = [each for each in of_role if not each.section.left]
     pieces = {_piece(each.section) for each in found}
     chosen = []
-    for piece in sorted(pieces):  # gyro and accel of an IMU may come from files of their own
+    for piece in sorted(pieces):  # gyro and accel of an IMU may come from different files
         of_piece = [each for each in found if _piece(each.section) == piece]
         last = [each for each in of_piece if each.path == of_piece[-1].path]
         first = min(each.section.instance for each in last)
@@ -257,7 +254,7 @@ def _choose_sections(role: str, of_role: Sequence[Taken], take: Take) -> list[Ta
 
 
 def _piece(section: Section) -> str:
-    """Return "gyro" or "accel" where a section of an IMU has that alone; else ""."""
+    """Return "gyro" or "accel" for an IMU section that has only that, else ""."""
     alone = [key for key in ("gyro", "accel") if key in section.keys]
     return alone[0] if section.of == "imu" and len(alone) == 1 else ""
 
@@ -265,7 +262,7 @@ def _piece(section: Section) -> str:
 def _why(each: Taken, role: str, take: Take) -> str:
     if role in take and take[role] is None:
         return "not wanted"
-    if not each.section.keys:  # there is nothing to take
+    if not each.section.keys:  # an empty section cannot be taken
         return each.section.left
     number = each.section.instance
     how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
@@ -274,12 +271,13 @@ def _why(each: Taken, role: str, take: Take) -> str:
 
 
 def _role_name(section: Section) -> str:
-    """The role, of a receiver with the kind of its fixes."""
+    """Return the role; for a receiver, with the kind of its fixes."""
     return f"gnss {section.keys['kind']}" if section.role == "gnss" else section.role
 
 
 def _join_imus(taken: Iterable[Taken], folder: File) -> list[Taken]:
-    """The same in the order of a description, an IMU of two pieces as one section."""
+    """Return the sections in the order of a description, with an IMU of two pieces as one
+    section."""
     found = sorted(taken, key=lambda each: ["imu", "source", "reference"].index(each.section.of))
     pieces = {_piece(each.section): each for each in found if each.section.of == "imu"}
     if set(pieces) < {"gyro", "accel"} or "" in pieces:
@@ -307,7 +305,7 @@ def _keys(each: Taken, folder: File) -> dict[str, Any]:
 
 
 def _text(each: Taken, folder: File) -> str:
-    """A section as text."""
+    """Return a section as text."""
     of, keys = each.section.of, _keys(each, folder)
     lines = ["[[source]]" if of == "source" else f"[{of}]"]
     for key, value in keys.items():
@@ -323,7 +321,7 @@ def _text(each: Taken, folder: File) -> str:
 
 
 def _value(value: Any) -> str:
-    """A value as TOML on one line."""
+    """Return a value as TOML on one line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, (list, tuple)):
@@ -332,7 +330,7 @@ def _value(value: Any) -> str:
 
 
 def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
-    """The Recording that files of devices make together. Raises DataError of one line."""
+    """Return the Recording that files of devices make together. Raises a one-line DataError."""
     joined = join(open_logs(paths), take)
     if joined.asked:
         raise DataError(joined.asked[0])
@@ -343,19 +341,19 @@ def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
     return recording.with_meta(name=joined.name, read=joined.told)
 
 
-# ---- fast enough
+# ---- minimum rate
 
 MIN_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
-"""Hz by the kind of the samples below which a log is refused, and below which it is noted: between point
-samples motion and vibration are lost, which no filter gets back; increments hold all of the motion.
-docs/how-to/flight-controllers.md has what was measured."""
+"""Hz, by kind of sample: a log below the first rate is refused, below the second one noted. Point
+samples lose the motion and vibration between them, which no filter can recover; increments contain
+all motion. docs/how-to/flight-controllers.md has measurements."""
 ROUNDED = 0.98
-"""Ratio of rates that are the same: one may be 99 for 100."""
+"""Ratio above which two rates count as equal: 99 Hz may stand for 100 Hz."""
 
 
 def slow(section: Section, tables: Mapping[str, FileTable]) -> tuple[str, bool] | None:
-    """(line on an IMU that is slow, whether it is refused); None where it is fast enough, or no
-    IMU of a log."""
+    """(line on a slow IMU, whether it is refused); None where it is fast enough, or not the IMU of
+    a log."""
     if section.of != "imu":
         return None
     hz, kind = _rate(section, tables), section.keys.get("kind", "rate")
@@ -365,16 +363,16 @@ def slow(section: Section, tables: Mapping[str, FileTable]) -> tuple[str, bool] 
     samples = "increments" if kind == "increment" else "samples"
     refused = hz < least * ROUNDED
     line = (
-        f"{hz:.3g} Hz is {'too ' if refused else ''}slow for {samples} of an IMU: {least:g} Hz are "
-        f"needed, {safe:g} Hz are safe"
+        f"{hz:.3g} Hz is {'too ' if refused else ''}slow for {samples} of an IMU: at least {least:g} Hz "
+        f"are needed, {safe:g} Hz are safe"
     )
     remedy = section.faster or "set the logger to a higher rate"
     return f"{line}; {remedy}", refused
 
 
 def _rate(section: Section, tables: Mapping[str, FileTable]) -> float:
-    """Hz of the slower of gyro and accelerometer: 1 / the median interval; infinite where the
-    samples have no times in a log."""
+    """Return the rate of the slower of gyro and accelerometer, Hz: 1 / the median interval;
+    infinite where the samples have no times in a log."""
     keys, found = section.keys, {}
     for signal in (keys.get(each, {}) for each in ("gyro", "accel")):
         time, name = signal.get("time", keys.get("time")), signal.get("table", keys.get("table"))
@@ -385,7 +383,8 @@ def _rate(section: Section, tables: Mapping[str, FileTable]) -> float:
 
 
 def _of(table: FileTable, time: Mapping[str, Any]) -> float:
-    """Hz of the times of one table; of numbers whatever their clock, which takes time to look up."""
+    """Return the rate of one table, Hz. Numbers are used without their clock, whose lookup takes
+    time."""
     if "format" in time:
         return rate_of(times_of(table, time))
     size = factor(time["unit"], "time") * time.get("scale", 1.0)

@@ -1,5 +1,4 @@
-"""Magnetometers in a description, beyond other sources: their calibration, and the reference field
-of the Earth."""
+"""Magnetometers in a description: their calibration and the reference field of the Earth."""
 
 from dataclasses import replace
 
@@ -18,15 +17,15 @@ from .schema_source import SourcePart
 from .source_files import Files
 
 MAX_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
-"""Factor of the Earth's field, by default EARTH_FIELD (T), beyond which a median strength is a
-mistaken unit."""
+"""Largest ratio of a median strength to the Earth's field, by default EARTH_FIELD (T); a larger one
+is a mistaken unit."""
 
 
 def calibrate_field(part: SourcePart, files: Files, raw: Array) -> Array:
-    """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias)
-    of the calibration file. Raises DataError.
+    """Return the field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw -
+    bias) of the calibration file. Raises DataError.
 
-    A sample with a missing component is missing whole, since its strength and direction are.
+    A sample with a missing component becomes NaN, since its strength and direction are unknown.
     """
     raw = np.where(np.all(np.isfinite(raw), axis=1)[:, None], raw, np.nan)
     if part.calibration is None:
@@ -42,8 +41,8 @@ def calibrate_field(part: SourcePart, files: Files, raw: Array) -> Array:
 def with_field(
     part: SourcePart, source: Source, imu: Imu, date: str | None, place: Array | None
 ) -> tuple[Source, list[str]]:
-    """(Source whose parameters are the Earth's field north, east, down in T, notes of it and of
-    what contradicts it).
+    """(Source whose parameters are the Earth's field north, east, down in T, notes on the field and
+    on contradictions to it).
 
     part: its SourcePart; date: ISO text or None; place: latitude, longitude (rad), height (m) or
     None. Raises DataError.
@@ -75,7 +74,7 @@ def _refuse_strength(part: SourcePart, source: Source, total: float) -> None:
         unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5
     ]
     raise DataError(
-        f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field "
+        f"unit: its median strength is {median * 1e6:.3g} uT, but that of the Earth's field "
         f"{total * 1e6:.3g} uT: "
         + (
             f"is the unit {' or '.join(likely)}, not {part.units[0]}?"
@@ -99,7 +98,7 @@ def _field(
             else ("place", 'place = { latitude = 44.7, longitude = -93.1, unit = "deg" }')
         )
         raise DataError(
-            f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the "
+            f"field: is missing, and the geomagnetic model needs the {what}: add {key} at the "
             f"top, or give field"
         )
     try:
@@ -120,12 +119,12 @@ def _field(
 def _field_of_the_record(
     part: SourcePart, source: Source, imu: Imu
 ) -> tuple[tuple[float, ...], list[str]]:
-    """Strengths along and across the vertical, medians over quiet times, with the given
-    declination or none."""
+    """Return the median strengths along and across the vertical over quiet times, with the given
+    declination or 0."""
     down, quiet = vertical(source.t, imu)
     if quiet.sum() < 10:
         raise DataError(
-            'field: "record" needs times without acceleration, and there are none; give north, east '
+            'field: "record" needs times without acceleration, but there are none; give north, east '
             "and down, "
             "or leave it out for the geomagnetic model"
         )

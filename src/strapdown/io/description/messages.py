@@ -1,5 +1,5 @@
-"""Reading `recording.toml` against its schema. Every complaint is one line: file, [section] key,
-what is wrong, the remedy."""
+"""Check `recording.toml` against its schema. Every error message is one line: file, [section] key,
+error, remedy."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,8 +15,8 @@ from .schema_base import KeyPart
 
 
 def load(path: File, content: dict[str, Any] | None = None) -> Description:
-    """The Description in a TOML file, or of `content`. Raises DataError with the first complaint
-    and the number of others."""
+    """Return the Description in a TOML file, or in `content`. Raises DataError with the first error
+    message and the number of others."""
     lines = complaints(path, content)
     if isinstance(lines, Description):
         return lines
@@ -24,20 +24,21 @@ def load(path: File, content: dict[str, Any] | None = None) -> Description:
 
 
 def complaints(path: File, content: dict[str, Any] | None = None) -> Description | list[str]:
-    """The Description in a TOML file, or the list of what is wrong with it, a line each; of
-    `content` where that is given, whose lines name `path`. Raises DataError where it is no TOML."""
+    """Return the Description in a TOML file, or the list of its errors, one line each. `content`,
+    if given, replaces the file; messages still name `path`. Raises DataError for a file that is not
+    TOML."""
     content = parse(path) if content is None else content
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        # unknown keys first: a misspelt key is why another is missing
+        # unknown keys first: a misspelt key explains a missing one
         not_unknown = lambda item: item["type"] != "extra_forbidden"
         items = sorted(error.errors(include_url=False), key=not_unknown)
         return [f"{path}: {_complaint(item, content)}" for item in items]
 
 
 def parse(path: File) -> dict[str, Any]:
-    """The content of a TOML file as a dict. Raises DataError."""
+    """Return the content of a TOML file as a dict. Raises DataError."""
     content = read_toml(path, "check the path")
     if not content:
         raise DataError(

@@ -1,5 +1,5 @@
-"""From a description to a Recording: columns to signals, units to SI, sensor axes to the body,
-fixes checked against the IMU."""
+"""Make a Recording from a description: columns become signals, units SI, sensor axes body axes;
+fixes are checked against the IMU."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
@@ -41,19 +41,20 @@ from .schema_source import SourcePart
 from .source_files import Files
 
 OF_LOGS = (
-    " in what `strapdown inspect ... --write recording.toml` drafts; `--take magnetometer=none` leaves "
+    " in the draft of `strapdown inspect ... --write recording.toml`; `--take magnetometer=none` leaves "
     "it out"
 )
-"""Where keys are written that logs lack."""
+"""Place for keys that logs lack."""
 MAX_PER_SAMPLE = 10
-"""Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""
+"""Largest number of fixes of a constraint per IMU sample; more add no information and use
+memory."""
 FAR_LEVEL = 10
-"""Standard deviations between the level of a sea and the height of the place that are worth a
-note."""
+"""Difference of the mean sea level from the height of the place, in standard deviations, that
+causes a note."""
 
 
 def read_description(path: File) -> Recording:
-    """The Recording that a `recording.toml` describes. Raises DataError of one line."""
+    """Return the Recording that a `recording.toml` describes. Raises a one-line DataError."""
     description = load(Path(path))
     recording = recording_of(description, Files(path, description.epoch))
     told = assumption_notes(description.imu)
@@ -61,10 +62,10 @@ def read_description(path: File) -> Recording:
 
 
 def assumption_notes(part: ImuPart) -> list[str]:
-    """Lines on what a description marks as assumed of its IMU."""
-    remedies = {key: "take it out of [imu] assumed" for key in part.assumed}
+    """Return lines on the keys of its IMU that a description marks as assumed."""
+    remedies = {key: "remove it from [imu] assumed" for key in part.assumed}
     if part.guessed_axes:
-        remedies["axes"] = "take its question mark away"
+        remedies["axes"] = "remove its question mark"
     return [
         f"assumed: imu {key}{f' = {value}' if isinstance(value := getattr(part, key), str) else ''}: "
         f"the description marks it; check it, then {remedy}"
@@ -73,7 +74,8 @@ def assumption_notes(part: ImuPart) -> list[str]:
 
 
 def recording_of(description: Description, files: Files) -> Recording:
-    """The Recording of a description and the files that it names. Raises DataError of one line."""
+    """Return the Recording of a description and the files that it names. Raises a one-line
+    DataError."""
     path = files.path
     parts = [*description.source, description.reference]
     files.later = {part.file for part in parts if part is not None and part.file is not None}
@@ -111,8 +113,8 @@ def _surely(function: Callable[..., Made], *arguments: Any) -> Made | None:
 def read_sources(
     description: Description, imu: Imu, files: Files, attempt: Callable[..., Any]
 ) -> tuple[dict[int, Source], list[str]]:
-    """({number of its [[source]]: Source} in the order of reading, notes); `attempt` calls what reads
-    one, and gives None of one that is left out."""
+    """({number of its [[source]]: Source} in the order of reading, notes); `attempt` calls the
+    function that reads a source, and returns None for one that is left out."""
     found: dict[int, Source] = {}
     notes: list[str] = []
     for number, part in in_order(description):
@@ -125,8 +127,8 @@ def read_sources(
 
 
 def in_order(description: Description) -> list[tuple[int, SourcePart]]:
-    """(number, section) of every [[source]] in the order of reading: what is told in ECEF asks the
-    positions where it is, and constraints at rest ask the sensors whether it is one."""
+    """(number, section) of every [[source]] in the order of reading: ECEF vectors need the
+    positions before them, and constraints at rest need the sensors that show a rest."""
     parts = enumerate(description.source, 1)
     return sorted(parts, key=lambda each: (not each[1].sensor.recorded, each[1].needs_place))
 
@@ -136,10 +138,10 @@ def _number_source(source: Source, number: int) -> Source:
 
 
 def read_meta(description: Description, files: Files, first: float) -> RecordingMeta:
-    """The meta of a Recording that its description gives: name, epoch, date (of the sample at `first`
-    s, where only an absolute clock tells), place, grade, vehicle, axes that are a guess,
-    point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and what of it is
-    estimated. Raises DataError."""
+    """Return the metadata of a Recording that its description gives: name, epoch, date (that of the
+    sample at `first` s, where only an absolute clock has it), place, grade, vehicle, guessed axes,
+    point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and its estimated
+    parameters. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
@@ -164,7 +166,7 @@ def read_meta(description: Description, files: Files, first: float) -> Recording
 
 
 def _height_columns(parts: Iterable[SourcePart]) -> dict[str, str]:
-    """{column of heights above the ellipsoid: source that takes it}."""
+    """{column of heights above the ellipsoid: source that uses it}."""
     of_heights = [part for part in parts if part.sensor.name in ("position", "altitude")]
     return {
         column: part.name or part.kind for part in of_heights if (column := height_column(part))
@@ -172,13 +174,14 @@ def _height_columns(parts: Iterable[SourcePart]) -> dict[str, str]:
 
 
 def height_column(part: SourcePart | Vector) -> str:
-    """The column of a height above the ellipsoid; "" where it has no name or is above the geoid."""
+    """Return the column of a height above the ellipsoid; "" where it has no name or is above the
+    geoid."""
     column = (part.columns or [""])[-1] if part.geoid is None else ""
     return column if isinstance(column, str) else ""
 
 
 def level_notes(sources: Iterable[Source], meta: RecordingMeta) -> list[str]:
-    """Notes on a mean sea level that is far from the height of the `place` in meta."""
+    """Return notes on a mean sea level far from the height of the `place` in the metadata."""
     found = [
         (source, float(source.y[0, 0]), float(source.std[0, 0]))
         for source in sources
@@ -186,16 +189,16 @@ def level_notes(sources: Iterable[Source], meta: RecordingMeta) -> list[str]:
     ]
     height = meta["place"][2] if "place" in meta else None
     return [
-        f"{source.name}: its level is {level:g} m and the height of place {height:g} m, "
-        f"{abs(level - height) / std:.0f} of its standard "
-        "deviations apart: check both, they are m above the ellipsoid"
+        f"{source.name}: its level is {level:g} m, but the height of place is {height:g} m, "
+        f"{abs(level - height) / std:.0f} standard "
+        "deviations apart: check both; they are m above the ellipsoid"
         for source, level, std in found
         if height is not None and abs(level - height) > FAR_LEVEL * std
     ]
 
 
 def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
-    """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
+    """(Imu in body FRD, notes) of the section [imu], not yet checked for mistaken units."""
     (origin, t, gyro, notes), (own, t_accel, accel, left_out) = (
         _signal(part, signal, dimension, files)
         for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
@@ -244,13 +247,17 @@ def read_source(
     others: Collection[Source] = (),
     place: Sequence[float] | None = None,
 ) -> tuple[Source, list[str]]:
-    """(Source, notes) of one section [[source]]; the speeds of `others` say when there is no rest,
-    their positions, or else the `place` of the recording, where the vehicle is. Raises
+    """(Source, notes) of one section [[source]]. The speeds of `others` exclude rests; their
+    positions, or else the `place` of the recording, give the position of the vehicle. Raises
     DataError."""
     where = f"{files.path}: [[source]] {number} ({part.kind})"
     if not part.sensor.recorded:
         t, y, std, notes = _constraint(part, imu, others, where)
         return _make_source(part, imu_lever_arm, t, y, std), notes
+    if part.receiver and _class_is_missing(part, files):
+        t, rows = np.empty(0), np.empty((0, len(part.sensor.quantities)))
+        note = f"{part.name or part.kind}: the log has no fix of this class"
+        return _make_source(part, imu_lever_arm, t, rows, rows), [note]
     fixes = _of_the_body(part, imu, files, Whereabouts(others, place), where)
     made = _make_source(part, imu_lever_arm, fixes.t, fixes.y, fixes.std)
     source, more = clean(made, part.sensor, fixes.origin)
@@ -262,11 +269,19 @@ def read_source(
     return source, notes
 
 
+def _class_is_missing(part: SourcePart, files: Files) -> bool:
+    """True where a log has no fix of this class of its receiver."""
+    assert part.file is not None and part.columns is not None  # the schema asks for both
+    return bool(part.where) and not files.has_rows(part.file, part.columns, part.table, part.where)
+
+
 def _make_source(
     part: SourcePart, imu_lever_arm: list[float], t: Array, y: Array, std: Array
 ) -> Source:
-    """The Source of these rows, with what its section says beside them."""
-    parameters: Iterable[float] = part.atmosphere.parameters if part.atmosphere else ()
+    """Return the Source of these rows with the other keys of its section."""
+    parameters: Iterable[float] = part.baseline or ()
+    if part.atmosphere is not None:
+        parameters = part.atmosphere.parameters
     if part.sensor.parameters in ("antenna", "reference"):
         parameters = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
     return Source(
@@ -282,14 +297,15 @@ def _make_source(
         part.correlated_errors,
         part.robust,
         part.adaptive,
+        part.receiver or "",
     )
 
 
 def _of_the_body(
     part: SourcePart, imu: Imu, files: Files, whereabouts: Whereabouts, where: str
 ) -> FixColumns:
-    """The rows of a recorded source in the axes that its kind is used in, without samples that are
-    stuck or saturated."""
+    """Return the rows of a recorded source in the axes of its kind, without stuck or saturated
+    samples."""
     fixes = read_fixes(part, files, whereabouts, where)
     if part.sensor.name == "attitude":
         fixes = _attitude(part, fixes, imu, whereabouts, where)
@@ -306,8 +322,8 @@ def _of_the_body(
 def _attitude(
     part: SourcePart, fixes: FixColumns, imu: Imu, whereabouts: Whereabouts, where: str
 ) -> FixColumns:
-    """Roll, pitch and heading of the body, rad, of an attitude as the columns hold it, without stuck
-    fixes."""
+    """Return roll, pitch and heading of the body, rad, from the columns of an attitude, without
+    stuck fixes."""
     t, y, std, origin, _ = fixes
     if part.ecef:
         q = quaternions(y, part.quaternion, part.axes, origin)
@@ -322,7 +338,7 @@ def _attitude(
 
 
 def _field(part: SourcePart, fixes: FixColumns, imu: Imu, files: Files) -> FixColumns:
-    """The calibrated samples of a magnetometer, without stuck and saturated ones."""
+    """Return the calibrated samples of a magnetometer, without stuck and saturated ones."""
     name = part.name or part.kind
     keep, notes = sound_samples(fixes.t, fixes.y, imu, name, fixes.origin, part.vector_matrix)
     fixes = fixes.keep_rows(keep, notes)
@@ -338,8 +354,8 @@ def read_field(
     meta: RecordingMeta,
     path: File,
 ) -> tuple[Source, list[str]]:
-    """(Source, notes): a magnetometer with the Earth's field as parameters, its place that of
-    `place_of`; others as they are."""
+    """(Source, notes): a magnetometer with the Earth's field at `place_of` as parameters; other
+    sources unchanged."""
     if part.sensor.parameters != "field":
         return source, []
     place = place_of(meta, sources)
@@ -373,13 +389,13 @@ def _constraint(
 def _constraint_times(
     part: SourcePart, imu: Imu, others: Iterable[Source], where: str
 ) -> tuple[Array, list[str]]:
-    """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says
-    so, at rest; notes). Raises DataError."""
-    assert part.rate is not None  # the schema asks every constraint for one
+    """(Times at the rate of a constraint, s, within IMU samples and, for kinds that need it, at
+    rest; notes). Raises DataError."""
+    assert part.rate is not None  # the schema requires one of every constraint
     start, most = float(imu.t[0] - imu.dt[0]), MAX_PER_SAMPLE / float(np.median(imu.dt))
     if part.rate > most * (1 + 1e-6):
         raise DataError(
-            f"{where} rate: {part.rate:g} Hz is more than {MAX_PER_SAMPLE} times that of the IMU; "
+            f"{where} rate: {part.rate:g} Hz is more than {MAX_PER_SAMPLE} times the rate of the IMU; "
             f"give {most:.4g} Hz or less"
         )
     t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate
@@ -390,13 +406,13 @@ def _constraint_times(
     t = t[use & vehicle_at_rest(imu, others)[sample]]
     return t, [
         f"{part.kind}: "
-        f"{f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"
+        f"{f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never applies'}"
     ]
 
 
 def _gyro_means(part: SourcePart, t: Array, std: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
-    """(y, std, notes): the mean rate that the gyro reads over the step before each of the times t,
-    of which rest is sure for 1 s; no std is below the scatter of these means from step to step."""
+    """(y, std, notes): the mean gyro rate over the step before each of the times t, which lie in
+    rests of at least 1 s; no std is below the scatter of these means from step to step."""
     assert part.rate is not None
     edges, step = np.r_[imu.t[0] - imu.dt[0], imu.t], 1.0 / part.rate
     over_time = min(step, WINDOW)
@@ -409,7 +425,7 @@ def _gyro_means(part: SourcePart, t: Array, std: Array, imu: Imu) -> tuple[Array
     neighbours = np.diff(t) < 1.5 * step
     if not neighbours.any():
         return y, std, []
-    # halved: the difference of two means has twice the variance of one
+    # half, because the difference of two means has twice the variance of one
     scatter = np.sqrt(0.5 * np.mean(np.diff(y, axis=0)[neighbours] ** 2, axis=0))
     if np.all(scatter <= std[0]):
         return y, std, []
@@ -418,7 +434,7 @@ def _gyro_means(part: SourcePart, t: Array, std: Array, imu: Imu) -> tuple[Array
         np.maximum(std, scatter),
         [
             f"{part.kind}: its means scatter by {scatter.max():.2g} rad/s, more than std = "
-            f"{std[0, scatter.argmax()]:.2g}; that is taken"
+            f"{std[0, scatter.argmax()]:.2g}; the scatter is used"
         ],
     )
 
@@ -441,7 +457,7 @@ def read_reference(
 def _own_table(
     table: FileTable, files: Files
 ) -> tuple[Array, Array, Array | None, Array | None, Origin]:
-    """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and
+    """Read a table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and
     m/s; units may follow the names in brackets."""
     known = {str(name).partition(" [")[0]: name for name in table.names}
 

@@ -1,4 +1,4 @@
-"""Values of a `recording.toml` changed in place, with its comments, order and layout kept."""
+"""Change values of a `recording.toml` in place and keep its comments, order and layout."""
 
 import os
 import re
@@ -21,7 +21,7 @@ from ...units.conversion import DEG
 from .edits import Edit, deviations, number, round_std
 
 TIME = CLOCK.key
-ASSUMED = "assumed"  # key of [imu]; what is written anew is no longer assumed, but for a clock
+ASSUMED = "assumed"  # key of [imu]; a newly written value, except a clock, is no longer assumed
 
 
 class Keyed(Protocol):
@@ -66,11 +66,11 @@ def rewrite_text(
     mark: str,
     change: Callable[[Any, Any, str], None] = change_installation,
 ) -> str:
-    """The text of a description with its values changed; `mark` ends the comment of each, behind
-    their standard deviations. kinds: those of [[source]] that it must have; change: of a section of
-    tomlkit by an edit and the mark.
+    """Return the text of a description with changed values. Each gets a comment with its standard
+    deviation and `mark` at the end. kinds: those of [[source]] that it must have; change: function
+    that applies an edit and the mark to a section of tomlkit.
 
-    Raises DataError where the file is another one, or cannot be changed and stay what it is.
+    Raises DataError for another file, or where a change would affect other values.
     """
     text = _text(path)
     old, content = _check_sections(path, text, kinds)
@@ -79,7 +79,7 @@ def rewrite_text(
         own = [name for name in ("gyro", "accel") if TIME in old["imu"].get(name, {})]
         if own and isinstance(edit, Edit) and edit.source is None and edit.key == TIME:
             raise DataError(
-                f"{path}: [imu] {own[0]} has a time of its own; add {edit.value[0]:+.4g} s to the "
+                f"{path}: [imu] {own[0]} has its own time; add {edit.value[0]:+.4g} s to the "
                 f"offset of each time of [imu] by hand"
             )
     try:
@@ -88,7 +88,7 @@ def rewrite_text(
             change(section, edit, mark)
             if edit.key != TIME and edit.key in section.get(ASSUMED, ()):
                 section[ASSUMED].remove(edit.key)
-        # tomlkit ends lines of its own with \n
+        # tomlkit ends its own lines with \n
         ends = "\r\n" if "\r\n" in text else "\n"
         new = tomlkit.dumps(content).replace("\r\n", "\n").replace("\n", ends)
         made = tomllib.loads(new)
@@ -106,8 +106,8 @@ def rewrite(
     mark: str,
     change: Callable[[Any, Any, str], None] = change_installation,
 ) -> Path:
-    """Change a description on disk (see `rewrite_text`); the path of the copy of the old one beside
-    it, NAME.before or NAME.before-2, ... Raises DataError, and then nothing is changed."""
+    """Change a description on disk (see `rewrite_text`) and return the path of the copy of the old
+    one beside it, NAME.before or NAME.before-2, ... Raises DataError without changing anything."""
     new = rewrite_text(path, edits, kinds, mark, change)
     check_writable(path)
     target = Path(os.path.realpath(path))
@@ -124,7 +124,7 @@ def rewrite(
 def _text(path: File) -> str:
     if Path(path).suffix.lower() != ".toml":
         raise DataError(
-            f"{path}: only a recording.toml can be changed; change what it was made from"
+            f"{path}: only a recording.toml can be changed; change the file that it was made from"
         )
     try:
         with open_file(path) as file:
@@ -136,13 +136,13 @@ def _text(path: File) -> str:
 
 
 def check_writable(path: File) -> None:
-    """Refuse a file that its owner wants to stay as it is. Raises DataError."""
+    """Refuse a read-only file. Raises DataError."""
     if not Path(os.path.realpath(path)).stat().st_mode & stat.S_IWUSR:
         raise DataError(f"{path}: is read-only; make it writable, or change it by hand")
 
 
 def _free_name(target: Path) -> Path:
-    """The path beside a file for its copy."""
+    """Return a free path beside a file for its copy."""
     number = 1
     while True:
         copy = target.with_name(f"{target.name}.before{f'-{number}' if number > 1 else ''}")
@@ -152,23 +152,23 @@ def _free_name(target: Path) -> Path:
 
 
 def check_sections(path: File, kinds: Sequence[str]) -> None:
-    """Refuse what is no description with sources of these kinds. Raises DataError."""
+    """Refuse a file that is not a description with sources of these kinds. Raises DataError."""
     _check_sections(path, _text(path), kinds)
 
 
 def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """(content, the same as it can be changed) of a description. Raises DataError."""
+    """(content, the same as an editable document) of a description. Raises DataError."""
     try:
         old, content = toml_of(text, path), tomlkit.parse(text)
     except TOMLKitError as error:
-        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
+        raise DataError(f"{path}: is not valid TOML: {str(error).splitlines()[0]}") from None
     sources = old.get("source", [])
     found = [each.get("kind") for each in sources if isinstance(each, dict)]
     if "imu" not in old or found != list(kinds):
         there = f"[imu] and {len(found)} [[source]]" if "imu" in old else "no [imu]"
         raise DataError(
-            f"{path}: has {there} ({', '.join(map(str, found))}), where the recording has "
-            f"{', '.join(kinds)}; name the file from which it was read"
+            f"{path}: has {there} ({', '.join(map(str, found))}), but the recording has "
+            f"{', '.join(kinds)}; give the file from which it was read"
         )
     return old, content
 
@@ -176,7 +176,7 @@ def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[s
 def _unable(path: File, edits: Iterable[Keyed]) -> DataError:
     keys = dict.fromkeys(edit.key for edit in edits)
     return DataError(
-        f"{path}: is written in a way that cannot be changed in place; change it by hand, or write "
+        f"{path}: its layout cannot be changed in place; change it by hand, or write "
         f"{' and '.join(f'`{key}`' for key in keys)} as keys of their section"
     )
 
@@ -216,8 +216,8 @@ def _set_scale(section: Any, edit: Edit) -> None:
 
 
 def set_key(section: Any, key: str, item: Item, within: str | None = None) -> None:
-    """Set a key of a section, or of its table `within`; a new one behind the last that is there,
-    before comments at the end."""
+    """Set a key of a section, or of its table `within`; a new key follows the last one, before
+    comments at the end."""
     table = section if within is None else section[within]
     if key in table:
         table[key] = item
@@ -239,15 +239,15 @@ def set_key(section: Any, key: str, item: Item, within: str | None = None) -> No
 
 
 def _number(value: float, std: float, edit: Edit) -> Item:
-    """A number with the digits that its standard deviation leaves it."""
+    """Return a number with the digits that are significant by its standard deviation."""
     text = number(value, std, edit.of.digits)
     return Float(float(text), Trivia(), text)
 
 
 def notify(item: Item, text: str, mark: str) -> None:
-    """Put `text`, which has `+-` or `95 %` and ends with the mark, behind the comment of an item or
-    of the last in a section, in the place of what was put there before."""
-    if isinstance(item, Table):  # a section of its own
+    """Add `text`, which has `+-` or `95 %` and ends with the mark, to the comment of an item or of
+    the last item in a section, and replace an earlier addition."""
+    if isinstance(item, Table):  # a separate section
         item = next(reversed(list(item.values())))
     kind = re.escape(mark.partition(", ")[2])
     own = rf"(?:^|; )[^;]*(?:\+-|95 %) [^;]*, \d{{4}}-\d\d-\d\d, {kind}$"
@@ -258,13 +258,13 @@ def notify(item: Item, text: str, mark: str) -> None:
 
 
 def _path(edit: Keyed) -> tuple[Any, ...]:
-    """Where the value of an edit lies."""
+    """Return the keys that lead to the value of an edit."""
     section: tuple[Any, ...] = ("imu",) if edit.source is None else ("source", edit.source)
     return (*section, "time", "offset") if edit.key == TIME else (*section, edit.key)
 
 
 def _others(content: dict[str, Any], edits: Iterable[Keyed]) -> Any:
-    """All that the edits leave as it is."""
+    """Return the content without the values that the edits change."""
     left = tomllib.loads(tomlkit.dumps(content))  # a copy
     for edit in edits:
         *way, last = _path(edit)

@@ -1,5 +1,5 @@
-"""The noise in a `recording.toml` changed in place: standard deviations of sources, their correlated
-errors, and the file that describes the IMU."""
+"""The noise in a `recording.toml` changed in place: standard deviations of sources, their
+correlated errors, and the file that describes the IMU."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -48,7 +48,7 @@ def scaled_deviations(path: File, source: int, factors: Sequence[float], said: s
 
 
 def _scale_entry(part: SourcePart, number: int, entry: Any, factor: float) -> str:
-    """TOML of an entry of `std` that is `factor` times as large."""
+    """Return the TOML of an entry of `std` that is `factor` times as large."""
     if is_number(entry):
         return _number(entry * factor)
     _, quantity, unit = part.deviations[number]
@@ -76,7 +76,7 @@ def change_noise(section: Any, edit: NoiseEdit, mark: str) -> None:
 
 
 def _replace(holder: Any, key: Any, text: str) -> None:
-    """Put a value in the place of one; where both are tables the new scale goes into the old one."""
+    """Replace a value; where both are tables, the new scale goes into the old one."""
     old: Any = holder[key]
     new: Any = tomlkit.value(text)
     if isinstance(old, dict) and isinstance(new, dict):
@@ -86,7 +86,7 @@ def _replace(holder: Any, key: Any, text: str) -> None:
 
 
 def _item(text: str) -> Item:
-    """An item of tomlkit that is written as it stands; of a number with its own digits."""
+    """Return an item of tomlkit that keeps the text, for a number its digits."""
     item = tomlkit.value(text)
     return Float(float(text), Trivia(), text) if is_number(item) else item
 
@@ -96,6 +96,6 @@ def _content(item: Any) -> Any:
 
 
 def _number(value: float) -> str:
-    """Four digits that count, as TOML has a float."""
+    """Return a float of TOML with four significant digits."""
     text = f"{value:.4g}"
     return text if set(text) & set(".en") else f"{text}.0"

@@ -1,5 +1,5 @@
-"""The schema of `recording.toml`: its sections as types that check themselves before any table
-is read."""
+"""The schema of `recording.toml`: sections as types that check their values before any table is
+read."""
 
 import datetime
 import math
@@ -42,7 +42,7 @@ from .schema_source import (
 )
 
 MAX_SOURCES = 200
-"""Sections [[source]]: each looks at all before it."""
+"""Largest number of sections [[source]]; each is compared with all before it."""
 
 
 def _body_axes(text: str) -> str:
@@ -60,7 +60,7 @@ def _date(value: Any) -> str:
     try:
         datetime.datetime.fromisoformat(value)
     except (TypeError, ValueError):
-        raise ValueError(f'{value!r} is no date; write it as "2012-10-10"') from None
+        raise ValueError(f'{value!r} is not a date; write it as "2012-10-10"') from None
     return value
 
 
@@ -89,8 +89,8 @@ class Mounting(KeyPart):
 
 
 class Temperature(KeyPart):
-    """temperature: the column of the IMU's own, degC = column * scale + offset. The table and time
-    are those of the section, or its own."""
+    """temperature: the column with the temperature of the IMU, degC = column * scale + offset.
+    Table and time are those of the section unless given here."""
 
     column: Column
     unit: Literal["degC"] = "degC"
@@ -130,7 +130,7 @@ class ImuPart(KeyPart):
 
     @property
     def guessed_axes(self) -> str | None:
-        """The axes where they are a guess."""
+        """The axes if they are a guess, else None."""
         return self.axes.removesuffix(GUESS) if self.axes.endswith(GUESS) else None
 
     @property
@@ -153,15 +153,15 @@ class ImuPart(KeyPart):
             refuse(
                 (
                     name not in self.model_fields_set,
-                    f"assumed: {name!r} is no key of this section; take it out of the list",
+                    f"assumed: {name!r} is not a key of this section; remove it from the list",
                 )
             )
         return self
 
 
 class PlaceKeys(KeyPart):
-    """place: where the recording is, for models of the magnetic field and of gravity; latitude
-    and longitude in `unit`, height in m."""
+    """place: the position of the recording, for models of the magnetic field and of gravity;
+    latitude and longitude in `unit`, height in m."""
 
     latitude: Finite
     longitude: Finite
@@ -201,16 +201,16 @@ BOUNDS = {
     "lowest": "length",
     "highest": "length",
 }
-"""Bounds of a vehicle, with their dimensions; SI, where the key NAME_unit names no unit."""
+"""Limits of a vehicle, with their dimensions; SI, unless the key NAME_unit names a unit."""
 
 
 def _vehicle(value: Any) -> GivenVehicle:
-    """vehicle: a name, or a table of bounds of one's own."""
+    """vehicle: a name, or a table of limits."""
     if not isinstance(value, dict):
         find_vehicle(value)
         return value
     if not value:
-        find_vehicle(value)  # which says what it may have
+        find_vehicle(value)  # raises for an unknown name
     check_keys(value, ["name", *BOUNDS, *(f"{bound}_unit" for bound in BOUNDS)])
     bounds = {}
     for bound, dimension in BOUNDS.items():
@@ -222,9 +222,9 @@ def _vehicle(value: Any) -> GivenVehicle:
 
 
 class Vector(KeyPart):
-    """Columns of a reference with their unit, or a unit for each; a velocity and an attitude
-    take axes, an attitude may be a quaternion, a velocity speed and course, a position may be in
-    ECEF or have its height above the geoid."""
+    """Columns of a reference with one unit, or a unit for each. A velocity and an attitude may have
+    axes; an attitude may be a quaternion, a velocity may be speed and course, and a position may be
+    in ECEF or have its height above the geoid."""
 
     columns: list[Column]
     unit: Any = None
@@ -239,15 +239,15 @@ class Vector(KeyPart):
         return is_ecef(self.axes)
 
     def quantities(self, key: str) -> tuple[str, ...]:
-        """Return the quantities of the columns, as the part `key` of a reference."""
+        """Return the quantities of the columns for the part `key` of a reference."""
         if self.form is not None:
             return FORMS[self.form]
         return ("length",) * 3 if self.ecef and key == "position" else VECTORS[key]
 
 
 class ReferencePart(KeyPart):
-    """[reference]: what is missing is not scored; with a file alone, the columns are those of
-    the library's own tables."""
+    """[reference]: missing parts are not scored; with only a file, the columns are those of the
+    library's own tables."""
 
     file: str
     table: str | None = None
@@ -259,7 +259,7 @@ class ReferencePart(KeyPart):
 
     @property
     def parts(self) -> dict[str, Vector]:
-        """{"position", "velocity", "attitude": its columns} of what is given."""
+        """{"position", "velocity", "attitude": its columns} of the given parts."""
         found = {key: getattr(self, key) for key in VECTORS}
         return {key: part for key, part in found.items() if part is not None}
 
@@ -314,7 +314,7 @@ def _check_vector(key: str, part: Vector) -> None:
         ),
         (
             part.form is not None and axes is not None,
-            f"{key}.axes: a course is told from north, so that speed and course take no axes",
+            f"{key}.axes: a course is measured from north, so speed and course take no axes",
         ),
         (
             part.geoid is not None and (key != "position" or part.ecef),
@@ -345,7 +345,7 @@ def _check_vector(key: str, part: Vector) -> None:
 
 
 def vector_factors(part: Vector, dimensions: Sequence[str]) -> list[float]:
-    """Factor to SI of each of the columns; 1 of a quaternion's."""
+    """Return the factor of each column to SI; 1 for a quaternion."""
     if part.quaternion:
         return [1.0] * 4
     many = len(dimensions)

@@ -1,5 +1,5 @@
-"""Building blocks of the sections of `recording.toml`: parts that refuse unknown keys, columns,
-units, times and signals."""
+"""Building blocks of the sections of `recording.toml`: columns, units, times and signals, and parts
+that refuse unknown keys."""
 
 import datetime
 import math
@@ -28,12 +28,12 @@ Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
 def column(value: Any) -> str | int:
-    """The name or number of a column as it is. Raises ValueError where it is none."""
+    """Return the name or number of a column unchanged. Raises ValueError for other values."""
     is_number = isinstance(value, int) and not isinstance(value, bool) and value >= 1
     if not is_number and not (isinstance(value, str) and value):
         raise ValueError(
-            f"{value!r} is no column: give its name, or in a file without header its number, the "
-            f"first being 1"
+            f"{value!r} is not a column: give its name, or its number in a file without a header, where "
+            f"the first is 1"
         )
     return value
 
@@ -43,14 +43,14 @@ Columns = Annotated[list[Column], Field(min_length=3, max_length=3)]
 
 
 MISSING: Any = None
-"""The unit of a description that gives none."""
+"""The unit where a description gives none."""
 Unit = Field(validate_default=True)  # a missing unit is refused too
 AngleUnit = Annotated[float, Unit, BeforeValidator(partial(factor, of="angle"))]
-"""Fields whose value is the factor of the unit that the description names."""
+"""Fields whose value is the factor of the unit in the description."""
 
 
 class KeyPart(BaseModel):
-    """Base of all parts: unknown keys are refused, numbers are not taken from text."""
+    """Base of all parts: it refuses unknown keys and numbers in text."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
@@ -66,9 +66,9 @@ def _day(value: Any) -> Any:
 
 
 class KeyCondition(KeyPart):
-    """where: only rows count whose `column` is at least `least`, at most `most`, one of
-    `equals`, numbers or texts, not the number `unequal`, or `changes`: is not what it was in the row
-    before."""
+    """where: only those rows count whose `column` is at least `least`, at most `most`, one of
+    `equals` (numbers or texts), not the number `unequal`, or, with `changes`, different from the
+    row before."""
 
     column: Column
     least: Finite | None = None
@@ -91,13 +91,13 @@ class KeyCondition(KeyPart):
                 and self.equals is None
                 and self.unequal is None
                 and not self.changes,
-                "least, most, equals, unequal or changes is missing: say which rows count, as "
+                "least, most, equals, unequal or changes is missing: choose the rows that count, as "
                 '{ column = "fix", least = 3 } or { column = "status", equals = ["A", "D"] }',
             ),
             (
                 self.equals is not None
                 and not all(is_number(each) or isinstance(each, str) for each in self.values),
-                f"equals: {self.equals!r} is no number, text or list of these",
+                f"equals: {self.equals!r} is not a number, a text or a list of these",
             ),
         )
         return self
@@ -114,22 +114,24 @@ class KeyCondition(KeyPart):
 
 
 def _conditions(value: Any) -> Any:
-    """One condition is a list of one."""
+    """Return one condition as a list of one."""
     return [value] if isinstance(value, dict) else value
 
 
 Where = Annotated[list[KeyCondition], BeforeValidator(_conditions)]
-"""Conditions of which each must hold for a row to count."""
+"""Conditions; a row counts where all hold."""
 
 
 class Time(KeyPart):
-    """Numbers: t = column * scale * unit + offset, s, from the epoch of the recording where `clock`
-    names an absolute clock: "gps", seconds from the zero of GPS time or of the week that the column
-    or the number `week` says, or "unix", POSIX seconds.
+    """time, as numbers or as calendar text.
 
-    Times of the calendar, where `format` says how they are written: "iso", or a pattern of strptime.
-    With `date`, a column or one day (that of the first row), the column is the time of day, and
-    `format` that of both with a blank between. They are UTC, or GPS time by `clock`.
+    Numbers: t = column * scale * unit + offset, s. With `clock` they are on an absolute clock,
+    counted from the epoch of the recording: "gps", seconds since the zero of GPS time or of the
+    week in the column or number `week`, or "unix", POSIX seconds.
+
+    Text: `format` is "iso" or a pattern of strptime. With `date`, a column or one day (that of the
+    first row), the column is the time of day, and `format` is that of both with a blank between.
+    The times are UTC, or GPS time by `clock`.
     """
 
     column: Column
@@ -143,14 +145,15 @@ class Time(KeyPart):
 
     @property
     def patterns(self) -> tuple[Pattern | None, Pattern]:
-        """(Pattern of `date`, where that is a column, Pattern of `column`), where there is a format."""
+        """(Pattern of `date` where that is a column, Pattern of `column`), where there is a
+        format."""
         assert self.format is not None
         is_day = isinstance(self.date, datetime.date)
         return patterns(self.format, "day" if is_day else "" if self.date is None else "column")
 
     @property
     def absolute(self) -> str | None:
-        """The absolute clock that the times are on, one of `time_scales.CLOCKS`; None of others."""
+        """The absolute clock of the times, one of `time_scales.CLOCKS`; None for other clocks."""
         if self.format is None:
             return self.clock
         return self.clock or "unix" if self.date is not None or self.patterns[1].dated else None
@@ -160,7 +163,7 @@ class Time(KeyPart):
     def _factor(cls, unit: Any, info: ValidationInfo) -> float:
         if info.data.get("format") is None:
             return factor(unit, "time")
-        refuse((unit is not MISSING, "what is written by the calendar has no unit; leave it out"))
+        refuse((unit is not MISSING, "a calendar time has no unit; leave it out"))
         return 1.0
 
     @model_validator(mode="after")
@@ -170,23 +173,23 @@ class Time(KeyPart):
         refuse(
             (
                 self.week is not None and (self.clock != "gps" or self.format is not None),
-                'week: it belongs to clock = "gps", whose column then counts from that week',
+                'week: only clock = "gps" takes it; the column then counts from the beginning of that week',
             ),
             (
                 self.format is not None and self.scale != 1.0,
-                "scale: what is written by the calendar has none; leave it out",
+                "scale: a calendar time has none; leave it out",
             ),
             (
                 self.date is not None and self.format is None,
-                'date: it stands beside a time of day; say how both are written, as format = "iso"',
+                'date: it goes with a time of day; give the format of both, as format = "iso"',
             ),
             (
                 self.date is not None and self.format is not None and self.patterns[1].dated,
-                "date: the column has a date of its own; leave one of them out",
+                "date: the column has its own date; leave one of them out",
             ),
             (
                 self.format is not None and self.clock is not None and self.absolute is None,
-                "clock: a time of day is on one only with its `date`",
+                "clock: a time of day needs a `date` to be on a clock",
             ),
         )
         if self.week is not None:
@@ -195,8 +198,8 @@ class Time(KeyPart):
 
 
 class Signal(KeyPart):
-    """Three columns with one unit; `scale` is what a count is worth in that unit. The table and
-    time are those of the section, or its own."""
+    """Three columns with one unit; `scale` is the size of a count in that unit. Table and time are
+    those of the section unless given here."""
 
     columns: Columns
     unit: str | None = None
@@ -207,7 +210,7 @@ class Signal(KeyPart):
 
 
 def call_with_key(key: str, function: Callable[..., Found], *arguments: Any) -> Found:
-    """Return the function's result; a ValueError that it raises then begins with `key`."""
+    """Return the function's result; a ValueError gets `key` at its beginning."""
     try:
         return function(*arguments)
     except ValueError as error:
@@ -215,13 +218,13 @@ def call_with_key(key: str, function: Callable[..., Found], *arguments: Any) -> 
 
 
 def refuse(*rules: tuple[object, str]) -> None:
-    """Raise ValueError with the text of the first rule (is it wrong?, text) that is broken."""
+    """Raise ValueError with the text of the first broken rule; a rule is (True if broken, text)."""
     for wrong, text in rules:
         if wrong:
             raise ValueError(text)
 
 
-# ---- values that are tables of their own
+# ---- values that are tables
 
 
 def _field(value: Any) -> str | tuple[float, ...]:
@@ -236,7 +239,7 @@ def _field(value: Any) -> str | tuple[float, ...]:
         or not all(is_number(value[key]) for key in axes)
     ):
         raise ValueError(
-            f'write {example}, or "record" for the strengths in the record, or leave it out for the '
+            f'give {example}, or "record" for the strengths in the record, or leave it out for the '
             f"geomagnetic model"
         )
     north, east, down = (value[key] * factor(value["unit"], "magnetic field") for key in axes)
@@ -244,11 +247,11 @@ def _field(value: Any) -> str | tuple[float, ...]:
     refuse(
         (
             not 1e-6 <= strength <= 100e-6,
-            f"its strength is {strength * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit",
+            f"its strength is {strength * 1e6:.4g} uT, but the Earth's is 22 to 67 uT; check the unit",
         ),
         (
             math.hypot(north, east) < 1e-3 * strength,
-            "it has nothing horizontal and so gives no heading; give north and east, or leave it "
+            "it has no horizontal part and so gives no heading; give north and east, or leave it "
             "out for the geomagnetic model",
         ),
     )
@@ -259,7 +262,7 @@ EarthField = Annotated[Any, AfterValidator(_field)]
 
 
 class Declination(KeyPart):
-    """declination of a field taken from the record: of magnetic from true north, positive east."""
+    """declination of a field from the record: magnetic from true north, positive east."""
 
     value: Finite
     unit: AngleUnit = MISSING
@@ -271,7 +274,7 @@ class Declination(KeyPart):
 
 
 class SeparationKeys(NamedTuple):
-    """geoid: the height of the geoid above the ellipsoid, in m = column * size, or value."""
+    """geoid: the height of the geoid above the ellipsoid in m, column * size or value."""
 
     value: float = 0.0
     column: str | int | None = None

@@ -1,6 +1,7 @@
-"""The schema of `[[source]]` in `recording.toml`: a source of fixes, whose kind decides which
-keys it takes."""
+"""The schema of `[[source]]` in `recording.toml`: a source of fixes, whose kind determines its
+keys."""
 
+import math
 import re
 from typing import Annotated, Any, Literal, Self
 
@@ -13,6 +14,7 @@ from ...data.calibration_parameters import asked_at, requested_priors
 from ...data.solution import Correlated
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from ...preprocessing.baseline_length import KIND as BASELINE, MIN_LENGTH
 from ...typing import Array
 from ...units.constants import MAX_TIME_CONSTANT
 from ...units.conversion import factor, spread_factor
@@ -33,8 +35,8 @@ from .schema_base import (
 )
 
 ECEF = "ECEF"
-"""Axes of what is told about the centre of the Earth: x through latitude 0, longitude 0, z through
-the north pole."""
+"""Axes with the origin at the centre of the Earth: x through latitude 0, longitude 0, z through the
+north pole."""
 FORMS = {
     "speed, course": ("speed", "angle"),
     "speed, course, down": ("speed", "angle", "speed"),
@@ -44,7 +46,7 @@ FORMS = {
 Form = Literal["speed, course", "speed, course, down", "speed, course, up"]
 CELSIUS_ZERO = 273.15  # K
 COVARIANCE = 6
-"""Entries of `std` in ECEF that are x, y, z, then xy, yz and zx of a covariance."""
+"""Entries of `std` in ECEF: x, y, z, then xy, yz and zx of a covariance."""
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 """Names of columns of a heading."""
 
@@ -55,7 +57,7 @@ def is_ecef(axes: str | None) -> bool:
 
 
 class CorrelatedPart(KeyPart):
-    """correlated: errors that last, beside the white ones of `std`."""
+    """correlated: time-correlated errors, in addition to the white ones of `std`."""
 
     std: Annotated[Finite, Field(ge=0)] | list[Annotated[Finite, Field(ge=0)]]
     time: Annotated[Finite, Field(gt=0, le=MAX_TIME_CONSTANT)]
@@ -76,7 +78,7 @@ class AtmospherePart(KeyPart):
 
 
 class SourcePart(KeyPart):
-    """[[source]]: what its kind measures decides which keys it takes."""
+    """[[source]]: its kind determines which keys it takes."""
 
     kind: str
     file: str | None = None
@@ -92,6 +94,7 @@ class SourcePart(KeyPart):
     std: Any = None
     geoid: Geoid = None
     lever_arm: Triple | None = None
+    baseline: Triple | None = None
     calibration: str | None = None
     field: EarthField = None
     declination: Declination | None = None
@@ -105,17 +108,18 @@ class SourcePart(KeyPart):
     robust: bool = False
     adaptive: Annotated[Finite, Field(ge=0, le=MAX_TIME_CONSTANT)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
+    receiver: str | None = None
     name: str | None = None
 
     @property
     def sensor(self) -> MeasurementModel:
-        """The MeasurementModel of this kind: quantities, frame, what the lever arm means."""
+        """The MeasurementModel of this kind: quantities, frame, meaning of the lever arm."""
         return find(self.kind)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """The quantities of the columns: those of the kind or of the form that is given; two for an
-        attitude without a heading column."""
+        """The quantities of the columns, from the kind or the given form; two for an attitude
+        without a heading column."""
         sensor = self.sensor
         if self.form is not None:
             return FORMS[self.form]
@@ -126,7 +130,7 @@ class SourcePart(KeyPart):
 
     @property
     def many(self) -> int:
-        """Components that the columns have."""
+        """Number of components of the columns."""
         return len(self.quantities)
 
     @property
@@ -136,13 +140,13 @@ class SourcePart(KeyPart):
 
     @property
     def needs_place(self) -> bool:
-        """True where its rows can be read only where the position of the vehicle is known."""
+        """True where reading its rows needs the position of the vehicle."""
         turned = self.ecef and self.kind != "position"
         return turned or (self.kind == "altitude" and self.geoid == "EGM96")
 
     @property
     def units(self) -> list[Any]:
-        """A unit per component; of a quaternion that of its standard deviations."""
+        """A unit per component; for a quaternion, that of its standard deviations."""
         return self.unit if isinstance(self.unit, list) else [self.unit] * self.many
 
     @property
@@ -170,7 +174,7 @@ class SourcePart(KeyPart):
     @property
     def deviations(self) -> list[tuple[Any, str, Any]]:
         """(a number, a column or a table of column, unit and scale; quantity; unit), one per
-        component. Of a speed with course the speed's may stand alone; in ECEF there may be
+        component. For speed and course, that of the speed may be the only one; in ECEF there may be
         the six of a covariance."""
         entries = self.std if isinstance(self.std, list) else [self.std] * self.many
         if self.form is not None and not isinstance(self.std, list):
@@ -185,7 +189,8 @@ class SourcePart(KeyPart):
 
     @property
     def correlated_errors(self) -> Correlated | None:
-        """Its correlated errors, whose standard deviations are in the unit of its innovation."""
+        """Its correlated errors, with standard deviations in the unit of tables, such as m or uT,
+        whatever the unit of the columns."""
         if self.correlated is None:
             return None
         given, quantities = self.correlated.std, self.sensor.quantities
@@ -201,7 +206,7 @@ class SourcePart(KeyPart):
 
     @property
     def matrix(self) -> Array | None:
-        """(3, 3) that turns the columns into NED or FRD, or None where they are no such vector."""
+        """(3, 3) from the columns to NED or FRD, or None where they are not such a vector."""
         named = {"n": NAVIGATION_AXES, "b": BODY_AXES}.get(self.sensor.vector)
         if self.ecef or self.form is not None:
             return None
@@ -265,7 +270,7 @@ class SourcePart(KeyPart):
                 self.axes is not None
                 and not sensor.vector
                 and sensor.name not in ("attitude", "position"),
-                f"axes: {sensor.name} is no vector and takes no axes",
+                f"axes: {sensor.name} is not a vector and takes no axes",
             ),
             (
                 self.form is not None and sensor.name != "velocity",
@@ -273,17 +278,18 @@ class SourcePart(KeyPart):
             ),
             (
                 self.form is not None and self.axes is not None,
-                "axes: a course is told from north, so that speed and course take no axes",
+                "axes: a course is measured from north, so speed and course take no axes",
             ),
             (
                 self.geoid is not None
                 and (sensor.name not in ("position", "altitude") or self.ecef),
-                "geoid: only heights take it, of a position with latitude and longitude or of an "
+                "geoid: only heights take it, those of a position with latitude and longitude or of an "
                 "altitude",
             ),
             (
                 self.ecef and is_attitude and self.many == 2,
-                "axes: roll and pitch alone say nothing in ECEF; give all three or a quaternion",
+                "axes: roll and pitch alone do not determine an attitude in ECEF; give all three or a "
+                "quaternion",
             ),
             (
                 "slip_test" in self.model_fields_set and sensor.name != "speed",
@@ -296,6 +302,20 @@ class SourcePart(KeyPart):
             (
                 self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"),
                 f"lever_arm: {sensor.name} takes none",
+            ),
+            (
+                self.baseline is not None and sensor.parameters != BASELINE,
+                f"baseline: {sensor.name} takes none",
+            ),
+            (
+                sensor.parameters == BASELINE and math.hypot(*self.baseline or ()) < MIN_LENGTH,
+                f"baseline: {'is missing' if self.baseline is None else 'is too short'}; "
+                f"{sensor.name} needs the vector from the first to the second antenna, m forward, "
+                f"right, down, at least {MIN_LENGTH:g} m long",
+            ),
+            (
+                self.receiver is not None and sensor.name not in ("position", "baseline"),
+                f"receiver: {sensor.name} takes none; only a position or a baseline has classes",
             ),
             *(
                 (
@@ -348,7 +368,7 @@ class SourcePart(KeyPart):
                 *(
                     (
                         not is_number(scale) or scale == 0,
-                        f"scale: {scale!r} is no number other than zero",
+                        f"scale: {scale!r} must be a number other than zero",
                     )
                     for scale in self.scales
                 ),
@@ -370,8 +390,8 @@ class SourcePart(KeyPart):
                 (
                     not {"column"} <= set(std) <= {"column", "unit", "scale"}
                     or not (is_number(scale) and scale > 0),
-                    'std: write { column = "name", unit = "m", scale = 1.0 }, with column and unit '
-                    "at least and scale above zero",
+                    'std: write { column = "name", unit = "m", scale = 1.0 }, with at least column and '
+                    "unit, and scale above zero",
                 )
             )
             call_with_key("std", spread_factor, std.get("unit"), innovation_dimension(quantity))
@@ -380,8 +400,8 @@ class SourcePart(KeyPart):
 
 
 def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | None) -> None:
-    """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and
-    no quaternion of the order `quaternion`."""
+    """Raise ValueError unless the columns are roll, pitch and heading, roll and pitch, or a
+    quaternion of the order `quaternion`."""
     given, second = len(columns), [*columns, None, None][1]
     refuse(
         (
@@ -391,7 +411,7 @@ def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | 
         ),
         (
             quaternion is None and given == 4,
-            'columns: 4 given; of a quaternion say the order: quaternion = "wxyz", scalar first, or '
+            'columns: 4 given; for a quaternion give the order: quaternion = "wxyz", scalar first, or '
             '"xyzw"',
         ),
         (
@@ -401,7 +421,7 @@ def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | 
         ),
         (
             given == 2 and re.match(HEADING, str(second).strip().lower()),
-            f"columns: {second!r} is named like a heading; two columns are roll and pitch, "
-            "which come together (kind heading has one)",
+            f"columns: {second!r} has the name of a heading, but two columns are roll and pitch; "
+            "give both (kind heading has one column)",
         ),
     )

@@ -1,4 +1,4 @@
-"""The tables that a description names, where they are, and their times on the clock of the
+"""The tables that a description names, their paths, and their times on the clock of the
 recording."""
 
 from collections.abc import Mapping, Sequence, Set
@@ -33,7 +33,7 @@ from .schema_base import KeyCondition, Time
 
 
 class SourceColumns(NamedTuple):
-    """Columns of a table, and notes on the rows that were left out."""
+    """Columns of a table, and notes on rows left out."""
 
     table: FileTable
     t: Array  # (n,) s
@@ -44,10 +44,10 @@ class SourceColumns(NamedTuple):
 class Files:
     """The tables that one description names, each read once.
 
-    `epoch` is the moment of t = 0, in seconds of GPS time since its zero: that of the description,
-    else midnight, UTC, before the first time that is asked for, which is the IMU's; None where that
-    has no absolute clock. `notes` say what of the tables was left out. `later` are the files that
-    are needed after [imu] is read; None: all of them.
+    `epoch` is the time of t = 0, in seconds of GPS time since its zero: that of the description,
+    else midnight, UTC, before the first requested time, which is the IMU's; None without an
+    absolute clock. `notes` list rows left out of the tables. `later` are the files needed after
+    [imu] is read; None: all of them.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Files:
         self._first: Time | None = None
         self._read: dict[tuple[int, Time], tuple[FileTable, Moments]] = {}
         self._start: float | None = None  # of times of day without a date
-        # a description may name the same file another way
+        # a description may name one file in several ways
         self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> FileTable:
@@ -79,7 +79,7 @@ class Files:
         if table is None and len(tables) == 1:
             (table,) = tables
         if table is None or table not in tables:
-            wrong = "is missing" if table is None else f"{table!r} is none of the file"
+            wrong = "is missing" if table is None else f"{table!r} is not in the file"
             hint = did_you_mean(table, tables) if table is not None else ""
             raise DataError(f"{path}: table: {wrong}{hint}; it has {', '.join(tables) or 'none'}")
         found = tables[table]
@@ -87,7 +87,7 @@ class Files:
         return found
 
     def _open_tables(self, path: Path, header: bool, alone: bool) -> Mapping[str, FileTable]:
-        """The tables of a file that is not yet read; `alone`: a description names none of them."""
+        """Read the tables of a file; `alone`: the description names none of them."""
         reader = looker(path)
         is_bare = reader.open is None or reader.name == "table"
         if is_bare and (alone or path.suffix.lower() == MATLAB):
@@ -96,13 +96,13 @@ class Files:
         return log.tables
 
     def forget(self, file: str) -> None:
-        """Let go of what was read, where nothing later needs the tables of the file."""
+        """Release the tables of a file that are not needed later."""
         self._read.clear()
         if self.later is not None and file not in self.later:
             self.table.cache_clear()
 
     def locate(self, file: str) -> Path:
-        """The path that the description means by `file`."""
+        """Return the path of `file` in the description."""
         with locate_errors(self.path):
             path = locate(file, self.folder)
             if not in_force().outside and path.resolve() not in self._logs:
@@ -117,8 +117,8 @@ class Files:
         table: str | None = None,
         where: Sequence[KeyCondition] = (),
     ) -> "SourceColumns":
-        """Columns of one table, of the rows that count; columns given by number say that it has
-        no header."""
+        """Return columns of one table, without the rows that do not count; columns given by number
+        mean that it has no header."""
         named = [time.column, *columns, *(each.column for each in where)]
         found = self.table(file, not any(isinstance(column, int) for column in named), table)
         notes: list[str] = []
@@ -129,9 +129,21 @@ class Files:
             found, self.times(found, time), [found.numbers(column) for column in columns], notes
         )
 
+    def has_rows(
+        self,
+        file: str,
+        columns: Sequence[str | int],
+        table: str | None = None,
+        where: Sequence[KeyCondition] = (),
+    ) -> bool:
+        """True where some row of a table counts; `columns` as for the method of that name."""
+        named = [*columns, *(each.column for each in where)]
+        found = self.table(file, not any(isinstance(column, int) for column in named), table)
+        return bool(np.all([holds(found, each) for each in where], axis=0).any())
+
     def times(self, table: FileTable, time: Time) -> Array:
-        """Times of the rows of a table (n,), s. Raises DataError where one part of a recording
-        has an absolute clock and another has none."""
+        """Return the times of the rows of a table (n,), s. Raises DataError where one part of a
+        recording has an absolute clock and another does not."""
         if self._first is None:
             self._first = time
             if time.absolute is not None and self.epoch is None:
@@ -141,22 +153,23 @@ class Files:
         if time.absolute is None:
             if self._first.absolute is not None:
                 raise DataError(
-                    f"{table.name}: its time {time.column!r} has no absolute clock and that of "
-                    f"[imu] is {self._first.absolute!r}; say its clock too, or bring both to one"
+                    f"{table.name}: its time {time.column!r} has no absolute clock, but that of "
+                    f"[imu] has {self._first.absolute!r}; give its clock too, or convert both to one"
                 )
             if time.format is not None:
                 return self._of_day(table, time) + time.offset
             return table.numbers(time.column) * (time.scale * time.unit) + time.offset
         if self.epoch is None:
             raise DataError(
-                f"{table.name}: its time {time.column!r} is on the clock {time.absolute!r} and that "
-                f"of [imu] counts from an unknown moment; say its clock too, or its zero at the top, "
+                f"{table.name}: its time {time.column!r} is on the clock {time.absolute!r}, but the zero "
+                f"of that of [imu] is unknown; give its clock too, or its zero at the top, "
                 f'as epoch = "2024-05-01T12:30:00Z"'
             )
         return self._since(self.epoch, table, time)
 
     def _since(self, epoch: float, table: FileTable, time: Time) -> Array:
-        """Times on an absolute clock, s since `epoch` in seconds of GPS time since its zero."""
+        """Return times on an absolute clock, s since `epoch`, which is in s of GPS time since its
+        zero."""
         assert time.absolute is not None
         if time.format is not None:
             minute, second = self._moments(table, time)
@@ -172,8 +185,8 @@ class Files:
         return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
 
     def _moments(self, table: FileTable, time: Time) -> Moments:
-        """Return the calendar times of a table, with the day of its `date`. They are read once,
-        since gyro and accelerometer ask for the same."""
+        """Return the calendar times of a table with the day of its `date`. They are read once,
+        since gyro and accelerometer share them."""
         key = (id(table.content), time)  # of the rows that count
         if key not in self._read:
             self._read[key] = table, self._read_moments(table, time)
@@ -196,7 +209,7 @@ class Files:
         )
 
     def _of_day(self, table: FileTable, time: Time) -> Array:
-        """Times of day without a date, s since midnight before the first sample of the IMU."""
+        """Return times of day without a date, s since midnight before the first IMU sample."""
         t = np.add(*self._moments(table, time))
         t += DAY * rollover_count(t, DAY)
         some = t[np.isfinite(t)]
@@ -206,15 +219,16 @@ class Files:
 
 
 def times_of(table: FileTable, keys: Mapping[str, Any]) -> Array:
-    """Times of the rows of a table (n,), s, by the key `time` of a section: GPS time since its zero on an
-    absolute clock, else as they count, as do those of a week without its number."""
+    """Return the times of the rows of a table (n,), s, from the key `time` of a section: GPS time
+    since its zero on an absolute clock, else as counted, also for a time of week without its
+    week."""
     if "week" in keys and keys["week"] is None:
         keys = {key: keys[key] for key in keys if key not in ("clock", "week")}
     return Files("", 0.0).times(table, Time.model_validate(dict(keys)))
 
 
 def _check_gps_time(gps: float, table: FileTable, time: Time) -> float:
-    """A first time, s of GPS time since its zero. Raises DataError where it is none of a recording."""
+    """Return a first time, s of GPS time since its zero. Raises DataError for an impossible one."""
     year = year_of(gps)
     if not YEARS[0] <= year < YEARS[1]:
         raise DataError(
@@ -225,7 +239,7 @@ def _check_gps_time(gps: float, table: FileTable, time: Time) -> float:
 
 
 def _counting_rows(table: FileTable, condition: KeyCondition) -> tuple[FileTable, list[str]]:
-    """(Table of the rows of which the condition holds, notes on the others). Raises DataError where
+    """(Table of the rows that satisfy the condition, notes on the others). Raises DataError where
     there is none."""
     left_out = ~holds(table, condition)
     if not left_out.any():
@@ -234,16 +248,16 @@ def _counting_rows(table: FileTable, condition: KeyCondition) -> tuple[FileTable
         cells = table.cells(condition.column)
         raise DataError(
             f"{table.name}: where: none of its {len(cells)} rows has {condition}; the first has "
-            f"{str(cells[0])[:40]!r}: check the key where"
+            f"{str(cells[0])[:40]!r}: check the key `where`"
         )
     rows = RowsOfFile(table.origin, (np.arange(len(left_out)),), []).without(
-        left_out, "row", f"of {len(left_out)} left out, which do not have {condition}"
+        left_out, "row", f"of {len(left_out)} left out, without {condition}"
     )
     return table.take(~left_out), rows.notes
 
 
 def holds(table: FileTable, condition: KeyCondition) -> Mask:
-    """(n,) the rows of which it holds; it holds of no empty cell."""
+    """Return True for the rows (n,) that satisfy it; an empty cell never does."""
     found = np.ones(len(table.lines), bool)
     if condition.least is not None or condition.most is not None:
         numbers = table.numbers(condition.column)
@@ -260,7 +274,7 @@ def holds(table: FileTable, condition: KeyCondition) -> Mask:
     if condition.unequal is not None:
         numbers = table.numbers(condition.column)
         found &= np.isfinite(numbers) & (numbers != condition.unequal)
-    if condition.changes:  # the first row tells something too
+    if condition.changes:  # the first row counts too
         cells = table.cells(condition.column)
         known = np.flatnonzero(cells == cells)  # NaN is not itself
         changed = cells[known][1:] != cells[known][:-1]
@@ -269,7 +283,7 @@ def holds(table: FileTable, condition: KeyCondition) -> Mask:
 
 
 def _as_numbers(cells: Any) -> Array:
-    """(n,) cells as numbers, NaN where they are none."""
+    """Return cells (n,) as numbers, NaN for others."""
     if cells.dtype.kind in "iuf":
         return np.asarray(cells, float)
     import pandas as pd

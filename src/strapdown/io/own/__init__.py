@@ -1,2 +1,2 @@
-"""Files that strapdown writes and reads again: taken into memory, checked against what is declared of
-their format."""
+"""Files that strapdown writes and reads again: read into memory and checked against the declaration
+of their format."""

@@ -1,5 +1,5 @@
-"""NetCDF files of our own in memory. Whatever their checksum, their structure, HDF5 or any library says
-against them is one line here and nowhere else."""
+"""NetCDF files of our own in memory. This module turns every error of checksum, structure, HDF5 or
+a library into one line."""
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -16,12 +16,12 @@ from ..tables.hdf5_file import open_hdf5
 from ..tables.table_file import first_line_of
 
 NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
-"""Begins the attribute NAME of a dataset that only has the size of a dimension (NetCDF-4 format
-specification, appendix on dimension scales)."""
+"""Beginning of the attribute NAME of a dataset that only gives the size of a dimension (NetCDF-4
+format specification, appendix on dimension scales)."""
 OF_NETCDF = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
-"""Attributes by which NetCDF and HDF5 keep their own books, beside those that begin with _N."""
+"""Internal attributes of NetCDF and HDF5, besides those that begin with _N."""
 SEALED = "checksum"
-"""Root attribute of a file that must have the line of `strapdown.fileio.checksum`."""
+"""Root attribute of files that must have the line of `strapdown.fileio.checksum`."""
 
 
 class OwnFormat(NamedTuple):
@@ -42,20 +42,20 @@ class Content(NamedTuple):
     """The content of a group."""
 
     attributes: dict[str, Any]
-    variables: dict[str, np.ndarray[Any, Any]]  # as they are stored; of texts arrays of objects
+    variables: dict[str, np.ndarray[Any, Any]]  # as stored; texts as arrays of objects
     texts: dict[str, str]  # variables that are one text
-    units: dict[str, str]  # of the variables that say one
-    names: dict[str, str]  # long names, of the variables that say one
+    units: dict[str, str]  # of the variables that have one
+    names: dict[str, str]  # long names of the variables that have one
     groups: dict[str, "Content"]
 
 
 def content(
     path: File, what: str, names: Collection[str] | None = None, whole: bool = False
 ) -> Content:
-    """The content of a file: its root and groups one below it. Raises DataError.
+    """Return the content of a file: its root and the groups directly below it. Raises DataError.
 
-    what: what it should be, as "NetCDF recording"; names: variables that are wanted, without their
-    units (default: all); whole: its checksum was looked at before.
+    what: the expected content, such as "NetCDF recording"; names: the variables to read, without
+    their units (default: all); whole: its checksum was already verified.
     """
     path = Path(path)
     with one_line(path, what):
@@ -68,7 +68,7 @@ def content(
 
 
 def content_of(path: File, format: OwnFormat) -> Content:
-    """The content of a file that says to be of a format of our own. Raises DataError."""
+    """Return the content of a file that has the mark of a format of our own. Raises DataError."""
     found = content(path, f"NetCDF {format.what}")
     said = found.attributes.get("format")
     if isinstance(said, str) and said == format.mark:
@@ -76,10 +76,10 @@ def content_of(path: File, format: OwnFormat) -> Content:
     if isinstance(said, str) and said.startswith(f"strapdown {format.what} "):
         raise DataError(
             f"{path}: is a {format.what} of another version of strapdown (its format attribute is "
-            f"{brief(said)}, this version reads {format.mark!r}); {format.again}"
+            f"{brief(said)}, but this version reads {format.mark!r}); {format.again}"
         )
     raise DataError(
-        f"{path}: is no {format.what} (its format attribute is {brief(said)}, not {format.mark!r}); "
+        f"{path}: is not a {format.what} (its format attribute is {brief(said)}, not {format.mark!r}); "
         f"{format.others}"
     )
 
@@ -107,12 +107,12 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
         elif isinstance(node, h5py.Group) and not depth:
             found.groups[name] = _group(node, path, None, depth + 1)
         else:
-            raise DataError(f"{path}: {repr(name)[:60]} is no variable; {DAMAGED}")
+            raise DataError(f"{path}: {repr(name)[:60]} is not a variable; {DAMAGED}")
     return found
 
 
 def _is_dimension(node: Any) -> bool:
-    """Return True where the dataset only has the size of a dimension."""
+    """Return True where the dataset only gives the size of a dimension."""
     name = node.attrs.get("NAME", b"")
     return isinstance(name, bytes) and name.startswith(NO_VARIABLE)
 
@@ -132,13 +132,14 @@ def _values(node: Any, path: Path) -> np.ndarray[Any, Any] | str:
 
 
 def _attributes(node: Any) -> dict[str, Any]:
-    """{name: text, number or array of numbers} of a group or dataset, without those of NetCDF."""
+    """Return {name: text, number or array of numbers} of a group or dataset, without NetCDF's
+    own."""
     found = {}
     for name in node.attrs:
         if name in OF_NETCDF or name.startswith("_N"):
             continue
         value = node.attrs[name]
-        if isinstance(value, np.ndarray) and value.size == 1:  # NetCDF has no other numbers
+        if isinstance(value, np.ndarray) and value.size == 1:  # NetCDF stores numbers as arrays
             value = value.ravel()[0]
         found[name] = value.item() if isinstance(value, np.generic) else value
     return {
@@ -148,8 +149,8 @@ def _attributes(node: Any) -> dict[str, Any]:
 
 @contextmanager
 def one_line(path: File, what: str) -> Iterator[None]:
-    """Around what takes a file apart that should be `what`, as "NetCDF recording": every exception
-    becomes a DataError of one line."""
+    """Context for reading a file that should be `what`, such as "NetCDF recording": every exception
+    becomes a one-line DataError."""
     try:
         with reading_within(path):
             yield

@@ -1,5 +1,5 @@
-"""Rules for text, attributes and JSON of our own files, as models of pydantic: those of a recording
-as NetCDF, of a solution, and those that both share."""
+"""Rules for text, attributes and JSON of our own files as pydantic models: those of a recording in
+NetCDF, those of a solution, and common ones."""
 
 import json
 from typing import Annotated, Any, Literal, TypeVar
@@ -28,8 +28,8 @@ Deviation = Annotated[float, Field(ge=0)]
 
 
 class SaidRules(BaseModel):
-    """Attributes of a file. Unknown keys stay as they are: a later version or a user may have put
-    them there."""
+    """Attributes of a file. Unknown keys are kept, because a later version or a user may have added
+    them."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
@@ -41,17 +41,17 @@ class Only(BaseModel):
 
 
 def from_json(text: Any, where: object) -> Any:
-    """The values of a text that is JSON. Raises DataError that begins with `where`."""
+    """Return the values of a JSON text. Raises DataError that begins with `where`."""
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
         said = str(error).splitlines()[0][:80]
-        raise DataError(f"{where}: is no JSON ({said}); {DAMAGED}") from None
+        raise DataError(f"{where}: is not JSON ({said}); {DAMAGED}") from None
 
 
 def check_values(model: Any, values: Any, where: object) -> Any:
-    """Refuse values that do not fit a model or type; they stay as they are. Raises DataError with
-    the first complaint, which begins with `where`."""
+    """Refuse values that do not fit a model or type; return them unchanged. Raises DataError with
+    the first error message, which begins with `where`."""
     try:
         TypeAdapter(model).validate_python(values, strict=True)
     except ValidationError as error:
@@ -81,10 +81,11 @@ class SourceAttributes(SaidRules):
     correlated_states: bool = True
     robust: bool = False
     adaptive: Annotated[Finite, Field(ge=0)] = 0.0
+    receiver: Name | None = None
 
 
 class RecordingMetaRules(SaidRules):
-    """`Recording.meta`, as far as the library asks for it."""
+    """The keys of `Recording.meta` that the library uses."""
 
     name: Line = ""
     epoch: Moment | None = None
@@ -137,7 +138,7 @@ class RejectedRules(Only):
 
 
 class SolutionMetaRules(SaidRules):
-    """`Solution.meta`, as far as the library asks for it."""
+    """The keys of `Solution.meta` that the library uses."""
 
     filter: Line = ""
     recording: Line = ""

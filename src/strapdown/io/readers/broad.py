@@ -4,11 +4,11 @@ doi 10.3390/data6070072), as .npz files.
 A hand-held IMU with a magnetometer, its attitude and position measured by cameras. An .npz file
 holds `fs` (Hz), `gyr` (rad/s), `acc` (m/s^2) and `mag` (uT) in the axes of the sensor,
 `quat_wxyz_enu` (sensor to east, north, up), `pos_enu` (m), both NaN where markers were lost, and
-`movement`, true where errors count. The box lies with its z axis up; its x axis is taken as
+`movement`, true where errors count. The box lies with its z axis up; its x axis is defined as
 forward, so the sensor's axes are FLU and the body's are (x, -y, -z).
 
-North of the reference is magnetic north: no declination. The record does not say where it was
-taken; `BROAD_PLACE` is nominal.
+North of the reference is magnetic north, without declination. The record does not state its place;
+`BROAD_PLACE` is nominal.
 """
 
 from dataclasses import replace
@@ -38,15 +38,15 @@ from ..reader import Findings, Reader
 from ..tables.table_file import reading_file
 
 ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
-"""Arrays of a file and their columns; 0 is an array without columns."""
+"""Arrays of a file and their numbers of columns; 0 for an array without columns."""
 BROAD_PLACE = (np.radians(52.512), np.radians(13.327), 70.0)
 """Latitude (rad), longitude (rad), ellipsoidal height (m) of the origin of `pos_enu`: Technische
 Universitaet Berlin, nominal, not surveyed."""
 MAG_DENSITY = 0.078e-6
 """T/sqrt(Hz). At rest (trials 02, 21, 24) the Allan deviation of the magnetometer falls as 0.078
-uT/sqrt(tau) from 0.1 to 1 s. From one row to the next it has 0.7 uT, less than the 1.3 uT that
-white noise of this density would have, because the magnetometer is slower than the gyro and 29 %
-of its rows repeat."""
+uT/sqrt(tau) from 0.1 to 1 s. Between successive rows it is 0.7 uT, less than the 1.3 uT of white
+noise of this density, because the magnetometer is slower than the gyro and 29 % of its rows
+repeat."""
 MIN_REST = 2.0
 """s: the shortest rest from which the reference field is taken."""
 BROAD_IMU = ImuSpec(
@@ -58,17 +58,17 @@ BROAD_IMU = ImuSpec(
     "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first "
     "and last rest, 150 to 160 s apart.",
 )
-"""Errors that filters assume of the IMU, from its records at rest alone."""
+"""Errors that filters assume for the IMU, from its records at rest only."""
 
 
 def read_broad(path: File) -> Recording:
-    """The Recording of a BROAD trial: IMU and magnetic field in FRD, the optical attitude as
-    reference, in NED of magnetic north.
+    """Return the Recording of a BROAD trial: IMU and magnetic field in FRD, the optical attitude as
+    reference, in NED with magnetic north.
 
     meta: `movement`, [[start, stop], ...] in s, the first and last sample of each stretch that
-    counts; `place`, nominal; `grade`, the ImuSpec `BROAD_IMU`. The reference has the rows whose
-    attitude is known. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest,
-    from specific force and magnetic field alone. Raises DataError of one line.
+    counts; `place`, nominal; `grade`, the ImuSpec `BROAD_IMU`. The reference has the rows with a
+    known attitude. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest, from
+    specific force and magnetic field only. Raises a one-line DataError.
     """
     path = Path(path)
     fs, arrays = parse(path)
@@ -88,7 +88,7 @@ def read_broad(path: File) -> Recording:
 
 
 def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
-    """(fs in Hz, {name: array}) of a BROAD file as it stands there, numbers as float, `movement`
+    """(fs in Hz, {name: array}) of a BROAD file, unchanged except numbers as float and `movement`
     as bool. Raises DataError."""
     found = _arrays(Path(path))
     if missing := [name for name in ("fs", *ARRAY_COLUMNS) if name not in found]:
@@ -102,11 +102,11 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
     except (TypeError, ValueError):
         types = ", ".join(f"{name} {array.dtype}" for name, array in found.items())
         raise DataError(
-            f"{path}: the arrays of a BROAD trial are numbers; this file has {types}"
+            f"{path}: the arrays of a BROAD trial are numbers, but this file has {types}"
         ) from None
     fs = found.pop("fs")
     if fs.size != 1 or not 0 < fs.item() < np.inf:
-        # an array of shape (2**31, 0) is no text either
+        # an array of shape (2**31, 0) is not a text either
         found_there = repr(fs.item()) if fs.size == 1 else f"an array of shape {fs.shape}"
         raise DataError(
             f"{path}: fs must be one sampling rate in Hz, above 0; it is {found_there:.60}"
@@ -142,20 +142,21 @@ def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _array(archive: Zip, name: str) -> np.ndarray[Any, Any]:
-    """An array of an .npz file. Raises ValueError where it states more than it holds."""
+    """Return an array of an .npz file. Raises ValueError where it states more data than it
+    holds."""
     with archive.content(name) as file:
         return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def windows(t: Array, inside: Mask) -> list[list[float]]:
-    """[[start, stop], ...] in s: the first and the last of the times `t` of each stretch where
-    `inside` is true."""
+    """[[start, stop], ...] in s: first and last of the times `t` in each stretch where `inside` is
+    true."""
     return [[float(t[first]), float(t[stop - 1])] for first, stop in stretches(inside)]
 
 
 def _reference(t: Array, arrays: dict[str, Any]) -> Trajectory | None:
-    """Trajectory of the optical attitude, body to NED, where it is known; None where it never
-    is."""
+    """Return the trajectory of the optical attitude, body to NED, where it is known; None where it
+    never is."""
     q, known = (
         arrays["quat_wxyz_enu"],
         np.isfinite(arrays["quat_wxyz_enu"]).all(axis=1)
@@ -173,12 +174,12 @@ def _reference(t: Array, arrays: dict[str, Any]) -> Trajectory | None:
 def with_positions(
     trial: Recording, rate: float = 1.0, std: ArrayLike = 0.05, seed: int = 0
 ) -> Recording:
-    """The trial with position fixes as a further source: the optical position `rate` times a second
-    with white noise of `std` (m north, east, down).
+    """Return the trial with position fixes as another source: the optical position `rate` times a
+    second, with white noise of `std` (m north, east, down).
 
-    trial: a Recording of `read_broad`. Fixes are at samples; where the cameras had lost the body
-    there are none. `std` is one number or three; the noise of an epoch depends on `seed` and the
-    epoch alone. Raises DataError.
+    trial: a Recording of `read_broad`. Fixes are at samples, and missing where the cameras had lost
+    the body. `std` is one number or three; the noise of an epoch depends only on `seed` and the
+    epoch. Raises DataError.
     """
     name, step = trial.meta.get("name", "trial"), float(np.median(trial.imu.dt))
     if np.shape(std) not in ((), (3,)) or not np.all((np.asarray(std) > 0) & np.isfinite(std)):
@@ -219,17 +220,17 @@ def with_positions(
 
 
 def body_to_ned(q: ArrayLike) -> Array:
-    """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar
-    first, rows with NaN stay NaN.
+    """Convert the attitude (n, 4) of the sensor in east, north, up to that of the body (FRD) in
+    NED; scalar first, rows with NaN stay NaN.
 
-    Raises DataError naming the first row that is no unit quaternion.
+    Raises DataError naming the first row that is not a unit quaternion.
     """
     return quaternions(np.asarray(q, float), "wxyz", "FLU to ENU", Origin("quat_wxyz_enu"))
 
 
 def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Recording:
-    """The recording with its magnetometer as a source; without, and a note, where no rest tells
-    the reference field."""
+    """Return the recording with its magnetometer as a source, or, where no rest gives the reference
+    field, without it and with a note."""
     rest = first_rest(recording.imu)
     inside = (
         (t >= recording.imu.t[rest.start])
@@ -239,11 +240,11 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
         else np.array([False])
     )
     if not inside.any():
-        missing = f"no rest of {MIN_REST:g} s with a magnetic field to take its reference from: magnetometer left out"
+        missing = f"no rest of {MIN_REST:g} s with a magnetic field for its reference: magnetometer left out"
         return recording.with_notes([missing])
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
-    m = np.median(field[inside], axis=0)  # a magnet that comes near for a while must not shift it
+    m = np.median(field[inside], axis=0)  # a magnet that is near for a while does not shift it
     reference = (float(np.linalg.norm(m - down * (m @ down))), 0.0, float(m @ down))
     std = np.full(field.shape, MAG_DENSITY * np.sqrt(fs))
     sources, more = checked_sources(
@@ -253,8 +254,8 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
 
 
 def first_rest(imu: Imu) -> slice | None:
-    """slice of the first rest of at least `MIN_REST` s in an Imu, judged by itself; None where
-    there is none."""
+    """Return the slice of the first rest of at least `MIN_REST` s in an Imu, by its samples alone;
+    None without one."""
     long = (
         slice(int(first), int(stop))
         for first, stop in stretches(at_rest(imu))
@@ -264,7 +265,7 @@ def first_rest(imu: Imu) -> slice | None:
 
 
 def inspect(path: Path) -> Findings:
-    """Findings on a trial; that it cannot be read is one."""
+    """Return the findings on a trial; a reading error is one of them."""
     found = Findings.of()
     trial = found.attempt(read_broad, path)
     if trial is not None:

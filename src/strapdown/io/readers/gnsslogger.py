@@ -1,9 +1,9 @@
 """Logs of Google's app GnssLogger on Android: a text file whose rows begin with their kind.
 
-Columns by LOGGING_FORMAT.md (github.com/google/gps-measurement-tools) and by the header of each
-file. All times are taken from `elapsedRealtimeNanos`, the phone's clock since it started: the
-`utcTimeMillis` of the sensors is the phone's idea of UTC, which was half a second off in the log
-that this was tried on. The fixes of the satellite receiver say what UTC the clock's zero is.
+Columns follow LOGGING_FORMAT.md (github.com/google/gps-measurement-tools) and the header of each
+file. All times are `elapsedRealtimeNanos`, the phone's clock since its start: the `utcTimeMillis`
+of the sensors is the phone's own UTC, which was off by half a second in the test log. The fixes of
+the satellite receiver give the UTC of the clock's zero.
 """
 
 import re
@@ -30,15 +30,16 @@ from ..tables.table_file import FileTable, head_of, packed_suffixes, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
 MAX_NS = 4e18
-"""ns that whole numbers can count from 1970, or a phone since it started."""
+"""Largest time in ns, since 1970 or since the start of a phone, that fits an integer."""
 UNIX = "POSIX ns"
-"""Column that is added: the phone's clock, on UTC."""
+"""Added column: the phone's clock in UTC."""
 SENSORS = {
     "gyro": ("UncalGyro", "Gyro"),
     "accel": ("UncalAccel", "Accel"),
     "magnetometer": ("UncalMag", "Mag"),
 }
-"""Kinds of rows, the one that is taken first: the filter estimates biases itself."""
+"""Kinds of rows, the preferred one first: uncalibrated, because the filter estimates biases
+itself."""
 FIX = PhoneFixColumns(
     r"Latitude(Degrees)?",
     r"Longitude(Degrees)?",
@@ -59,18 +60,18 @@ LEFT = {
     "Raw": "raw measurements of the satellites; its fixes are taken",
 }
 OFF = 0.1
-"""s between the phone's UTC and that of the satellites that are worth a line."""
+"""s: difference of the phone's UTC from that of the satellites that causes a line."""
 NEEDED = "latitude, longitude, altitude or accuracy"
 RECORD = "switch Sensors on in GnssLogger when you record"
 FASTER = "record at 100 Hz, and take the log as the app wrote it"
 
 
 class Lines(NamedTuple):
-    """The lines of a file, none of which costs Python: there are two million in an hour."""
+    """The lines of a file, processed as arrays because an hour has two million of them."""
 
     content: Bytes  # (size,)
     starts: Ints  # (n,)
-    ends: Ints  # (n,) where their line ends are
+    ends: Ints  # (n,) positions of the line ends
     names: dict[str, list[str]]  # names of columns by kind, of the header lines
 
     @classmethod
@@ -87,20 +88,20 @@ class Lines(NamedTuple):
         return found
 
     def lines_with_prefix(self, prefix: bytes) -> Ints:
-        """Indices of the lines that begin so."""
+        """Return the indices of the lines with this beginning."""
         lines = np.flatnonzero(self.ends - self.starts >= len(prefix))
         for k, byte in enumerate(prefix):
             lines = lines[self.content[self.starts[lines] + k] == byte]
         return lines
 
     def cells(self, lines: Ints) -> Ints:
-        """Number of cells of each of these lines."""
+        """Return the number of cells of each of these lines."""
         commas = np.flatnonzero(self.content == ord(","))
         until = np.searchsorted(commas, self.ends[lines])
         return until - np.searchsorted(commas, self.starts[lines]) + 1
 
     def text(self, lines: Ints) -> bytes:
-        """These lines one after another."""
+        """Return these lines as one text."""
         use = np.zeros(len(self.starts), bool)
         use[lines] = True
         return self.content[np.repeat(use, self.ends + 1 - self.starts)].tobytes()
@@ -140,12 +141,13 @@ def open_log(path: Path) -> Log:
 
 
 def _table(path: Path, kind: str, file: Lines, left: list[str]) -> FileTable:
-    """The FileTable of one kind; rows with other cells than its header line names are left out."""
+    """Return the FileTable of one kind, without rows whose number of cells differs from the
+    header."""
     names, lines = file.names[kind], file.lines_with_prefix(kind.encode() + b",")
     text = file.text(lines)
     if text.count(b",") != (len(names) - 1) * len(lines):
         whole = file.cells(lines) == len(names)
-        left.append(f"{kind}: {int((~whole).sum())} rows with other cells than the header names")
+        left.append(f"{kind}: {int((~whole).sum())} rows with more or fewer cells than the header")
         lines = lines[whole]
         text = file.text(lines)
     frame = parse_cells(
@@ -154,7 +156,7 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> FileTable:
         header=None,
         names=names,
         quoting=3,
-        lineterminator="\n",  # a lone carriage return is none, as in `lines`
+        lineterminator="\n",  # a lone carriage return does not end a line, as in `lines`
     )
     return FileTable(f"{path} [{kind}]", frame, lines[: len(frame)] + 1)
 
@@ -191,7 +193,7 @@ def _zero(tables: dict[str, FileTable]) -> tuple[float | None, list[str]]:
     )
     if fix is None:
         return phone, [] if phone is None else [
-            "UTC: the phone's own, no fix of satellites says it"
+            "UTC: the phone's own, because there is no satellite fix"
         ]
     if phone is not None and abs(phone - fix) > OFF:
         return fix, [
@@ -201,7 +203,7 @@ def _zero(tables: dict[str, FileTable]) -> tuple[float | None, list[str]]:
 
 
 def _on_utc(table: FileTable, zero: float) -> FileTable:
-    """The table with the column UNIX, of whole numbers where its clock has such."""
+    """Return the table with the column UNIX, as integers where its clock has integers."""
     frame, utc = table.frame, _matching_title(table, UTC)
     if CLOCK in frame.columns:
         clock = table.cells(CLOCK)
@@ -215,7 +217,7 @@ def _on_utc(table: FileTable, zero: float) -> FileTable:
 
 
 def _date(tables: dict[str, FileTable]) -> dict[str, str]:
-    """The key date, of the earliest row of most tables."""
+    """Return the key date from the earliest row of the tables."""
     every = [table.numbers(UNIX) for table in tables.values() if UNIX in table.frame.columns]
     firsts = [float(np.median(t[:9])) * 1e-9 for t in every if len(t)]
     return day(float(np.median(firsts))) if firsts else {}
@@ -236,7 +238,7 @@ def _inertial(
         pieces[role] = Piece(kind, time, _triple(tables[kind]), unit)
     sections, facts = inertial(pieces["gyro"], pieces["accel"], tables, RECORD)
     sections = [each._replace(faster=FASTER) for each in sections]
-    # a log that was thinned still has its fixes, beside an IMU of another file
+    # the fixes of a thinned log are still usable with an IMU from another file
     found = slow(sections[0], tables) if not sections[0].left else None
     return ([no_imu(f"{sections[0].title}: {found[0]}")] if found and found[1] else sections), facts
 
@@ -244,7 +246,7 @@ def _inertial(
 def _fixes(
     tables: dict[str, FileTable], time: dict[str, Any], sections: list[Section]
 ) -> list[str]:
-    """Lines on what is left of the fixes, whose sections are appended."""
+    """Append the sections of the fixes, and return lines on what is left out of them."""
     if "Fix" not in tables:
         return []
     table = tables["Fix"]
@@ -253,12 +255,12 @@ def _fixes(
     if provider is not None:
         use = (provider.str.lower() == "gps").to_numpy()
         left += [
-            f"Fix: {count} of the provider {str(name)[:20]}, which mixes other sources in"
+            f"Fix: {count} of the provider {str(name)[:20]}, which blends in other sources"
             for name, count in provider[~use].value_counts().items()
         ]
         table = table.take(use)
     if time["column"] not in table.frame.columns:
-        return [*left, f"Fix: lacks {CLOCK} and any UTC"]
+        return [*left, f"Fix: has neither {CLOCK} nor a UTC"]
     tables["Fix"], names = table, FIX.among(table.titles)
     of_fixes, more = location(tables, "Fix", names, time, True, NEEDED)
     sections += of_fixes

@@ -8,7 +8,7 @@ from ..tables.table_file import packed_suffixes
 
 
 def open_mcap(path: Path) -> Log:
-    """The Log of an MCAP file with messages of ROS 2 (CDR) or ROS 1. Raises DataError."""
+    """Return the Log of an MCAP file with messages of ROS 2 (CDR) or ROS 1. Raises DataError."""
     from ..decoding.robots.mcap_records import read_mcap
     from ..decoding.robots.robot_sections import log_of
     from ..decoding.robots.ros_messages import Messages

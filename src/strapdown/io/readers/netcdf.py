@@ -1,5 +1,5 @@
-"""A whole Recording in one NetCDF file: group imu, a group per source, group reference; every
-variable says its unit. SI and radians."""
+"""A complete Recording in one NetCDF file: group imu, a group per source, group reference. Every
+variable has its unit; SI and radians."""
 
 import json
 import os
@@ -31,7 +31,7 @@ FORMAT = OwnFormat(
     "recording",
     1,
     others="solutions are read with read_solution",
-    again="read what it was made of, and write it again with write_recording",
+    again="read the original files, and write it again with write_recording",
 )
 SOURCE = re.compile(r"source_\d{1,9}", re.ASCII)
 AXES = {"axis": 3, "quaternion": 4}
@@ -68,7 +68,8 @@ REFERENCE_COLUMNS = {
 
 
 def write_recording(recording: Recording, path: File) -> None:
-    """Write a recording as NetCDF, whole or not at all; `read` gives it back as it was.
+    """Write a recording as NetCDF; `read` returns it unchanged. The file is complete, or not
+    written.
 
     Parameters
     ----------
@@ -147,8 +148,8 @@ def _source_columns(kind: str) -> Schema:
 
 
 def _meta(meta: RecordingFacts) -> Variables:
-    """The arrays of meta as variables, the rest as JSON, which stands in a variable because an
-    attribute ends at 64 KiB."""
+    """Return the arrays of meta as variables and the rest as JSON, in a variable because attributes
+    are limited to 64 KiB."""
     arrays = {
         key: value
         for key, value in meta.items()
@@ -162,8 +163,8 @@ def _meta(meta: RecordingFacts) -> Variables:
 
 
 def _columns(layout: Schema, values: Mapping[str, Any], where: str) -> Variables:
-    """{name: (dimensions, array, attributes)} of the columns that there are. Raises DataError
-    where their lengths differ."""
+    """{name: (dimensions, array, attributes)} of the existing columns. Raises DataError where their
+    lengths differ."""
     found: Variables = {
         name: (
             column.axes.split(),
@@ -184,8 +185,8 @@ def _columns(layout: Schema, values: Mapping[str, Any], where: str) -> Variables
 
 
 def read_recording(path: File) -> Recording:
-    """The Recording in a file of `write_recording`, checked as when it was first read. Raises
-    DataError."""
+    """Return the Recording in a file of `write_recording`, with the same checks as on first
+    reading. Raises DataError."""
     meta, imu, sources, reference = parts(path)
     accused = accusation(imu, None, meta.get("vehicle"), str(path), field=False)
     checked, notes = checked_sources(imu, sources)
@@ -197,8 +198,8 @@ def read_recording(path: File) -> Recording:
 
 
 def parts(path: File) -> tuple[RecordingFacts, Imu, list[Source], Trajectory | None]:
-    """(meta, Imu, sources, reference) as they stand in the file, which is as the format declares it.
-    Raises DataError."""
+    """(meta, Imu, sources, reference) as stored in the file, whose format is checked. Raises
+    DataError."""
     path = Path(path)
     if not os.path.isfile(path):
         raise DataError(
@@ -210,7 +211,7 @@ def parts(path: File) -> tuple[RecordingFacts, Imu, list[Source], Trajectory | N
         raise DataError(f"{path}: group imu is missing; {DAMAGED}")
     imu = Imu(**_check_group(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))
     if len(imu.t) < 2:
-        raise DataError(f"{path}: group imu: t has {len(imu.t)} samples, it must have 2 or more")
+        raise DataError(f"{path}: group imu: t has {len(imu.t)} samples; it must have 2 or more")
     groups = {name: SOURCE.fullmatch(name) for name in found.groups}
     sources = [
         _source(found.groups[name], f"{path}: group {name}")
@@ -241,11 +242,11 @@ def _meta_of(found: Content, path: Path) -> RecordingFacts:
     arrays = {name[5:]: values for name, values in found.variables.items() if name[:5] == "meta_"}
     for name, values in arrays.items():
         if values.dtype.kind not in "iuf":
-            raise DataError(f"{path}: meta_{name} is no array of numbers; {DAMAGED}")
+            raise DataError(f"{path}: meta_{name} is not an array of numbers; {DAMAGED}")
     warmth = arrays.get("temperature")
     if warmth is not None and (warmth.ndim != 2 or warmth.shape[1] != 2 or not len(warmth)):
         raise DataError(
-            f"{path}: meta_temperature has the shape {warmth.shape}, it must have rows of time (s) and "
+            f"{path}: meta_temperature has the shape {warmth.shape}; it must have rows of time (s) and "
             f"degC; {DAMAGED}"
         )
     known = {
@@ -280,13 +281,15 @@ def _source(group: Content, where: str) -> Source:
         correlated=_correlated_errors(said),
         robust=bool(said.get("robust", False)),
         adaptive=float(said.get("adaptive", 0.0)),
+        receiver=said.get("receiver", ""),
     )
 
 
 def _noise_attributes(source: Source) -> dict[str, Any]:
-    """Attributes by which the errors of a source are followed, as far as it is no plain noise."""
+    """Return the attributes of a source's error model, apart from plain white noise."""
     said: dict[str, Any] = {"robust": 1} if source.robust else {}
     said |= {"adaptive": float(source.adaptive)} if source.adaptive else {}
+    said |= {"receiver": source.receiver} if source.receiver else {}
     if source.correlated is not None:
         std, time, states = source.correlated
         said |= {"correlated_std": np.array(std, float), "correlation_time": float(time)}
@@ -305,8 +308,8 @@ def _correlated_errors(said: dict[str, Any]) -> Correlated | None:
 
 
 def inspect(path: Path) -> Findings:
-    """Findings on a recording, also where its samples cannot be true. Raises DataError where the
-    file is no whole recording."""
+    """Return the findings on a recording, also for impossible samples. Raises DataError for a file
+    that is not a complete recording."""
     meta, imu, sources, reference = parts(path)
     found = Findings.of()
     found.attempt(read_recording, path)

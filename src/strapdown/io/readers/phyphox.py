@@ -1,9 +1,9 @@
 """Exports of the app phyphox: a zip or folder of CSV files.
 
-Columns by the app's sources (github.com/phyphox/phyphox-android, phyphox-ios), which give both
-platforms the same axes: x right, y to the top, z out of the screen. "Time (s)" counts from the start
-of the experiment, without its pauses; `meta/time.csv` says when it was started and paused.
-"Height (m)" is above the geoid of EGM84, by the app's own grid; "Vertical Accuracy (°)" is in m.
+Columns follow the app's source code (github.com/phyphox/phyphox-android, phyphox-ios), which gives
+both platforms the same axes: x right, y to the top, z out of the screen. "Time (s)" counts from the
+start of the experiment, without its pauses; `meta/time.csv` has the times of starts and pauses.
+"Height (m)" is above the geoid of EGM84, from the app's own grid; "Vertical Accuracy (°)" is in m.
 """
 
 import re
@@ -30,7 +30,7 @@ from ..tables.table_file import FileTable
 
 TIME_COLUMN = "Time (s)"
 UNIX = "POSIX time (ns)"
-"""Column that is added where the start is known."""
+"""Added column, where the start is known."""
 TIMES = "meta/time"
 DEVICE = "meta/device"
 VECTOR = r".*?\b{axis} \((m/s\^2|rad/s|[µμ]T)\)"
@@ -44,13 +44,13 @@ FIX = PhoneFixColumns(
     r"(velocity|speed) \(m/s\)",
     r"direction .*",
 )
-GEOID = "phyphox takes a grid of EGM84 off, which is within a metre or two of EGM96"
+GEOID = "phyphox subtracts a grid of EGM84, which agrees with EGM96 within a metre or two"
 NEEDED = "longitude, height or horizontal accuracy"
 RECORD = 'record Gyroscope and "Acceleration with g", which phyphox also calls Accelerometer'
 
 
 class Starts(NamedTuple):
-    """When the experiment was started, (n,) each: its own time and POSIX time, s."""
+    """Starts of the experiment, (n,) each: its own time and POSIX time, s."""
 
     elapsed: Array
     system: Array
@@ -62,7 +62,7 @@ def sniff(path: Path) -> bool:
 
 
 def columns_of(head: str) -> list[str]:
-    """Names in a header line, [] where it is none of the app's."""
+    """Return the names in a header line, [] where it is not one of the app's."""
     names = [name.strip() for name in re.split(r"[,;\t]", head)]
     return names if names[0] == TIME_COLUMN else []
 
@@ -102,7 +102,7 @@ def open_export(path: Path) -> Log:
             left += [] if name.startswith("meta/") else [f"{name}: not a sensor that is read"]
             continue
         table = found.table(name)
-        # blanks around quotes make other names of the columns
+        # blanks around quotes would become part of the column names
         is_whole = kind(table.titles) == of
         if of == "accelerometer" and re.search(r"linear|without", name, re.I):
             of = "linear accelerometer"
@@ -112,7 +112,7 @@ def open_export(path: Path) -> Log:
             tables[name] = _on_clock(table, starts)
             kinds.setdefault(of, []).append(name)
         else:
-            left.append(f"{name}: has no rows below the columns that its head names")
+            left.append(f"{name}: has no rows below its header")
     sections, more = _inertial(found, tables, kinds, time)
     facts += more
     left += _sources(tables, kinds, sections, head, time, _is_android(found))
@@ -120,7 +120,7 @@ def open_export(path: Path) -> Log:
 
 
 def _clock(found: Export) -> tuple[Starts | None, list[str]]:
-    """(Starts, facts) of `meta/time.csv`, None where it is not there or not in order."""
+    """(Starts, facts) of `meta/time.csv`, None where it is missing or not in order."""
     if TIMES not in found.files:
         return None, []
     table = found.table(TIMES)
@@ -131,29 +131,29 @@ def _clock(found: Export) -> tuple[Starts | None, list[str]]:
     use = (event == "START") & np.isfinite(elapsed) & (np.abs(system) < 4e9)
     starts = Starts(elapsed[use], system[use])
     if not use.any() or any(np.any(np.diff(times) < 0) for times in starts):
-        return None, [f"{TIMES}.csv: has no start in order of time; no date"]
+        return None, [f"{TIMES}.csv: has no starts in time order; no date"]
     facts = [f"started at {np.datetime64(round(starts.system[0] * 1e3), 'ms')}Z ({TIMES}.csv)"]
     if use.sum() > 1:
-        facts.append(f"{use.sum() - 1} pauses, over which the clock runs on")
+        facts.append(f"{use.sum() - 1} pauses, during which the clock continues")
     return starts, facts
 
 
 def _on_clock(table: FileTable, starts: Starts | None) -> FileTable:
-    """The table with the column UNIX, whose clock runs on through pauses."""
+    """Return the table with the column UNIX, whose clock continues through pauses."""
     if starts is None:
         return table
     t = table.numbers(TIME_COLUMN)
-    use = np.abs(t) < 1e8  # s, what no experiment lasts
+    use = np.abs(t) < 1e8  # s, longer than any experiment
     t, frame = t[use], table.frame[use]
     run = np.clip(np.searchsorted(starts.elapsed, t, side="right") - 1, 0, None)
-    # whole numbers: POSIX seconds as floats would shake the intervals
+    # integers: POSIX seconds as floats would add jitter to the intervals
     unix = np.round((t - starts.elapsed[run]) * 1e9).astype(np.int64)
     unix += np.round(starts.system * 1e9).astype(np.int64)[run]
     return table._replace(content=frame.assign(**{UNIX: unix}), lines=table.lines[use])
 
 
 def _is_android(found: Export) -> bool:
-    """Return True where `meta/device.csv` names a maker of phones other than Apple."""
+    """Return True where `meta/device.csv` names a manufacturer other than Apple."""
     if DEVICE not in found.files:
         return False
     frame = found.table(DEVICE).frame
@@ -176,7 +176,9 @@ def _inertial(
             columns = triple(tables[name].titles, VECTOR)
             pieces[of] = Piece(name, time, columns, unit)
     if "accelerometer" not in pieces and "linear accelerometer" in kinds:
-        return [no_imu(f"{kinds['linear accelerometer'][0]}: is without gravity; {RECORD}")], []
+        return [
+            no_imu(f"{kinds['linear accelerometer'][0]}: does not contain gravity; {RECORD}")
+        ], []
     return inertial(pieces.get("gyro"), pieces.get("accelerometer"), tables, RECORD, found.alone)
 
 
@@ -188,7 +190,7 @@ def _sources(
     time: dict[str, Any],
     android: bool,
 ) -> list[str]:
-    """Lines on what is left; the sections of other sensors are appended."""
+    """Append the sections of other sensors, and return lines on what is left out."""
     left: list[str] = []
     for name in kinds.get("location", [])[:1]:
         names = FIX.among(tables[name].titles)

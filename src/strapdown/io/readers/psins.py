@@ -1,14 +1,14 @@
 """Inertial logs of the PSINS toolbox (Gongmin Yan): text with a header and six counts a row, plain
 or compressed.
 
-Lines that begin with % and blank ones are comments. Then come three lines of six numbers: attitude
-and velocity at the start (pitch, roll, yaw in deg, yaw counter-clockwise from north; VE, VN, VU in
-m/s); latitude, longitude (deg), height (m), time of the start (s), sampling interval (ms), gravity
-(m/s^2); and what a count is worth, three gyros in arcsec and three accelerometers in ug*s, where g
-is the gravity of the header (in PSINS that of the equator, 9.780327 m/s^2: with it the specific
-force of a parked vehicle has the size of gravity at its place, with 9.80665 it is 0.27 % too
-large). Each row after them is one sample: counts of the rotation and of the velocity increment over
-the interval that ends with it. Axes are right, forward, up; here they become forward, right, down.
+Blank lines and lines that begin with % are comments. The header has three lines of six numbers:
+attitude and velocity at the start (pitch, roll, yaw in deg, yaw counter-clockwise from north; VE,
+VN, VU in m/s); latitude, longitude (deg), height (m), time of the start (s), sampling interval
+(ms), gravity (m/s^2); and the size of a count, three gyros in arcsec and three accelerometers in
+ug*s. There g is the gravity of the header, in PSINS that of the equator, 9.780327 m/s^2: with it
+the specific force of a parked vehicle equals the gravity at its place; with 9.80665 it is 0.27 %
+too large. Each row after them is one sample: counts of the rotation and of the velocity increment
+over the interval that ends with it. The axes right, forward, up become forward, right, down.
 """
 
 from dataclasses import replace
@@ -31,12 +31,12 @@ from ..tables.table_file import is_number, open_text, packed_suffixes, reading_f
 ARCSEC = np.pi / 180 / 3600
 """rad"""
 POSITION_STD, VELOCITY_STD = 10.0, 1.0
-"""Assumed of the header's position (m) and velocity (m/s), for which the format states none."""
+"""Assumed std of the header's position (m) and velocity (m/s); the format states none."""
 
 
 class Header(NamedTuple):
-    """The three lines before the samples, SI, in NED and FRD; its author calls the first of them
-    maybe inaccurate."""
+    """The three header lines, SI, in NED and FRD; the author of the format calls the first one
+    possibly inaccurate."""
 
     rph: tuple[float, ...]  # roll, pitch, heading, rad
     v_n: tuple[float, ...]  # m/s, NED
@@ -49,12 +49,12 @@ class Header(NamedTuple):
 
 
 def read_psins(path: File) -> Recording:
-    """The Recording of a PSINS log: IMU samples in FRD; the header in meta ("position", "attitude",
-    "velocity" and "gravity", SI, NED).
+    """Return the Recording of a PSINS log: IMU samples in FRD; the header in meta ("position",
+    "attitude", "velocity" and "gravity", SI, NED).
 
-    The header's position and velocity are one fix each, at the start, with `POSITION_STD` and
-    `VELOCITY_STD`: enough to start a filter from. Such a file has no other fixes and no reference.
-    Raises DataError of one line.
+    The header's position and velocity become one fix each at the start, with `POSITION_STD` and
+    `VELOCITY_STD`, from which a filter can start. Such a file has no other fixes and no reference.
+    Raises a one-line DataError.
     """
     recording = read_unchecked(path)
     refuse_mistakes(recording.imu, path, "increment")
@@ -62,8 +62,8 @@ def read_psins(path: File) -> Recording:
 
 
 def read_unchecked(path: File) -> Recording:
-    """As `read_psins`, whatever the samples read. Raises DataError where the file is no PSINS
-    log."""
+    """Read a log as `read_psins`, without a check of the samples. Raises DataError where the file
+    is not a PSINS log."""
     path = Path(path)
     header, counts = parse(path)
     t = header.t + header.dt * np.arange(1, len(counts) + 1)
@@ -101,20 +101,20 @@ def parse(path: File) -> tuple[Header, Array]:
     lines = _lines(Path(path))
     if len(lines) < 5:
         raise DataError(
-            f"{path}: {len(lines)} lines of numbers; a PSINS log has three of header and then "
-            f"samples, two at least"
+            f"{path}: {len(lines)} lines of numbers; a PSINS log has three header lines and then at "
+            f"least two samples"
         )
     rows = [_numbers(path, *line) for line in lines[:3]]
     try:
         counts = np.loadtxt([text for _, text in lines[3:]], ndmin=2, comments=None)
     except ValueError:
         counts = np.empty((0, 0))
-    if counts.shape[1] != 6:  # one by one, which is slower and says where the fault is
+    if counts.shape[1] != 6:  # line by line, slower, to find the faulty line
         counts = np.array([_numbers(path, *line) for line in lines[3:]])
     if not np.isfinite(counts).all():
         raise DataError(
             f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count "
-            f"is no finite number; remove the row"
+            f"is not a finite number; remove the row"
         )
     return _header(path, lines, *rows), counts
 
@@ -140,8 +140,8 @@ def _numbers(path: File, number: int, text: str) -> tuple[float, ...]:
         cells = text.split()
         is_row = 2 * sum(map(is_number, cells)) > len(cells)  # other text is not quoted
         raise DataError(
-            f"{path}, line {number}: {repr(text.strip()[:40]) if is_row else 'it'} is not six numbers, as every line of a "
-            f"PSINS log is; correct or remove it"
+            f"{path}, line {number}: {repr(text.strip()[:40]) if is_row else 'it'} is not six numbers; correct "
+            f"or remove the line"
         )
     return values
 
@@ -169,7 +169,7 @@ def _header(
         )
     if not all(0 < value < np.inf for value in scale):
         raise DataError(
-            f"{path}, line {lines[2][0]}: what a count is worth must be larger than 0 for all six, "
+            f"{path}, line {lines[2][0]}: the size of a count must be larger than 0 for all six, "
             f"not {lines[2][1].strip()!r}"
         )
     return Header(
@@ -185,8 +185,8 @@ def _header(
 
 
 def inspect(path: Path) -> Findings:
-    """Findings on the samples and the header, also where the samples cannot be true. Raises
-    DataError where the file is no PSINS log."""
+    """Return the findings on the samples and the header, also for impossible samples. Raises
+    DataError where the file is not a PSINS log."""
     recording = read_unchecked(path)
     latitude, longitude, height = recording.meta["position"]
     found = recording_facts(

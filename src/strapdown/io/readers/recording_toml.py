@@ -1,5 +1,5 @@
-"""`recording.toml`: the description of tables, in the room `description`, whose pydantic costs 0.2 s
-and is loaded where it is needed."""
+"""`recording.toml`, the description of tables. The room `description` is imported only when needed,
+because its pydantic takes 0.2 s to load."""
 
 from pathlib import Path
 
@@ -8,14 +8,15 @@ from ..reader import Findings, Reader
 
 
 def read(path: Path) -> Recording:
-    """The Recording that a description yields. Raises DataError."""
+    """Return the Recording of a description. Raises DataError."""
     from ..description.read import read_description
 
     return read_description(path)
 
 
 def inspect(path: Path) -> Findings:
-    """Findings on all that a description names. Raises DataError where it is no TOML."""
+    """Return the findings on all files that a description names. Raises DataError for a file that
+    is not TOML."""
     from ..description.inspected_description import inspect_description
 
     return inspect_description(path)

@@ -1,4 +1,4 @@
-"""Bags of ROS 2: SQLite databases, alone or, as MCAP files too, in the folder of a bag. Source of
+"""Bags of ROS 2: single SQLite databases, or folders with SQLite databases or MCAP files. Source of
 the tables: rosbag2_storage_sqlite3 of https://github.com/ros2/rosbag2."""
 
 import re
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 SUFFIXES = packed_suffixes(".db3")
 METADATA = "metadata.yaml"
 SQLITE, START = b"SQLite format 3\0", 1 << 16
-"""First bytes of a database, and number of bytes of it in which its tables are named."""
+"""First bytes of a database, and number of bytes that contain the names of its tables."""
 RECOVER = "sqlite3 FILE.db3 .recover | sqlite3 whole.db3"
 """Command of SQLite's own program for a damaged database."""
 MAX_TOPICS = 10_000
 AT_ONCE = 5000
 """Messages."""
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a frame of zstd, in a bag whose messages are packed each for itself."""
+"""First bytes of a zstd frame, in a bag whose messages are compressed one by one."""
 MAX_UNPACKED = 1 << 16
-"""Bytes of a packed message that is of use here."""
+"""Largest size of a usable compressed message in bytes."""
 STEPS = 100_000
-"""Steps of SQLite's machine between two looks at whether it has done more of them than a file has bytes:
-a whole one needs a tenth of it, a damaged one may go round in circles."""
+"""Steps of SQLite's virtual machine between two checks that it has not made more steps than the
+file has bytes. An intact file needs a tenth of these; a damaged one may never end."""
 
 Row = tuple[int, int, bytes]
 """Topic, time of recording in ns, message."""
 
 
 def sniff(path: Path) -> bool:
-    """A database, by its name or its tables, or the folder of a bag."""
+    """Return True for a database, by its name or its tables, and for the folder of a bag."""
     if path.name.lower().endswith(SUFFIXES) or (path / METADATA).is_file():
         return True
     try:
@@ -57,7 +57,9 @@ def _parts(path: Path) -> list[Path]:
     endings = (*SUFFIXES, *packed_suffixes(".mcap"))
     found = [each for each in files_of(path) if each.name.lower().endswith(endings)]
     if not found:
-        raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
+        raise DataError(
+            f"{path}: is the folder of a bag but has no .db3 or .mcap file; copy it again"
+        )
     return sorted(
         found, key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)] + [each.name]
     )
@@ -69,7 +71,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
         from ..tables.table_file import map_file
 
         content = map_file(path)
-        if not len(content):  # of which SQLite says that memory ran out
+        if not len(content):  # SQLite would report that memory ran out
             raise DataError(f"{path}: is empty; copy it again from the device")
         database = sqlite3.connect(":memory:")
         database.deserialize(content)
@@ -80,7 +82,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
 
 
 def read_database(path: Path, messages: "Messages") -> None:
-    """Take in the messages of a database. Raises DataError."""
+    """Take the messages of a database. Raises DataError."""
     from ..decoding.robots.ros_messages import TRANSFORMS, RosTopic
 
     try:
@@ -99,21 +101,21 @@ def read_database(path: Path, messages: "Messages") -> None:
                 numbers[int(number)] = mine
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
         raise DataError(
-            f"{path}: is no database of ROS 2 that can be read ({error}); where it was cut short or "
-            f"damaged, copy it again, or `{RECOVER}` saves what is whole"
+            f"{path}: is not a readable database of ROS 2 ({error}); if it was cut short or "
+            f"damaged, copy it again, or recover the intact part with `{RECOVER}`"
         ) from error
     try:
         _read_messages(database, size, numbers, messages)
     except (sqlite3.Error, OverflowError) as error:
         messages.left.append(
-            f"the database is damaged ({error}); what is before that is used, and "
-            f"`{RECOVER}` may save more"
+            f"the database is damaged ({error}); the data before the damage are used, and "
+            f"`{RECOVER}` may recover more"
         )
     finally:
         database.close()
     if path.with_name(path.name + "-wal").is_file():
         messages.left.append(
-            f"{path.name}-wal holds messages that were not yet taken into the database; open it once "
+            f"{path.name}-wal holds messages that are not yet in the database; open the bag once "
             f"with `ros2 bag info`"
         )
 
@@ -144,11 +146,11 @@ def _read_messages(
             np.array(times, np.int64),
         )
     if damaged:
-        messages.left.append(f"{damaged} packed messages are damaged; not used")
+        messages.left.append(f"{damaged} compressed messages are damaged and not used")
 
 
 def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
-    """The rows, some at a time. Raises sqlite3.Error where they are longer together than their
+    """Yield the rows in batches. Raises sqlite3.Error where their total length exceeds that of the
     file, `size`."""
     batch: list[Row] = []
     for row in rows:
@@ -164,7 +166,7 @@ def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
 
 
 def _unpack_rows(rows: list[Row]) -> Iterator[Row]:
-    """The same with each message unpacked, without those that are damaged."""
+    """Yield the rows with each message decompressed, without damaged ones."""
     from ..decoding.robots.packed_chunks import unpack_frames
 
     for number, time, packed_message in rows:
@@ -175,7 +177,7 @@ def _unpack_rows(rows: list[Row]) -> Iterator[Row]:
 
 
 def messages_of(path: Path) -> "Messages":
-    """The messages of a database or of the folder of a bag. Raises DataError."""
+    """Return the messages of a database or of the folder of a bag. Raises DataError."""
     from ..decoding.robots.mcap_records import read_mcap
     from ..decoding.robots.ros_messages import Messages
     from ..tables.table_file import map_file

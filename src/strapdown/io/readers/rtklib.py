@@ -15,6 +15,7 @@ from ...checks import DataError
 from ...geometry.geodesy import from_ecef, ned_axes, to_ecef
 from ...typing import Array, Ints
 from ...units.time_scales import DAY, GPS_ZERO, WEEK
+from ..decoding.carrier_classes import by_class
 from ..decoding.receivers.cyclic_times import in_order
 from ..decoding.receivers.nmea_sentences import number
 from ..reader import Log, Reader, Section
@@ -27,6 +28,8 @@ REFERENCE = re.compile(r"^%\s*ref pos\s*:[ \t]*(.*)$", re.MULTILINE)
 MIN_STD = 1e-4
 """m and m/s, the last digit that RTKLIB writes: a smaller standard deviation reads 0."""
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "DGPS", 5: "single", 6: "PPP"}
+CARRIER = {"fixed": (1,), "float": (2,), "single": (3, 4, 5), "ppp": (6,)}
+"""Carrier solutions by Q."""
 DEGREES = np.array([np.pi / 180, np.pi / 180, 1.0])
 JST_AHEAD = 9 * 3600
 """s"""
@@ -107,7 +110,8 @@ def open_pos(path: Path) -> Log:
     title = f"RTKLIB, {len(rows)} fixes: {', '.join(kinds)}"
     above_sea = "=wgs84/geodetic" in text.lower() and "latitude" in form.position
     geoid = {"geoid": "EGM96"} if above_sea else {}
-    sections = _sections(time, title, form, there, geoid) if len(rows) else []
+    told = quality[rows] if "Q" in columns else None
+    sections = _sections(time, title, form, there, geoid, told) if len(rows) else []
     return Log({"solution": table}, tuple(sections), (f"{path}: {title}",), tuple(left))
 
 
@@ -223,7 +227,12 @@ def _from_baseline(path: Path, columns: dict[str, Array], text: str) -> dict[str
 
 
 def _sections(
-    time: dict[str, Any], title: str, form: Form, there: set[str], geoid: dict[str, str]
+    time: dict[str, Any],
+    title: str,
+    form: Form,
+    there: set[str],
+    geoid: dict[str, str],
+    quality: Array | None,
 ) -> list[Section]:
     common = {"table": "solution", "time": time}
     where = {
@@ -241,11 +250,14 @@ def _sections(
         reference["velocity"] = moved
     why = "the same fixes again; --take reference=0 scores outages against them"
     assumed = {"geoid": "heights are above the geoid (out-height = geodetic)"} if geoid else {}
+    made = [
+        Section("source", "gnss", keys, 0, title, assumed if "geoid" in keys else {})
+        for keys in every
+    ]
+    if quality is not None:
+        made[:1] = by_class(made[0], quality, "Q", CARRIER)
     return [
-        *(
-            Section("source", "gnss", keys, 0, title, assumed if "geoid" in keys else {})
-            for keys in every
-        ),
+        *made,
         Section("reference", "reference", reference, 0, title, left=why),
     ]
 

@@ -1,9 +1,9 @@
 """Recordings of the app Sensor Logger on Android and iOS: a zip or folder of CSV files.
 
-Columns and units by the app's own pages UNITS.md, COORDINATES.md and CROSSPLATFORM.md
-(github.com/tszheichoi/awesome-sensor-logger): times are POSIX nanoseconds, x points right, y to the
-top and z out of the screen, an iPhone's accelerations have the opposite sign unless "Standardise
-Units & Frames" is on, altitudes are above the ellipsoid.
+Columns and units follow the app's pages UNITS.md, COORDINATES.md and CROSSPLATFORM.md
+(github.com/tszheichoi/awesome-sensor-logger). Times are POSIX nanoseconds; x points right, y to the
+top and z out of the screen. An iPhone's accelerations have the opposite sign unless "Standardise
+Units & Frames" is on. Altitudes are above the ellipsoid.
 """
 
 from pathlib import Path
@@ -42,12 +42,12 @@ FIX = PhoneFixColumns(
     "bearingAccuracy",
 )
 LOCATIONS = ("LocationGps", "Location")
-"""Tables of fixes, those of satellites alone first."""
+"""Tables of fixes, those from satellites only first."""
 ANDROID = ("TotalAcceleration", "LocationGps", "LocationNetwork")
-"""Files that only Android has, by UNITS.md and FUSEDLOCATION.md."""
+"""Files that only Android writes, from UNITS.md and FUSEDLOCATION.md."""
 FUSED = (
-    " of Android's fused provider (FLP), which mixes networks in; "
-    '"Additional Location Data" of the app records LocationGps, of satellites alone'
+    " of Android's fused provider (FLP), which blends in network positions; "
+    '"Additional Location Data" of the app records LocationGps, from satellites only'
 )
 NEEDED = "latitude, longitude, altitude or horizontalAccuracy"
 SUM = "Accelerometer and Gravity"
@@ -66,8 +66,8 @@ RECORD = (
 class Platform(NamedTuple):
     """The platform of the app, and the evidence for it."""
 
-    name: str  # "android" or "ios"; "" where nothing tells
-    standard: bool  # whether an iPhone's signs and units were made Android's
+    name: str  # "android" or "ios"; "" where it is unknown
+    standard: bool  # True where an iPhone's signs and units were converted to Android's
     why: str
 
 
@@ -80,8 +80,7 @@ class Signs(NamedTuple):
 
 
 def sniff(path: Path) -> bool:
-    """Return True where one of the files begins with the columns that all sensors of the app
-    share."""
+    """Return True where one of the files begins with the common columns of the app's sensors."""
     return any(head.startswith("time,seconds_elapsed,") for head in heads(path).values())
 
 
@@ -120,7 +119,7 @@ def _inertial(
     name = _force_table(tables)
     if name is None and "Accelerometer" in tables:
         norm = median_force(tables["Accelerometer"], XYZ)[0]
-        why = f"Accelerometer.csv is without gravity (its median is {norm:.2g} m/s^2), as the app writes it; {RECORD}"
+        why = f"Accelerometer.csv does not contain gravity (its median is {norm:.2g} m/s^2), as the app writes it; {RECORD}"
         return [no_imu(why)], []
     accel, facts, assumed = None, [], {}
     if name:
@@ -134,8 +133,8 @@ def _inertial(
 
 
 def _force_table(tables: dict[str, FileTable]) -> str | None:
-    """The table of specific force, made of the acceleration and gravity where none has both; None
-    where gravity is in none."""
+    """Return the table of specific force, the sum of acceleration and gravity where no table has
+    both; None where gravity was not recorded."""
     if "TotalAcceleration" in tables:
         return "TotalAcceleration"
     if {"Accelerometer", "Gravity"} <= set(tables):
@@ -156,7 +155,7 @@ def _force_table(tables: dict[str, FileTable]) -> str | None:
 
 
 def _platform(found: Export, tables: dict[str, FileTable]) -> Platform:
-    """By the file of metadata, else by what only one of them writes."""
+    """Return the platform from the metadata file, else from files that only one platform writes."""
     metadata = next((each for each in found.files if each.lower() == "metadata"), None)
     if metadata:
         table = found.table(metadata).frame
@@ -164,13 +163,13 @@ def _platform(found: Export, tables: dict[str, FileTable]) -> Platform:
         if "platform" in said:
             standard = said.get("standardisation", "false") == "true"
             name = "ios" if "ios" in said["platform"] else "android"
-            return Platform(name, standard, "as Metadata.csv says")
+            return Platform(name, standard, "from Metadata.csv")
     for name in ANDROID:
         if name in found.files:
-            return Platform("android", False, f"as only it writes {name}.csv")
+            return Platform("android", False, f"because only it writes {name}.csv")
     location = tables.get("Location")
     if location is not None and "altitudeAboveMeanSeaLevel" in location.frame.columns:
-        return Platform("ios", False, "as only it writes heights above the sea")
+        return Platform("ios", False, "because only it writes heights above mean sea level")
     return Platform("", False, "")
 
 
@@ -180,9 +179,9 @@ def _signs(platform: Platform, name: str, norm: float) -> Signs:
     g = G
     in_g = name == "AccelerometerUncalibrated" and norm < 0.5 * GRAVITY[0]
     if in_g:
-        return Signs(-g, "in g, as an iPhone writes it, so of the opposite sign", True)
+        return Signs(-g, "in g, as an iPhone writes it, so with the opposite sign", True)
     if not platform.name:
-        why = "Android's signs; an iPhone's are opposite, which Metadata.csv would tell"
+        why = "Android's signs; an iPhone's are opposite, but no Metadata.csv names the platform"
         return Signs(1.0, why, False)
     bare = platform.name == "ios" and not platform.standard
     kind = "an iPhone's opposite" if bare else "Android's"
@@ -192,7 +191,7 @@ def _signs(platform: Platform, name: str, norm: float) -> Signs:
 def _sources(
     tables: dict[str, FileTable], sections: list[Section], head: dict[str, Any], android: bool
 ) -> list[str]:
-    """Lines on what is left; the sections of other sensors are appended."""
+    """Append the sections of other sensors, and return lines on what is left out."""
     left: list[str] = []
     locations = [name for name in LOCATIONS if name in tables]
     for instance, name in enumerate(locations):

@@ -1,5 +1,5 @@
-"""Bare tables, such as CSV, MATLAB and Parquet: they do not say their units and axes, so these are
-guessed, and what is guessed is said."""
+"""Bare tables, such as CSV, MATLAB and Parquet. They do not state units and axes, so the reader
+guesses these and reports each guess."""
 
 from pathlib import Path
 

@@ -13,11 +13,13 @@ import numpy as np
 
 from ...checks import DataError
 from ...units.time_scales import gps_from_unix
+from ..decoding.carrier_classes import by_class
 from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
 from ..decoding.receivers.ubx_fixes import (
     Columns,
+    baselines,
     solutions,
     untimed_message_lines,
     usable,
@@ -34,12 +36,13 @@ FUSED = (
     "made with the receiver's own inertial sensors (fix types 1 and 4), no independent aiding; --take "
     "gnss={} takes it all the same"
 )
+CARRIER = {"fixed": (2,), "float": (1,), "single": (0,)}
+"""Carrier solutions of NAV-PVT."""
 LEFT_OUT = {
     0x1015: "ESF-INS: free of gravity, so no accelerometer",
     0x2802: "HNR-INS: compensated by the receiver's own fusion",
     0x2800: "HNR-PVT: made by the receiver's own fusion",
     0x0105: "NAV-ATT: made by the receiver's own fusion",
-    0x013C: "NAV-RELPOSNED: how its baseline lies in the vehicle is not in the file",
 }
 
 
@@ -66,6 +69,7 @@ def open_ubx(path: Path) -> Log:
     elif b"GGA," in data or b"RMC," in data:
         left.append("NMEA of the same receiver: the UBX messages say the same with more digits")
     sections += _vehicle(path, frames, time, tables)
+    sections += _baseline(path, frames, time, tables, left)
     sections += imu_sections(path, frames, _epochs(found, time, sentences), tables, left)
     left += [f"{why} ({many})" for key, why in LEFT_OUT.items() if (many := frames.count(key))]
     left += _damage(frames)
@@ -117,7 +121,10 @@ def _fixes(
         flat = int(np.count_nonzero(columns["fixType"] == 2))
         title = f"{name}, {many} fixes" + (f", {flat} of them without height" if flat else "")
         moving = bool(np.isfinite(columns["velN"]).any())
-        sections += _pair(table, moving, time, instance, title, why)
+        pair = _pair(table, moving, time, instance, title, why)
+        if "carrSoln" in columns:
+            pair[:1] = by_class(pair[0], columns["carrSoln"], "carrSoln", CARRIER)
+        sections += pair
         if late or twice:
             left.append(
                 f"{table}: {late} messages out of order, which are sorted, {twice} repeated"
@@ -171,6 +178,43 @@ def _vehicle(
     title = f"NAV-PVAT, {len(columns['t'])} rows"
     why = "made by the receiver's own fusion; --take reference=0 scores against it"
     return [Section("reference", "reference", keys, 0, title, left=why)]
+
+
+def _baseline(
+    path: Path,
+    frames: UbxFrames,
+    time: CyclicClock,
+    tables: dict[str, FileTable],
+    left: list[str],
+) -> list[Section]:
+    """The vector between two antennas, left until it is asked for."""
+    told = frames.count(UbxMessage.NAV_RELPOSNED)
+    columns = baselines(frames, time)
+    many = len(columns["t"])
+    if told > many:
+        left.append(
+            f"{told - many} NAV-RELPOSNED without a carrier solution to an antenna that moves along "
+            "(one at a fixed base shows no attitude)"
+        )
+    if not many:
+        return []
+    name = UbxMessage.NAV_RELPOSNED.title
+    tables[name] = _table(path, name, columns, time)
+    vectors = np.stack([columns[f"relPos{axis}"] for axis in "NED"], axis=1)
+    length = round(float(np.median(np.linalg.norm(vectors, axis=1))), 3)
+    keys = {
+        "kind": "baseline",
+        "table": name,
+        "time": time.time,
+        "columns": ["relPosN", "relPosE", "relPosD"],
+        "unit": "m",
+        "std": ["accN", "accE", "accD"],
+        "baseline": [length, 0.0, 0.0],
+    }
+    assumed = {"baseline": "forward, and as long as measured: the file does not say how it lies"}
+    title = f"{name}, {many} vectors of {length:g} m"
+    why = "how it lies in the vehicle is not in the file; --take baseline=0 takes it as forward"
+    return [Section("source", "baseline", keys, 0, title, assumed, why)]
 
 
 def _epochs(found: Columns, time: CyclicClock, sentences: Sentences) -> ImuEpochs:

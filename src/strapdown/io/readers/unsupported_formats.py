@@ -1,5 +1,5 @@
-"""Formats of other devices that are known by their content and not read: a file of one is refused
-with the name of its format, what is in the way and which tool makes tables of it."""
+"""Formats of other devices that are recognised by content but not read. A file is refused with the
+name of its format, the reason and a tool that converts it to tables."""
 
 import re
 import zlib
@@ -17,7 +17,7 @@ from ..reader import Log, Reader
 from ..tables.table_file import head_of, packed_suffixes
 
 START = 1 << 16
-"""Bytes by which a file is known."""
+"""Number of bytes by which a file is recognised."""
 CAN_LINE = re.compile(
     rb"^(?:\(\d+\.\d+\) \S+ [0-9A-F]{8}#[0-9A-F]*"  # candump -L
     rb"|\d{4}-\d\d-\d\d[T-][\d:.]+Z?,\d,\d{4,6},\d{1,3},\d{1,3},\d{1,3}(?:,[0-9a-fA-F]{2})+)\s*$",  # canboat
@@ -33,20 +33,20 @@ class Format(NamedTuple):
 
     name: str
     is_it: Callable[[bytes], bool]  # by the first START bytes
-    why: str  # it is not read
+    why: str  # reason why it is not read
     remedy: str
 
 
 class Packet(NamedTuple):
-    """Framing of what a device sends: packets with a length and a checksum behind."""
+    """Framing of a device's data: packets with a length and a checksum at the end."""
 
-    mark: bytes  # how it begins
-    head: int  # bytes that say the length
-    size: Callable[[bytes], int]  # bytes before the checksum, by the head; 0 of what is none
+    mark: bytes  # first bytes
+    head: int  # bytes of the header with the length
+    size: Callable[[bytes], int]  # bytes before the checksum, from the header; 0 for other bytes
     checksum: Callable[[bytes], bytes]  # of these bytes
 
     def stands_in(self, data: bytes) -> bool:
-        """Return True where the data contain a whole packet."""
+        """Return True where the data contain a complete packet."""
         for at in _places(data, self.mark):
             head = data[at : at + self.head]
             size = self.size(head) if len(head) == self.head else 0
@@ -109,8 +109,8 @@ RTCM = Packet(b"\xd3", 3, _of_rtcm, _crc24)
 
 
 def has_mavlink(data: bytes) -> bool:
-    """Return True where the data begin with five MAVLink packets in a row, each after a time of 8
-    bytes as in a telemetry log, or without times."""
+    """Return True where the data begin with five consecutive MAVLink packets, each after an 8-byte
+    time as in a telemetry log, or without times."""
     for gap in (8, 0):
         at = 0
         for _ in range(5):
@@ -152,7 +152,7 @@ FORMATS = (
     Format(
         "an MP4 or MOV video",
         lambda data: data[4:8] == b"ftyp",
-        "a GoPro's has telemetry (GPMF) in it, without a time per sample",
+        "a GoPro video contains telemetry (GPMF), but no time per sample",
         f"gopro-telemetry or exiftool write tables of it; {TABLES}",
     ),
     Format(
@@ -164,15 +164,15 @@ FORMATS = (
     Format(
         "a log of NMEA 2000 (CAN bus)",
         lambda data: len(CAN_LINE.findall(data)) >= 2,
-        "several devices send the same quantity, and somebody must choose by their addresses",
-        f"canboat's `analyzer -json` decodes it; write tables of the devices you choose; {TABLES}",
+        "several devices send the same quantity, and you must choose by their addresses",
+        f"canboat's `analyzer -json` decodes it; write tables of the chosen devices; {TABLES}",
     ),
     Format(
         "a capture of network packets (pcap)",
         lambda data: (
             data[:4] in (b"\n\r\r\n", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1")
         ),
-        "it holds a device's bytes inside packets",
+        "it holds the device's data inside network packets",
         "save them with Wireshark (Follow TCP Stream, as Raw) and name that file",
     ),
     Format(
@@ -185,20 +185,20 @@ FORMATS = (
         "a NovAtel OEM log",
         NOVATEL.stands_in,
         "its corrected IMU messages (CORRIMU) hold increments without gravity, which no filter here "
-        "takes",
+        "can use",
         f"NovAtel Convert or novatel_edie write tables of BESTPOS, BESTVEL and RAWIMU; {TABLES}",
     ),
     Format(
         "MAVLink telemetry (.tlog)",
         has_mavlink,
-        "a radio link passes on too few samples of the IMU",
-        "take the log of the vehicle itself, .ulg of PX4 or .BIN of ArduPilot, which is read",
+        "a radio link transmits too few IMU samples",
+        "use the onboard log of the vehicle, .ulg of PX4 or .BIN of ArduPilot",
     ),
     Format(
         "a Betaflight blackbox log",
         lambda data: b"H Product:Blackbox flight data recorder" in data[:4096],
         "its frames are not decoded here",
-        f"blackbox_decode of blackbox-tools writes tables of it; {TABLES}",
+        f"blackbox_decode of blackbox-tools converts it to tables; {TABLES}",
     ),
     Format(
         "a log of an Aceinna OpenIMU",
@@ -221,15 +221,15 @@ FORMATS = (
     Format(
         "a solution of Applanix POSPac (SBET)",
         is_sbet,
-        "it is a solution already, 17 floats a record, angles in rad",
+        "it is already a solution, 17 floats per record, angles in rad",
         f"PDAL (readers.sbet) writes tables of it, as a reference to score against; {TABLES}",
     ),
 )
 
 
 def unsupported_format(path: Path) -> Format | None:
-    """The format of a file, by its first bytes; None where it is none of these, or one that is
-    read and merely carries pieces of these."""
+    """Return the format of a file by its first bytes; None for other files, and for a supported
+    format that only contains parts of these."""
     data = head_of(path, START)
     found = next((each for each in FORMATS if each.is_it(data)), None)
     if found is None or len(find_frames(data).start) or PATTERN.search(data):
@@ -238,11 +238,11 @@ def unsupported_format(path: Path) -> Format | None:
 
 
 def open_unread(path: Path) -> Log:
-    """Raises DataError that says which format it is, what is in the way and what to do."""
+    """Raise DataError with the name of the format, the reason and the remedy."""
     found = unsupported_format(path)
     if found is None:
-        raise DataError(f"{path}: its format is not known")
-    raise DataError(f"{path}: is {found.name}, which is not read: {found.why}; {found.remedy}")
+        raise DataError(f"{path}: its format is unknown")
+    raise DataError(f"{path}: is {found.name}, which cannot be read: {found.why}; {found.remedy}")
 
 
 def sniff(path: Path) -> bool:

@@ -1,1 +1,1 @@
-"""Solutions as files, one module for each format; `../solution.py` picks by ending."""
+"""Solutions as files, one module per format; `../solution.py` chooses by ending."""

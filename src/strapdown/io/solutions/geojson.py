@@ -1,5 +1,5 @@
-"""The track of a Solution as GeoJSON (RFC 7946): one line of longitude, latitude and height above the
-ellipsoid, which is what the RFC means by height, cut at the antimeridian (section 3.1.9)."""
+"""The track of a Solution as GeoJSON (RFC 7946): one line of longitude, latitude and height above
+the ellipsoid, as the RFC defines height, cut at the antimeridian (section 3.1.9)."""
 
 import json
 from pathlib import Path
@@ -13,8 +13,8 @@ from .track import track_of
 
 
 def geojson(solution: Solution, path: Path) -> bytes:
-    """The GeoJSON document of a Solution that is written to `path`. Beside the geometry stand, nested
-    as its positions, the times `t` in s and, with an absolute clock, `coordTimes` in UTC.
+    """Return the GeoJSON document of a Solution for `path`. Besides the geometry it has, nested
+    like the positions, the times `t` in s and, with an absolute clock, `coordTimes` in UTC.
 
     Raises DataError where there is no position.
     """
@@ -26,7 +26,7 @@ def geojson(solution: Solution, path: Path) -> bytes:
     pieces = track.pieces
 
     def nest(values: list[Any]) -> list[Any]:
-        # a line has two positions at least
+        # a line needs at least two positions
         lines = [values[piece] * (2 if piece.stop - piece.start == 1 else 1) for piece in pieces]
         return lines[0] if len(lines) == 1 else lines
 

@@ -1,5 +1,5 @@
-"""The track of a Solution as GPX 1.1 (topografix.com/GPX/1/1): every row whose position is known, a new
-segment behind rows where it is not."""
+"""The track of a Solution as GPX 1.1 (topografix.com/GPX/1/1): every row with a known position, and
+a new segment after rows without one."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -10,7 +10,7 @@ from ...typing import Ints
 from .track import HEIGHTS, Track, track_of, xml
 
 MAX_VERTICES, MAX_POINTS = 10000, 500
-"""At most this many vertices of the line and points with their time, taken at even steps."""
+"""Largest numbers of vertices of the line and of points with their time, at even steps."""
 DOCUMENT = """<?xml version='1.0' encoding='UTF-8'?>
 <kml xmlns="http://www.opengis.net/kml/2.2">
   <Document>
@@ -54,14 +54,14 @@ STAMP = """
 
 
 def kml(solution: Solution, path: Path) -> bytes:
-    """The KML document of a Solution that is written to `path`. Raises DataError where there is no
+    """Return the KML document of a Solution for `path`. Raises DataError where there is no
     position."""
     track = track_of(solution, path)
     vertices = _every(len(track.t), MAX_VERTICES)
-    # cut at the antimeridian: a viewer would draw the missing step around the Earth
+    # cut at the antimeridian, where a viewer would draw a line around the Earth
     cuts = np.flatnonzero(np.abs(np.diff(track.longitude[vertices])) > 180) + 1
     description = (
-        f"{track.said}{HEIGHTS}; map viewers take them as heights above mean sea level, so that the "
+        f"{track.said}{HEIGHTS}; map viewers treat them as heights above mean sea level, so the "
         f"track may appear too high or too low by the geoid undulation (-107 to +86 m)."
     )
     return DOCUMENT.format(
@@ -76,7 +76,7 @@ def kml(solution: Solution, path: Path) -> bytes:
 
 
 def _every(many: int, most: int) -> Ints:
-    """At most `most` of so many rows at even steps, the last one included."""
+    """Return at most `most` of `many` rows at even steps, with the last one."""
     rows, step = np.arange(many), -(-many // most)
     return rows if step <= 1 else np.r_[rows[::step][: most - 1], rows[-1]]
 

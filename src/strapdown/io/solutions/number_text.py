@@ -1,8 +1,8 @@
 """Rows of numbers as lines of CSV, many rows at a time.
 
-A cell is five words of four characters, `-1 | 2345 | .678 | 9012 | 345,`. Tables have the text of each
-word, with a zero byte in place of what is not written: zeros before and behind. All zero bytes
-are deleted at the end.
+A cell is five words of four characters, `-1 | 2345 | .678 | 9012 | 345,`. Lookup tables hold the
+text of each word, with a zero byte for each character that is not written, such as leading and
+trailing zeros. All zero bytes are deleted at the end.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ from ...typing import Ints, Mask
 Bytes: TypeAlias = np.ndarray[Any, np.dtype[np.uint8]]
 
 DECIMALS = 10
-"""Digits after the point: 0.01 mm of latitude, and nine orders below the biases of any sensor."""
+"""Decimals: 0.01 mm of latitude, and nine orders of magnitude below the biases of any sensor."""
 MAX_EXACT = 10**5
-"""Numbers from this on are written one by one; below, fifteen digits in all are exact."""
+"""Larger numbers are written one by one; below, fifteen digits are exact."""
 SMALL = 10**6
-"""Units of the last digit below which Python writes an exponent: 0.0001."""
+"""Limit in units of the last digit, 0.0001, below which Python writes an exponent."""
 CHUNK = 1 << 13
-"""Cells that are made together: they stay in the cache of a processor."""
+"""Number of cells that are formatted together, which fit the processor's cache."""
 
 
 def _digits(many: int) -> Bytes:
@@ -31,8 +31,8 @@ def _digits(many: int) -> Bytes:
 
 
 def _words(*variants: tuple[str, Bytes, str]) -> np.ndarray[Any, np.dtype[np.uint32]]:
-    """The table of a word, of variants (character before, digits, character behind), one after the
-    other."""
+    """Return the table of a word: consecutive variants (character before, digits, character
+    after)."""
     parts = []
     for before, digits, behind in variants:
         sides = [np.full((len(digits), 1), ord(each)) for each in (before, behind) if each]
@@ -41,8 +41,8 @@ def _words(*variants: tuple[str, Bytes, str]) -> np.ndarray[Any, np.dtype[np.uin
 
 
 def _without(zeros: str, digits: Bytes) -> Bytes:
-    """Digits without their zeros "before" the first other one, or "behind" the last; the digit at
-    the point stays."""
+    """Return digits without the zeros "before" the first other digit, or "behind" the last one; the
+    digit next to the point stays."""
     zero = digits == ord("0")
     if zeros == "before":
         gone = np.logical_and.accumulate(zero, axis=1)
@@ -75,8 +75,8 @@ NAN = np.array([0, 0, 0, ord(",")], np.uint8).view(np.uint32)[0]
 
 
 def lines(columns: Sequence[np.ndarray[Any, Any]]) -> bytes:
-    """The rows of columns (n,) as lines of CSV. Numbers are rounded to DECIMALS digits after the
-    point and written as Python writes them; NaN is an empty cell. Columns of text are written as they are."""
+    """Return the rows of columns (n,) as lines of CSV. Numbers are rounded to DECIMALS decimals and
+    formatted as in Python; NaN is an empty cell. Columns of text stay unchanged."""
     size = max(1, CHUNK // len(columns))
     return b"".join(
         _lines([column[k : k + size] for column in columns])
@@ -106,7 +106,7 @@ def _large(column: np.ndarray[Any, Any]) -> bool:
 
 
 def _numbers(columns: Sequence[np.ndarray[Any, Any]]) -> Bytes:
-    """The characters (n, 20 * columns) of columns without large numbers."""
+    """Return the characters (n, 20 * columns) of columns without large numbers."""
     values = np.stack(columns, axis=1).astype(float)
     unknown = np.isnan(values)
     with np.errstate(invalid="ignore"):
@@ -138,8 +138,8 @@ def _numbers(columns: Sequence[np.ndarray[Any, Any]]) -> Bytes:
 
 
 def _exponents(number: Ints, below: Mask) -> np.ndarray[Any, np.dtype[np.uint32]]:
-    """The words (n, 5) of cells that Python writes as `-1.23456e-05`, of numbers of units of the
-    last digit, 1 to SMALL: `-1 | .234 | 56 | e-05 | ,`."""
+    """Return the words (n, 5) of cells that Python writes as `-1.23456e-05`, from numbers in units
+    of the last digit, 1 to SMALL: `-1 | .234 | 56 | e-05 | ,`."""
     length = np.searchsorted(10 ** np.arange(1, 6), number, side="right") + 1
     first, rest = np.divmod(number * 10 ** (6 - length), 10**5)
     upper, lower = np.divmod(rest, 100)
@@ -154,9 +154,9 @@ def _exponents(number: Ints, below: Mask) -> np.ndarray[Any, np.dtype[np.uint32]
 
 
 def _texts(column: np.ndarray[Any, Any]) -> Bytes:
-    """The characters (n, w) of a column that is text already, or has large numbers."""
+    """Return the characters (n, w) of a column of text or with large numbers."""
     if column.dtype.kind == "f":
-        whole = ~(np.abs(column) < 2.0**53)  # these have no digits behind the point
+        whole = ~(np.abs(column) < 2.0**53)  # these have no decimals
         rounded = np.where(whole, column, np.round(np.where(whole, 0.0, column), DECIMALS))
         texts = ["" if each != each else repr(each) for each in rounded.tolist()]
         column = np.array(texts, "S")

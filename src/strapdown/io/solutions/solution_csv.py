@@ -1,5 +1,5 @@
-"""Solutions as CSV: the table of a solution, a unit in brackets behind each name (`lat [deg]`), and
-the verdict as a comment before it."""
+"""Solutions as CSV: the table of a solution with a unit in brackets after each name (`lat [deg]`),
+and the verdict in a comment before it."""
 
 import csv
 import gzip
@@ -28,19 +28,20 @@ from .number_text import lines
 from .solution_netcdf import SCHEMA, columns_of, state_of
 
 VERDICT_LINE = "# verdict: "
-"""Begins the first line of a file whose solution was judged; the word follows, then all as JSON."""
+"""Beginning of the first line where the solution has a verdict; its word follows, then all as
+JSON."""
 UTC = "utc"
 """Name of the column of ISO 8601 texts."""
 ROWS = 1 << 14
-"""Rows whose table is made at once."""
+"""Number of rows that are formatted at once."""
 
 
 def write_csv(solution: Solution, part: Path, path: Path, utc: bool = False) -> None:
-    """Write a Solution to `part`, packed as `path` ends; with `utc` the second column is ISO 8601
-    text. Raises DataError where there is no absolute clock to write."""
+    """Write a Solution to `part`, compressed according to the ending of `path`; with `utc` the
+    second column is ISO 8601 text. Raises DataError without an absolute clock."""
     if utc and solution.utc is None:
         raise DataError(
-            f"{path}: no column of UTC, because the recording has no absolute clock; say its `clock` "
+            f"{path}: no column of UTC, because the recording has no absolute clock; set its `clock` "
             f"or `epoch` in the recording.toml, or leave utc out"
         )
     ways: dict[str, Any] = {".gz": gzip.open, ".xz": partial(lzma.open, preset=1)}
@@ -54,7 +55,7 @@ def write_csv(solution: Solution, part: Path, path: Path, utc: bool = False) -> 
 
 
 def _texts(solution: Solution, utc: bool) -> Iterator[bytes]:
-    """The header and the rows, some thousands at a time."""
+    """Yield the header and the rows, some thousands at a time."""
     for k in range(0, max(len(solution.t), 1), ROWS):
         part = solution.take(slice(k, k + ROWS))
         columns = columns_of(part)
@@ -73,8 +74,8 @@ def _header(names: Iterator[str]) -> bytes:
 
 
 def read_csv(path: Path) -> Solution:
-    """The Solution in a file of `write_csv`, without innovations, events and covariance. Raises
-    DataError."""
+    """Return the Solution in a file of `write_csv`, without innovations, events and covariance.
+    Raises DataError."""
     said = _read_comment(path)
     table = read_table(path)
     _check_rows(table, 3 if said else 2, said.pop("rows", None))
@@ -83,7 +84,7 @@ def read_csv(path: Path) -> Solution:
         name, unit = column.removesuffix("]").split(" [", 1) if " [" in column else (column, None)
         if name in UNITS and unit not in (None, UNITS[name]):
             raise DataError(
-                f"{path}: column {name!r} is in {unit!r}; a solution has it in {UNITS[name]!r}"
+                f"{path}: column {name!r} is in {unit!r}; it must be in {UNITS[name]!r}"
             )
         columns[name if name in UNITS else column] = column
     if missing := [name for name in (*UNITS, "status") if name not in columns]:
@@ -120,23 +121,23 @@ def read_csv(path: Path) -> Solution:
 
 
 def _check_rows(table: FileTable, first: int, rows: int | None) -> None:
-    """Refuse a table that was cut, or has lines without data below or above its header; `first`
-    is the line that data begin in. Raises DataError."""
+    """Refuse a truncated table, or one with lines without data below or above its header; `first`
+    is the first line of data. Raises DataError."""
     odd = np.flatnonzero(table.lines != np.arange(first, first + len(table.lines)))
     if len(odd):
         line = first + int(odd[0]) if odd[0] else 1
         raise DataError(
-            f"{table.name}, line {line}: is no row of a solution; {DAMAGED}, or take out the line"
+            f"{table.name}, line {line}: is not a row of a solution; {DAMAGED}, or remove the line"
         )
     if rows is not None and rows != len(table.lines):
         raise DataError(
-            f"{table.name}: has {len(table.lines)} rows and its first line says {rows}; {DAMAGED}, "
-            f"or take out its first line if you took out rows"
+            f"{table.name}: has {len(table.lines)} rows, but its first line states {rows}; {DAMAGED}, "
+            f"or remove its first line if you removed rows"
         )
 
 
 def _check_cells(table: FileTable, columns: Mapping[str, str]) -> None:
-    """Refuse numbers that no solution has, with their line. Raises DataError."""
+    """Refuse impossible numbers, with their line. Raises DataError."""
     for name, column in columns.items():
         if name not in SCHEMA and name != "t":
             continue
@@ -147,7 +148,7 @@ def _check_cells(table: FileTable, columns: Mapping[str, str]) -> None:
         table.origin.refuse(
             wrong,
             lambda row: (
-                f"{column} is {values[row]:.9g}, which no solution has there (times rise, std are "
+                f"{column} is {values[row]:.9g}, which is impossible there (times increase, std are "
                 f"not negative, status is 0 to 3); {DAMAGED}"
             ),
         )
@@ -177,8 +178,8 @@ def _epoch_of(table: FileTable) -> str | None:
 
 
 def _read_comment(path: Path) -> dict[str, Any]:
-    """Return the verdict in the comment before the table, and as `rows` the number of rows that
-    follow; {} without a comment. Raises DataError."""
+    """Return the verdict in the comment before the table, with the number of rows as `rows`; {}
+    without a comment. Raises DataError."""
     from ..own.text_rules import VerdictRules, check_values, from_json
 
     with reading_file(path), open_text(path) as file:
@@ -190,7 +191,7 @@ def _read_comment(path: Path) -> dict[str, Any]:
 
 
 def _quaternion(rph: Array) -> Array | None:
-    """From roll, pitch, heading in degrees; None where none is known."""
+    """Return quaternions from roll, pitch, heading in degrees; None where none is known."""
     if not np.isfinite(rph).any():
         return None
     return Rotation.from_rph(np.radians(rph)).as_wxyz()

@@ -1,5 +1,5 @@
-"""Solutions as NetCDF by the CF conventions: everything that a Solution holds, each variable with its
-unit, and times as dates where the clock is absolute."""
+"""Solutions as NetCDF with the CF conventions: the full content of a Solution, each variable with
+its unit, and times as dates where the clock is absolute."""
 
 import json
 import re
@@ -47,7 +47,7 @@ STANDARD_NAMES = {
     "pitch": "platform_pitch_fore_up",
     "heading": "platform_orientation",
 }
-"""Standard names of the CF conventions, for those that have one."""
+"""Standard names of the CF conventions, for variables that have one."""
 ERROR_STATES = (
     *(f"position {axis}" for axis in ("north", "east", "down")),
     *(f"velocity {axis}" for axis in ("north", "east", "down")),
@@ -68,15 +68,15 @@ CLAIMS = {
 }
 """{column: those of its standard deviation}."""
 CF_UNITS = {"deg": "degree", "deg/h": "degree/hour", "deg/s": "degree/s"}
-"""Names of UDUNITS for a unit, where that is not its name here."""
+"""Names of units in UDUNITS, where they differ from ours."""
 SINCE = re.compile("seconds since ")
-"""Begins the unit of times that are dates."""
+"""Beginning of the unit of times that are dates."""
 EXTRA = re.compile(r"extra_\d+", re.ASCII)
 EXTRA_COLUMN = Column("time", missing=True, infinite=True)
 PART_OF_Q = Column("time", "1", missing=True)
 Q_COLUMN = Column("time quaternion", missing=True, unit_length=True)
 LIMITS = {"lat": 90.0, "lon": 360.0, "roll": 180.0, "pitch": 90.0, "heading": 360.0}
-"""deg: beyond them no angle is written; a last digit is allowed for."""
+"""deg: limits of the written angles, with a margin of the last digit."""
 
 
 def _units(name: str) -> str:
@@ -151,7 +151,8 @@ def fill(group: Any, variables: Variables, **packing: Any) -> None:
 
 
 def _variables(solution: Solution) -> Variables:
-    """All that the file holds; texts are variables because attributes end at 64 KiB."""
+    """Return the content of the file; texts are variables because attributes are limited to 64
+    KiB."""
     fixes = solution.innovations
     texts = {
         "sources": fixes.names,
@@ -168,7 +169,7 @@ def _variables(solution: Solution) -> Variables:
 
 
 def arrays_of(solution: Solution) -> Variables:
-    """The numbers that the file holds, of rows and of fixes."""
+    """Return the numbers in the file, of rows and of fixes."""
     fixes, columns, q_nb = solution.innovations, columns_of(solution), solution.trajectory.q_nb
     clock = _clock(solution)
     found: Variables = {
@@ -226,10 +227,10 @@ def arrays_of(solution: Solution) -> Variables:
 
 
 def _clock(solution: Solution) -> dict[str, str]:
-    """Attributes of times: by CF they are dates where the clock is absolute.
+    """Return the attributes of times, which CF treats as dates where the clock is absolute.
 
-    The calendar knows no leap seconds. Those between the epoch and the first row are in the moment
-    that times count from, so that dates are right up to a leap second within the solution.
+    The calendar has no leap seconds. Those between the epoch and the first row are included in the
+    reference time, so that dates are correct except for a leap second within the solution.
     """
     moments, t = solution.utc, solution.t
     known = np.flatnonzero(np.isfinite(t))
@@ -252,13 +253,13 @@ def attributes(name: str) -> dict[str, str]:
 
 
 def _unit_of(name: str) -> dict[str, str]:
-    """The unit that the name of a column says in brackets."""
+    """Return the unit in the brackets of a column's name."""
     found = re.search(r"\[([^\]]+)\]", name)
     return {"units": CF_UNITS.get(found[1], found[1])} if found else {}
 
 
 def read_netcdf(path: Path) -> Solution:
-    """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
+    """Return the Solution in a file of `write_netcdf`, unchanged. Raises DataError."""
     found = content_of(path, FORMAT)
     texts = _texts(found, path)
     columns = found.variables
@@ -291,7 +292,7 @@ def read_netcdf(path: Path) -> Solution:
 
 
 def _separation(columns: Mapping[str, Any], path: Path) -> Separation | None:
-    """Raises DataError where the file has one half of it."""
+    """Return the separation. Raises DataError where the file has only half of it."""
     size, std = (columns.get(name) for name in ("separation", "separation_std"))
     if (size is None) != (std is None):
         raise DataError(f"{path}: separation and separation_std belong together; {DAMAGED}")
@@ -318,11 +319,11 @@ def _texts(found: Content, path: Path) -> dict[str, Any]:
 
 
 def _innovations(found: Content, texts: Mapping[str, Any], path: Path) -> Innovations:
-    """Raises DataError where a fix is of no source."""
+    """Return the innovations. Raises DataError where a fix belongs to no source."""
     names, source = tuple(texts["sources"]), found.variables["fix_source"]
     if len(texts["gates"]) not in (0, len(names)) or (len(source) and source.max() >= len(names)):
         raise DataError(
-            f"{path}: there are {len(names)} sources and {len(texts['gates'])} gates, and a fix of "
+            f"{path}: there are {len(names)} sources and {len(texts['gates'])} gates, but a fix of "
             f"source {source.max(initial=0)}; {DAMAGED}"
         )
     return Innovations(
@@ -337,8 +338,8 @@ def _innovations(found: Content, texts: Mapping[str, Any], path: Path) -> Innova
 
 
 def plain(value: Any) -> Any:
-    """`value` (as of `Solution.meta`) in the types of JSON: named tuples and data classes become
-    objects, the unknown its text."""
+    """Convert `value` (as in `Solution.meta`) to the types of JSON: named tuples and data classes
+    become objects, other types their text."""
     if hasattr(value, "_asdict"):
         value = value._asdict()
     elif hasattr(value, "model_dump"):
@@ -358,8 +359,8 @@ def plain(value: Any) -> Any:
 
 
 def columns_of(solution: Solution) -> dict[str, Any]:
-    """The columns of a solution's table by name, (n,) each, NaN where its trajectory does not have
-    them; without pandas, which takes 0.3 s to load."""
+    """Return the columns of a solution's table by name, (n,) each, NaN where its trajectory does
+    not have them; without pandas, which takes 0.3 s to load."""
     known, none = solution.as_columns(), np.full(len(solution.t), np.nan)
     names = [*NAV_COLUMNS, *BIAS_COLUMNS, *STD_COLUMNS, *solution.columns, "status"]
     return {name: known.get(name, none) for name in names}
@@ -368,7 +369,7 @@ def columns_of(solution: Solution) -> dict[str, Any]:
 def state_of(
     t: Array, table: Callable[[list[str]], Array], q_nb: Array | None
 ) -> tuple[Trajectory, Array, Array]:
-    """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
+    """Return trajectory, b_a and b_g in SI from `table(names)` in the units of `UNITS`."""
     lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
     b_a, b_g = np.hsplit(table(BIAS_COLUMNS) / STD_SCALE[9:], 2)
     return (

@@ -1,5 +1,5 @@
-"""Parts that all files of a track share: the rows whose position is known, their UTC, and the
-description of the solution."""
+"""Common parts of all track files: the rows with a known position, their UTC, and the description
+of the solution."""
 
 import re
 from html import escape
@@ -18,9 +18,9 @@ HEIGHTS = "Heights are above the WGS-84 ellipsoid"
 
 
 class Track(NamedTuple):
-    """The rows (n,) of a solution whose position is known."""
+    """The rows (n,) of a solution with a known position."""
 
-    name: str  # of recording and filter, with the verdict where it is not trusted
+    name: str  # of recording and filter, with the verdict unless it is trusted
     said: str  # sentences on verdict and time
     rows: Ints  # their numbers
     t: Array  # s
@@ -46,7 +46,7 @@ class Track(NamedTuple):
 
 
 def track_of(solution: Solution, path: Path) -> Track:
-    """The Track of a Solution that is written to `path`. Raises DataError where there is none."""
+    """Return the Track of a Solution for `path`. Raises DataError where there is none."""
     if not solution.has_position:
         filter = solution.meta.get("filter")
         raise DataError(
@@ -61,8 +61,8 @@ def track_of(solution: Solution, path: Path) -> Track:
     if utc is None:
         known = solution.t[rows]
         said += (
-            f"Solution of strapdown, {known[0]:.3f} to {known[-1]:.3f} s of the recording, whose clock "
-            f"is not absolute: there are no time stamps. "
+            f"Solution of strapdown, {known[0]:.3f} to {known[-1]:.3f} s of the recording. Its clock "
+            f"is not absolute, so there are no time stamps. "
         )
     else:
         said += f"Solution of strapdown, {span(utc[rows])}. "
@@ -72,7 +72,7 @@ def track_of(solution: Solution, path: Path) -> Track:
         said,
         rows,
         solution.t[rows],
-        # GPX knows no 180, to which nine digits may round
+        # GPX excludes 180, which rounding to nine digits may give
         np.where(longitude > 180 - 5e-10, longitude - 360, longitude),
         np.degrees(lla[rows, 0]),
         lla[rows, 2],
@@ -81,6 +81,6 @@ def track_of(solution: Solution, path: Path) -> Track:
 
 
 def xml(text: str) -> str:
-    """Fit for XML 1.0, with ? for what it cannot hold."""
+    """Return text for XML 1.0, with ? for characters that it does not allow."""
     fit = re.sub(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text)
     return escape(fit, quote=False)

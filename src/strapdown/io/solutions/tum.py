@@ -1,8 +1,8 @@
 """The poses of a Solution as TUM text (the format of the RGB-D benchmark of TU Munich, Sturm et al.
-2012), which evo and others compare: `t x y z qx qy qz qw` a line.
+2012), which evo and other tools compare: `t x y z qx qy qz qw` per line.
 
-Positions are east, north and up in the plane that touches the ellipsoid at an origin, m, by default
-the first position; the quaternion turns body axes forward, left, up into these, as ROS has it (REP 103).
+Positions are east, north and up, m, in the tangent plane at an origin, by default the first
+position. The quaternion rotates body axes forward, left, up to these axes, as in ROS (REP 103).
 """
 
 import math
@@ -27,7 +27,7 @@ HEAD = """# {name}
 ORIGIN = re.compile(rb"^# x, y, z: .* from (-?\d+\.\d+), (-?\d+\.\d+), (-?\d+\.\d+) \(", re.M)
 """The line of HEAD with the origin."""
 MAX_HEAD = 4096
-"""Bytes in which the head of a file ends."""
+"""Number of bytes that contain the head of a file."""
 TURN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """From north, east, down to east, north, up, and back."""
 FLU = np.array([1.0, -1.0, -1.0])
@@ -35,15 +35,15 @@ FLU = np.array([1.0, -1.0, -1.0])
 
 
 def tum(solution: Solution, path: Path, origin: ArrayLike | None = None) -> bytes:
-    """The text of a Solution that is written to `path`, with positions from an origin (latitude and
-    longitude, rad, and height, m; None: the first position); rows without position or attitude are
-    left out. Raises DataError where there is none of these."""
+    """Return the text of a Solution for `path`, with positions from an origin (latitude and
+    longitude, rad, and height, m; None: the first position). Rows without position or attitude are
+    left out. Raises DataError where no row has both."""
     track, trajectory = track_of(solution, path), solution.trajectory
     known = trajectory.q_nb is not None and np.isfinite(trajectory.q_nb[track.rows]).all(axis=1)
     rows = track.rows[known]
     if not len(rows):
         raise DataError(
-            f"{path}: the solution has no attitude, which TUM needs; use .gpx, .geojson, .nc or .csv"
+            f"{path}: TUM needs an attitude, which the solution lacks; use .gpx, .geojson, .nc or .csv"
         )
     part = trajectory.take(rows)
     zero = part.lla[0] if origin is None else _check_origin(origin, path)
@@ -66,8 +66,8 @@ def tum(solution: Solution, path: Path, origin: ArrayLike | None = None) -> byte
 
 
 def read_origin(path: File) -> tuple[float, float, float]:
-    """Return the origin that a .tum file says of its positions: latitude and longitude in rad, height
-    above the ellipsoid in m; as `write_solution` takes it, so that two files have one frame. Raises
+    """Return the origin of the positions in a .tum file: latitude and longitude in rad, height
+    above the ellipsoid in m. Pass it to `write_solution` to give two files the same frame. Raises
     DataError."""
     with locate_errors(path):
         try:
@@ -76,28 +76,28 @@ def read_origin(path: File) -> tuple[float, float, float]:
         except OSError as error:
             raise DataError(f"cannot be read ({error.strerror})") from None
         if (found := ORIGIN.search(head)) is None:
-            raise DataError("no line says its origin; is it a .tum file that strapdown wrote?")
+            raise DataError("no line has its origin; give a .tum file that strapdown wrote")
         latitude, longitude, height = map(float, found.groups())
     return math.radians(latitude), math.radians(longitude), height
 
 
 def _check_origin(origin: ArrayLike, path: Path) -> Array:
-    """(3,) an origin. Raises DataError where it is no place on Earth."""
+    """Return an origin (3,). Raises DataError where it is not a place on Earth."""
     with locate_errors(path):
         place = check_array(
             origin, "origin", (3,), what="numbers: latitude and longitude in rad, height in m"
         )
         if abs(place[0]) > np.pi / 2 or abs(place[1]) > 2 * np.pi:
             raise DataError(
-                f"origin is ({place[0]:g} rad, {place[1]:g} rad, {place[2]:g} m); latitude goes to "
-                f"1.571 rad (90 deg): is it in deg?"
+                f"origin is ({place[0]:g} rad, {place[1]:g} rad, {place[2]:g} m); the limit of the latitude "
+                f"is 1.571 rad (90 deg): is it in deg?"
             )
     return place
 
 
 def _times(solution: Solution) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
-    """The times of all rows as text, s to the nanosecond: POSIX seconds with an absolute clock,
-    which a float would not hold."""
+    """Return the times of all rows as text, s to the nanosecond: POSIX seconds with an absolute
+    clock, beyond the precision of a float."""
     if solution.utc is None:
         return np.char.mod("%.9f", solution.t)
     nanoseconds = solution.utc.astype(np.int64)

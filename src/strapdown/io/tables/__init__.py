@@ -1,1 +1,1 @@
-"""Tables of files: text, MATLAB and Parquet, and what is written by the calendar in them."""
+"""Tables of files: text, MATLAB and Parquet, and calendar times in them."""

@@ -1,5 +1,5 @@
-"""Dates and times of day that tables write as text, or as digits such as NMEA's hhmmss.ss: ISO 8601,
-or a pattern in the directives of strptime. All rows are parsed together, a character at a time.
+"""Dates and times of day in tables, as text or as digits such as NMEA's hhmmss.ss: ISO 8601, or a
+pattern of strptime directives. All rows are parsed together, character by character.
 """
 
 import re
@@ -15,29 +15,29 @@ from ...units.time_scales import days_of
 ISO = "iso"
 ISO_DATE, ISO_TIME = "%Y-%m-%d", "%H:%M:%S%z"
 DIGITS = {"Y": 4, "y": 2, "m": 2, "d": 2, "j": 3, "H": 2, "I": 2, "M": 2, "S": 2}
-"""Directives that are numbers, with their digits at most; %S takes a fraction too."""
+"""Numeric directives with their largest number of digits; %S takes a fraction too."""
 WORDS = "bpz"
-"""Directives that are letters: name of the month in English, AM or PM, zone (`Z`, `+02:00`)."""
+"""Directives with letters: English name of the month, AM or PM, zone (`Z`, `+02:00`)."""
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 WIDEST = 48
-"""Characters of a time at most; of a longer cell the rest is a mistake in any case."""
+"""Largest number of characters of a time; in a longer cell the rest is an error in any case."""
 FINEST = 12
-"""Digits of a fraction at most."""
+"""Largest number of digits of a fraction."""
 
 
 class Moments(NamedTuple):
-    """Times (n,) by the calendar; NaN where the cell is empty. They stay in two parts because
-    leap seconds are numbered 60, and because whole numbers are exact."""
+    """Calendar times (n,); NaN where the cell is empty. They have two parts because leap seconds
+    have the number 60, and because whole numbers are exact."""
 
-    minute: Array  # its begin, s since 1970-01-01 without leap seconds, or since midnight
+    minute: Array  # its beginning, s since 1970-01-01 without leap seconds, or since midnight
     second: Array  # of the minute, 0 to 61
 
 
 class Pattern(NamedTuple):
-    """Format of a cell: directives as "%Y", and characters that stand between them."""
+    """Format of a cell: directives such as "%Y", and the characters between them."""
 
     tokens: tuple[str, ...]
-    # dashes and colons may be missing and T may stand for the blank, as ISO 8601 has it
+    # as in ISO 8601, dashes and colons may be missing and T may replace the blank
     loose: bool
 
     @property
@@ -47,10 +47,11 @@ class Pattern(NamedTuple):
 
 
 def patterns(format: str, date: str = "") -> tuple[Pattern | None, Pattern]:
-    """(Pattern of the column of dates, Pattern of the times) of a `format` of a description.
+    """Return (Pattern of the column of dates, Pattern of the times) for a `format` of a
+    description.
 
-    date: "column", where dates stand in a column of their own, whose pattern is then the first part
-    of the format; "day", where one day is given; "". Raises ValueError.
+    date: "column" where a separate column has the dates, whose pattern is then the first part of
+    the format; "day" where one day is given; "". Raises ValueError.
     """
     loose = format == ISO
     if date != "column":
@@ -60,7 +61,7 @@ def patterns(format: str, date: str = "") -> tuple[Pattern | None, Pattern]:
     text = f"{ISO_DATE} {ISO_TIME}" if loose else format
     if text.count(" ") != 1:
         raise ValueError(
-            f'{format!r} must be that of the date, one blank, and that of the time, as "%d.%m.%Y '
+            f'{format!r} must be the format of the date, one blank, and that of the time, such as "%d.%m.%Y '
             f'%H:%M:%S"'
         )
     days, times = (_pattern(part, loose) for part in text.split(" "))
@@ -73,9 +74,9 @@ def _pattern(text: str, loose: bool) -> Pattern:
     for token in tokens:
         if token[0] == "%" and token[1:] not in (*DIGITS, *WORDS, "%"):
             known = " ".join(f"%{each}" for each in (*DIGITS, *WORDS))
-            raise ValueError(f'{token!r} is none of {known}; or write "iso" for ISO 8601')
+            raise ValueError(f'{token!r} is not one of {known}; or write "iso" for ISO 8601')
     if not any(token in tokens for token in ("%H", "%I", "%d", "%j")):
-        raise ValueError(f'{text!r} says neither a day nor an hour; as in "%d.%m.%Y %H:%M:%S"')
+        raise ValueError(f'{text!r} has neither a day nor an hour; write it as "%d.%m.%Y %H:%M:%S"')
     for token in tokens:
         if token[0] == "%" and token != "%%" and tokens.count(token) > 1:
             raise ValueError(f"{text!r} has {token!r} more than once")
@@ -83,9 +84,9 @@ def _pattern(text: str, loose: bool) -> Pattern:
 
 
 def moments(cells: np.ndarray[Any, Any], pattern: Pattern) -> tuple[Moments, Mask]:
-    """(Moments of the cells of a column (n,), text or numbers; which cells are no time).
+    """(Moments of the cells of a column (n,), text or numbers; mask of cells that are not times).
 
-    Without a day in the pattern they count from midnight, without a time they are midnights.
+    Without a day in the pattern they count from midnight; without a time they are midnights.
     """
     characters, fraction, empty = _characters(cells, pattern)
     row = _Rows(characters, pattern.loose)
@@ -109,11 +110,11 @@ def moments(cells: np.ndarray[Any, Any], pattern: Pattern) -> tuple[Moments, Mas
 
 
 def _days(value: dict[str, Array], n: int) -> tuple[Array, Mask]:
-    """(Days since 1970-01-01, 0 where nothing says a day; which are none of the calendar)."""
+    """(Days since 1970-01-01, 0 without a day; mask of impossible days)."""
     if "d" not in value and "j" not in value:
         return np.zeros(n), np.zeros(n, bool)
     year = value.get("Y", np.full(n, 1970.0))
-    if "y" in value:  # as strptime: 69 to 99 are of the last century
+    if "y" in value:  # as in strptime, 69 to 99 belong to the last century
         year = value["y"] + np.where(value["y"] < 69, 2000, 1900)
     one = np.ones(n)
     if "j" in value:
@@ -128,9 +129,9 @@ def _days(value: dict[str, Array], n: int) -> tuple[Array, Mask]:
 def _characters(
     cells: np.ndarray[Any, Any], pattern: Pattern
 ) -> tuple[np.ndarray[Any, np.dtype[np.uint8]], Array, Mask]:
-    """(Characters (n, w), fractions of seconds that are not among them, which cells are empty).
+    """(Characters (n, w), fractions of seconds that are not among them, mask of empty cells).
 
-    Numbers, which have lost their leading zeros, get the digits that the pattern asks for.
+    Numbers, which have lost their leading zeros, get the number of digits in the pattern.
     """
     if cells.dtype.kind in "iuf":
         empty = np.isnan(cells)
@@ -147,7 +148,7 @@ def _characters(
     given = np.where(empty, "", cells)
     try:
         text = np.array(given, dtype=f"S{WIDEST}")
-    except UnicodeEncodeError:  # no character beyond ASCII is part of a time
+    except UnicodeEncodeError:  # a time has only ASCII characters
         wide = np.array(given, dtype=f"U{WIDEST}").view(np.uint32).reshape(len(cells), WIDEST)
         text = np.where(wide < 128, wide, ord("?")).astype(np.uint8).view(f"S{WIDEST}").ravel()
     found = text.view(np.uint8).reshape(len(cells), WIDEST)
@@ -155,7 +156,7 @@ def _characters(
 
 
 class _Rows:
-    """A place in each of n texts, which moves on as their parts are taken."""
+    """A position in each of n texts, which advances as their parts are taken."""
 
     def __init__(self, characters: np.ndarray[Any, np.dtype[np.uint8]], loose: bool) -> None:
         n, width = characters.shape
@@ -176,7 +177,7 @@ class _Rows:
         self._at = np.minimum(self._at + steps, self._last)
 
     def _skip(self, these: str) -> Mask:
-        """Go past one character of `these` (past all blanks), where it is there."""
+        """Skip one character of `these`, or all blanks, where present."""
         wanted = np.zeros(256, bool)
         wanted[list(these.encode())] = True
         there = wanted[self._here]
@@ -186,7 +187,7 @@ class _Rows:
         return there
 
     def take(self, token: str, tight: bool) -> None:
-        """Take a token of a pattern; `tight`: no other character parts it from more digits."""
+        """Take a token of a pattern; `tight`: digits follow it without a separator."""
         if token[0] != "%" or token == "%%":
             there = self._skip("T t_" if self._loose and token == " " else token[-1])
             if not (self._loose and token in "-:") and token != " ":
@@ -202,16 +203,16 @@ class _Rows:
             self.value[token[1]] = {"b": self._month, "p": self._half, "z": self._zone}[token[1]]()
 
     def end(self) -> None:
-        """Nothing but blanks may be left."""
+        """Check that only blanks are left."""
         self._skip(" ")
         self.fine &= self._here == 0
 
     def _digits(self, most: int, of: Mask | None = None) -> tuple[Array, Ints]:
-        """(Number of the next digits, how many there are, at most `most`) in the rows `of`."""
+        """(Number in the next digits, count of digits, at most `most`) in the rows `of`."""
         value, count = np.zeros(len(self._at)), np.zeros(len(self._at), np.int64)
         more = np.ones(len(self._at), bool) if of is None else of.copy()
         for _ in range(most):
-            digit = self._here - np.uint8(ord("0"))  # others wrap around to 10 and more
+            digit = self._here - np.uint8(ord("0"))  # other characters wrap around to 10 and more
             more &= digit < 10
             if not more.any():
                 break
@@ -225,7 +226,7 @@ class _Rows:
         return value / 10.0**count
 
     def _letters(self, many: int) -> list[Any]:
-        """The next `many` letters in small type, each (n,)."""
+        """Return the next `many` letters in lower case, each (n,)."""
         found = []
         for _ in range(many):
             found.append(self._here | np.uint8(32))
@@ -245,7 +246,7 @@ class _Rows:
         return (half == ord("p")).astype(float)
 
     def _zone(self) -> Array:
-        """Seconds by which the zone is ahead of UTC; 0 where none is named."""
+        """Seconds by which the zone is ahead of UTC; 0 without a zone."""
         self._skip(" ")
         self._skip("Zz")
         for letter in "UTC":
@@ -260,14 +261,14 @@ class _Rows:
 
 
 def read_moments(column: str | int, cells: Any, pattern: Pattern, origin: Origin) -> Moments:
-    """Moments of the cells of a column of the table that `origin` is of. Raises DataError that
-    names the first cell that is no time."""
+    """Return the Moments of the cells of a column of the table of `origin`. Raises DataError that
+    names the first cell that is not a time."""
     found, wrong = moments(cells, pattern)
     if wrong.any():
         first = int(np.argmax(wrong))
         written = ISO if pattern.loose else "".join(pattern.tokens)
         raise DataError(
-            f"{origin.row(first)}, column {column!r}: {str(cells[first])[:40]!r} is no time written "
-            f"as {written!r}; correct the cell, leave it empty, or say another `format`"
+            f"{origin.row(first)}, column {column!r}: {str(cells[first])[:40]!r} is not a time of the "
+            f"format {written!r}; correct the cell, leave it empty, or give another `format`"
         )
     return found

@@ -1,7 +1,8 @@
-"""HDF5 files (NetCDF and MATLAB 7.3 among them), looked through before anything of them is read:
-what of other files they show, what they state and do not hold, and what they unpack to.
+"""HDF5 files (also NetCDF and MATLAB 7.3), checked before any data are read: links to other files,
+stated sizes without data, and decompressed size.
 
-By the HDF5 File Format Specification, https://support.hdfgroup.org/documentation/hdf5/latest/_s_p_e_c.html
+Source: HDF5 File Format Specification,
+https://support.hdfgroup.org/documentation/hdf5/latest/_s_p_e_c.html
 """
 
 import mmap
@@ -18,20 +19,21 @@ from ...fileio.limits import FREE, LimitError, Meter, check_count, in_force, reg
 
 DEFLATE, SHUFFLE, FLETCHER32 = 1, 2, 3
 FILTERS = {DEFLATE, SHUFFLE, FLETCHER32}
-"""Filters of chunks that are read, each once; of others nothing says how much they unpack to."""
+"""Allowed filters of chunks, each once; for others the decompressed size is unknown."""
 LONG_CHUNK = 10e6
-"""Bytes of a chunk that count though its array is shorter."""
+"""Bytes of a chunk that are counted although its array is shorter."""
 MANY_PACKED = 400_000
-"""Packed bytes of a chunk that may unpack to so much that it is tried: deflate makes 1032 of one."""
+"""Compressed size of a chunk above which its decompressed size is tested: deflate makes up to 1032
+bytes of one."""
 HEAP = re.compile(re.escape(b"GCOL\x01"))
-"""Begins a collection of the global heap, which holds the texts; it has no checksum of its own."""
+"""Beginning of a collection of the global heap, which holds the texts and has no checksum."""
 OBJECT = 16
-"""Bytes before each object of a collection, and before the first."""
+"""Sizes of the header of each object of a collection, and of the collection itself."""
 
 
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[Any]:
-    """An h5py.File open to read, looked through. Raises OSError, and DataError."""
+    """Open an h5py.File for reading and check it. Raises OSError and DataError."""
     import h5py
 
     plain = regular(path)
@@ -42,8 +44,8 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 
 
 def _check_heaps(plain: Path, path: Path) -> None:
-    """Refuse a collection whose objects do not fill it one after the other: HDF5 follows their lengths
-    wherever they lead, for ever where they lead back. Raises DataError."""
+    """Refuse a collection that its objects do not fill consecutively: HDF5 follows their lengths
+    without a check, and never ends if they lead back. Raises DataError."""
     with plain.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         for found in HEAP.finditer(content):
             begin = found.start()
@@ -59,13 +61,13 @@ def _check_heaps(plain: Path, path: Path) -> None:
                 at = at + step if step >= OBJECT else end + 1
             if at > end:
                 raise DataError(
-                    f"{path}: is damaged (its texts end beyond their place); copy it again"
+                    f"{path}: is damaged (its texts extend beyond their heap); copy it again"
                 )
 
 
 def _check(file: Any, meter: Meter) -> None:
-    """Refuse a file that is not what it holds. The limit of depth ends what is within itself. Raises
-    DataError."""
+    """Refuse a file whose stated content exceeds the limits or its data. The limit of depth stops a
+    group within itself. Raises DataError."""
     import h5py
 
     path, count = Path(meter.path), 0
@@ -86,24 +88,24 @@ def _check(file: Any, meter: Meter) -> None:
 
 
 def _refusal(path: Path, why: str) -> LimitError:
-    return LimitError(f"{path}: is not read: {why}, as strapdown and MATLAB write none")
+    return LimitError(f"{path}: cannot be read: {why}, which strapdown and MATLAB never write")
 
 
 def _check_array(array: Any, meter: Meter) -> None:
     path, settings = Path(meter.path), array.id.get_create_plist()
     filters = [settings.get_filter(k)[0] for k in range(settings.get_nfilters())]
     if array.is_virtual or settings.get_external_count():
-        raise _refusal(path, "an array is in other files")
+        raise _refusal(path, "it has an array in other files")
     if not set(filters) <= FILTERS or len(set(filters)) < len(filters):
-        raise _refusal(path, f"an array is packed by the filters {filters}")
+        raise _refusal(path, f"it has an array with the filters {filters}")
     count, each = array.size or 0, array.id.get_type().get_size()
     packed = meter.packed or 0.0
     if array.dtype.kind == "O" and count * packed > FREE + in_force().expansion * packed:
-        raise _refusal(path, f"an array has {count} texts")
+        raise _refusal(path, f"it has an array of {count} texts")
     chunk = each
     for length in array.chunks or ():
         chunk *= length
-    # an array without chunks has no memory of its own for them
+    # an array without chunks needs no memory for them
     long = array.chunks is not None and chunk > LONG_CHUNK
     meter.add(max(count * each, chunk) if long else count * each)
     if DEFLATE in filters:
@@ -111,17 +113,19 @@ def _check_array(array: Any, meter: Meter) -> None:
 
 
 def _check_chunks(array: Any, size: int, path: Path) -> None:
-    """Refuse chunks that unpack to more than the `size` that each has. Raises DataError."""
+    """Refuse chunks that decompress to more than their `size`. Raises DataError."""
     found: list[Any] = []
     array.id.chunk_iter(found.append)
     for chunk in found:
         if chunk.size > 1.1 * size + 1000:
-            raise _refusal(path, "a packed chunk is longer than what it holds")
+            raise _refusal(path, "it has a compressed chunk that is longer than its content")
         if chunk.size <= MANY_PACKED or chunk.filter_mask:
             continue
         _, packed = array.id.read_direct_chunk(chunk.chunk_offset)
         try:
             if len(zlib.decompressobj().decompress(packed, size + 1)) > size:
-                raise _refusal(path, f"a chunk unpacks to more than its {size} bytes")
+                raise _refusal(
+                    path, f"it has a chunk that decompresses to more than its {size} bytes"
+                )
         except zlib.error as error:
             raise DataError(f"{path}: is damaged ({error}); copy it again") from None

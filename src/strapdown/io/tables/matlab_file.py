@@ -1,7 +1,7 @@
-"""MATLAB files of version 4 to 7: their arrays of numbers and structs, unpacked within the limits. What
-a matrix states is compared with the bytes that it has before anything is made of it.
+"""MATLAB files of version 4 to 7: their arrays of numbers and structs, decompressed within the
+limits. The stated size of a matrix is compared with its bytes before an array is made.
 
-By "MAT-File Format", The MathWorks,
+Source: "MAT-File Format", The MathWorks,
 https://www.mathworks.com/help/pdf_doc/matlab/matfile_format.pdf
 """
 
@@ -21,11 +21,11 @@ from ...fileio.limits import PIECE, Meter, check_count
 
 HEADER, MATRIX, COMPRESSED = 128, 14, 15
 STRUCT, DOUBLE, UINT64 = 2, 6, 15
-"""Classes of matrices: structs, and those of numbers from one to the other."""
+"""Classes of matrices: structs, and the first and last class of numbers."""
 COMPLEX = 0x0800
-"""Flag of a matrix that has a second array."""
+"""Flag of a matrix with a second array."""
 RANK = 32
-"""Dimensions of a matrix at most."""
+"""Largest number of dimensions of a matrix."""
 STORED = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), "i1 u1 i2 u2 i4 u4 f4 f8 i8 u8".split()))
 """NumPy type of the numbers in an element of each type."""
 STORED_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
@@ -33,19 +33,20 @@ STORED_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 
 
 class MatlabPart(NamedTuple):
-    """Bytes and the order of the numbers in them."""
+    """Bytes, and the byte order of their numbers."""
 
     content: bytes
     order: str  # of `struct` and NumPy
     path: Path
 
     def numbers(self, kind: str, at: int) -> tuple[int, ...]:
-        """Numbers of `struct` that begin at a byte."""
+        """Return the numbers, in `struct` notation, that begin at a byte."""
         return struct.unpack_from(self.order + kind, self.content, at)
 
 
 class Element(NamedTuple):
-    """A data element: its type, where its data begin and end, and where the next one begins."""
+    """A data element: its type, the beginning and end of its data, and the beginning of the next
+    one."""
 
     kind: int
     begin: int
@@ -54,9 +55,9 @@ class Element(NamedTuple):
 
 
 def variables(path: Path) -> dict[str, Any]:
-    """{name: array} of the real numbers in a file of version 7 or older, of a struct {field: array}; all
-    else is left out. Raises OSError, and DataError where it is damaged, states more than it holds or
-    is beyond the limits."""
+    """Return {name: array} of the real numbers in a file of version 7 or older, with {field: array}
+    for a struct; other content is left out. Raises OSError, and DataError for a file that is
+    damaged, states more than it holds or exceeds the limits."""
     with open_file(path) as file:
         content = file.read()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
@@ -64,22 +65,22 @@ def variables(path: Path) -> dict[str, Any]:
         if 0 in content[:4]:
             return dict(_of_version_4(content, path))
         if order is None:
-            raise _damage_error(path, "its header says no version")
+            raise _damage_error(path, "its header has no version")
         return dict(_of_version_5(MatlabPart(content, order, path)))
     except struct.error as error:
         raise _damage_error(path, "it ends within a matrix") from error
 
 
 def _damage_error(path: Path, why: str) -> DataError:
-    return DataError(f"{path}: is no whole MATLAB file ({why}); save or copy it again")
+    return DataError(f"{path}: is not a complete MATLAB file ({why}); save or copy it again")
 
 
 def _array(part: MatlabPart, kind: str, at: int, sizes: tuple[int, ...], end: int) -> Any:
-    """The array of that type and shape that begins at a byte and has those up to `end`."""
+    """Return the array of that type and shape in the bytes from `at` to `end`."""
     count, end = math.prod(sizes), min(end, len(part.content))
     if min(sizes) < 0 or count * int(kind[1]) > end - at:
         raise _damage_error(
-            part.path, f"a matrix states {count} elements and has {max(0, end - at)} bytes"
+            part.path, f"a matrix states {count} elements, but has {max(0, end - at)} bytes"
         )
     if not count:
         return np.empty(0)
@@ -96,7 +97,7 @@ def _of_version_4(content: bytes, path: Path) -> Iterator[tuple[str, Any]]:
         said, rows, columns, imaginary, length = part.numbers("5i", at)
         stored, kind = said // 10 % 10, said % 10
         if not 0 <= said < 2000 or stored >= len(STORED_4) or kind > 2 or length < 1:
-            raise _damage_error(path, "it has a matrix of no known type")
+            raise _damage_error(path, "it has a matrix of unknown type")
         begin = at + 20 + length
         name = content[at + 20 : begin].rstrip(b"\0").decode("latin1")
         array = _array(part, STORED_4[stored], begin, (rows, columns), len(content))
@@ -135,7 +136,7 @@ def _inflate(packed: bytes, meter: Meter, path: Path) -> bytes:
 
 def _element(part: MatlabPart, at: int) -> Element:
     kind, size = part.numbers("II", at)
-    if kind >> 16:  # a small one has its data within its tag
+    if kind >> 16:  # a small element has its data within its tag
         if kind >> 16 > 4:
             raise _damage_error(part.path, f"a tag holds {kind >> 16} bytes of 4")
         return Element(kind & 0xFFFF, at + 4, at + 4 + (kind >> 16), at + 8)
@@ -151,7 +152,7 @@ def _inner(part: MatlabPart, matrix: Element) -> Iterator[Element]:
 
 
 def _matrix(part: MatlabPart, matrix: Element, depth: int) -> tuple[str, Any]:
-    """(name, value) of a matrix; None of what is neither real numbers nor one struct."""
+    """(name, value) of a matrix; the value is None unless it is real numbers or one struct."""
     check_count(depth, part.path, "matrices within matrices", "depth")
     if matrix.end > len(part.content):
         raise _damage_error(part.path, "it ends within a matrix")
@@ -160,7 +161,7 @@ def _matrix(part: MatlabPart, matrix: Element, depth: int) -> tuple[str, Any]:
     if len(head) < 3:
         if not head:  # a matrix of nothing
             return "", None
-        raise _damage_error(part.path, "a matrix says no class, shape or name")
+        raise _damage_error(part.path, "a matrix lacks class, shape or name")
     flags = part.numbers("I", head[0].begin)[0]
     rank = (head[1].end - head[1].begin) // 4
     if not 2 <= rank <= RANK:
@@ -173,7 +174,7 @@ def _matrix(part: MatlabPart, matrix: Element, depth: int) -> tuple[str, Any]:
         return name, None
     data = next(inner, None)
     if data is None or data.kind not in STORED:
-        raise _damage_error(part.path, "a matrix of numbers has none")
+        raise _damage_error(part.path, "a matrix of numbers has no numbers")
     return name, _array(part, STORED[data.kind], data.begin, sizes, data.end)
 
 
@@ -182,7 +183,7 @@ def _struct(part: MatlabPart, inner: Iterator[Element], depth: int) -> dict[str,
     head = list(islice(inner, 2))
     length = part.numbers("i", head[0].begin)[0] if len(head) == 2 else 0
     if length < 1:
-        raise _damage_error(part.path, "a struct says no fields")
+        raise _damage_error(part.path, "a struct lacks its fields")
     found = {}
     for at in range(head[1].begin, head[1].end, length):
         field = next(inner, None)

@@ -1,5 +1,4 @@
-"""The tables of a file by name, whatever it is: text, MATLAB (.mat, also of version 7.3) or
-Parquet."""
+"""The tables of a file by name: text, MATLAB (.mat, also of version 7.3) or Parquet."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,15 +18,15 @@ MATLAB, PARQUET = ".mat", ".parquet"
 SUFFIXES = (*TEXT, MATLAB, PARQUET)
 HDF5 = b"\x89HDF"
 AT_ONCE = 1 << 18
-"""Rows of a Parquet file."""
+"""Number of rows of a Parquet file that are read at a time."""
 
 
 def tables_of(path: Path, header: bool | None = None) -> dict[str, FileTable]:
-    """{name: Table}: one of a text file or a Parquet file, whose name is that of the file; of a MATLAB
-    file one for each struct, or for the arrays of one length, whose matrices (n, k) are the
-    columns NAME_1 to NAME_k. Raises DataError.
+    """Return {name: Table}. A text or Parquet file has one table, with the name of the file. A
+    MATLAB file has one for each struct, or for the arrays of one length; its matrices (n, k) become
+    the columns NAME_1 to NAME_k. Raises DataError.
 
-    header: whether a text has one; None: where its first line holds names.
+    header: whether a text has one; None: if its first line holds names.
     """
     suffix = path.suffix.lower()
     if suffix == MATLAB:
@@ -55,7 +54,9 @@ def _parquet(path: Path) -> FileTable:
     except (pyarrow.ArrowException, ValueError, KeyError, TypeError) as error:
         if isinstance(error, DataError):
             raise
-        raise DataError(f"{path}: is no Parquet file ({first_line_of(error)})") from error
+        raise DataError(
+            f"{path}: is not a Parquet file ({first_line_of(error)}); copy it again"
+        ) from error
     if any(frame.index.names):
         frame = frame.reset_index()
     columns = {str(name): _plain(frame[name]) for name in frame}
@@ -63,8 +64,7 @@ def _parquet(path: Path) -> FileTable:
 
 
 def _parquet_frame(path: Path) -> tuple[Any, tuple[str, ...]]:
-    """(frame, notes) of the columns that hold one value a row, read some rows at a time and
-    counted."""
+    """(frame, notes) of the columns with one value per row, read in batches and counted."""
     import pyarrow
     from pyarrow.parquet import ParquetFile
 
@@ -74,7 +74,7 @@ def _parquet_frame(path: Path) -> tuple[Any, tuple[str, ...]]:
         check_count(len(schema), path, "columns", "columns")
         parts = [schema.column(k) for k in range(len(schema))]
     flat = [part for part in parts if not part.max_repetition_level and part.path == part.name]
-    # texts that are repeated stay one
+    # repeated texts are stored once
     texts = [part.name for part in flat if part.physical_type == "BYTE_ARRAY"]
     meter = Meter(path, plain.stat().st_size)
     with ParquetFile(plain, read_dictionary=texts) as file:
@@ -89,7 +89,7 @@ def _parquet_frame(path: Path) -> tuple[Any, tuple[str, ...]]:
 
 
 def _plain(cells: Any) -> Any:
-    """A column without a type of its own: moments as POSIX nanoseconds."""
+    """Return a column without a special type: moments as POSIX nanoseconds."""
     if cells.dtype.kind == "M":
         return cells.to_numpy("datetime64[ns]").astype(np.int64)
     return cells.to_numpy() if cells.dtype.kind in "iuf" else cells.to_numpy(object)
@@ -109,7 +109,7 @@ def _matlab(path: Path) -> dict[str, FileTable]:
 
 
 def _is_hdf5_with_header(file: Any) -> bool:
-    file.seek(512)  # MATLAB writes a text of its own before
+    file.seek(512)  # MATLAB writes its own text before
     return bool(file.read(4) == HDF5)
 
 
@@ -131,12 +131,15 @@ def _of_version_73(path: Path) -> dict[str, Any]:
             return read(file)
     except (DataError, MemoryError):
         raise
-    except Exception as error:  # h5py raises what it stumbles over, of types ValueError
-        raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
+    except Exception as error:  # h5py raises many types, ValueError for data types
+        raise DataError(
+            f"{path}: is not a complete MATLAB file ({first_line_of(error)}); copy it again"
+        ) from error
 
 
 def _tables(path: Path, name: str, content: Mapping[str, Any]) -> Iterator[tuple[str, FileTable]]:
-    """(name, Table) of the arrays of a struct and of those in it; arrays of one length are one."""
+    """Yield (name, Table) for the arrays of a struct and of its inner structs; arrays of one length
+    form one table."""
     lengths: dict[int, dict[str, Any]] = {}
     for key, value in content.items():
         if isinstance(value, Mapping):

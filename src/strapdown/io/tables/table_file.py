@@ -1,5 +1,5 @@
-"""Tables of files, whose complaints name the file, the line and the column; and files, plain or
-packed, open to read."""
+"""Tables of files, whose error messages name the file, the line and the column, and functions that
+open plain or compressed files."""
 
 import bz2
 import gzip
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
-"""Endings of files that `open_text` unpacks."""
+"""Endings of files that `open_text` decompresses."""
 
 
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 
 
 def zstd() -> Any:
-    """The module of zstd, which Python has itself from 3.14 on; loaded where it is needed. Raises
+    """Return the zstd module, part of Python from 3.14 on; it is loaded when needed. Raises
     DataError where it is missing."""
     with optional_import():
         return import_module(ZSTD)
@@ -54,12 +54,12 @@ OPENERS: dict[str, Any] = {
 
 
 def packed_suffixes(*suffixes: str) -> tuple[str, ...]:
-    """These suffixes, plain and packed: ".csv", ".csv.gz", ..."""
+    """Return these suffixes, plain and compressed: ".csv", ".csv.gz", ..."""
     return tuple(suffix + way for suffix in suffixes for way in ("", *PACKED))
 
 
 def unpacking_errors() -> tuple[type[Exception], ...]:
-    """Return the exceptions that unpacking a damaged file raises."""
+    """Return the exceptions of decompressing a damaged file."""
     damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile
     of_zstd = (zstd().ZstdError,) if ZSTD in sys.modules else ()  # without it, none was raised
     return EOFError, struct.error, *damaged, *of_zstd
@@ -70,11 +70,11 @@ SUFFIXES = packed_suffixes(".csv", ".txt", ".tsv", ".dat")
 
 @contextmanager
 def reading_file(path: File) -> Iterator[None]:
-    """Around what reads a file: a file that is not there, cut short or damaged is refused with a
-    DataError that says the remedy."""
+    """Context for reading a file: a missing, truncated or damaged file raises a DataError with the
+    remedy."""
     try:
         yield
-    except unpacking_errors() as error:  # called only where something was raised
+    except unpacking_errors() as error:  # called only after an exception
         raise DataError(
             f"{path}: the compressed file is truncated or damaged ({first_line_of(error)}); copy it again"
         ) from error
@@ -85,12 +85,12 @@ def reading_file(path: File) -> Iterator[None]:
 
 
 class NumberColumns(dict[str | int, np.ndarray[Any, Any]]):
-    """{name: column (n,)} of floats or whole numbers: a table that needs no pandas, which takes
-    0.25 s to load."""
+    """{name: column (n,)} of floats or integers: a table without pandas, which takes 0.25 s to
+    load."""
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
-        """The same as a DataFrame, made when it is first asked for."""
+        """The same as a DataFrame, made on first use."""
         import pandas as pd
 
         return pd.DataFrame(self, copy=False)
@@ -101,15 +101,14 @@ class NumberColumns(dict[str | int, np.ndarray[Any, Any]]):
 
 
 class FileTable(NamedTuple):
-    """A table of a file: its raw cells, and the line (or record) of the file that each row stands
-    in."""
+    """A table of a file: its raw cells, and the line (or record) of each row in the file."""
 
     name: str
     content: "pd.DataFrame | NumberColumns"
     lines: Ints
-    word: str = "line"  # what a row is called in the file
+    word: str = "line"  # word for a row of the file
     units: Mapping[str, str] = {}  # of columns, where a line of the file names them
-    notes: tuple[str, ...] = ()  # on what of the file was left out
+    notes: tuple[str, ...] = ()  # on parts of the file that were left out
 
     @classmethod
     def of(
@@ -119,8 +118,8 @@ class FileTable(NamedTuple):
         rows: Ints | None = None,
         word: str = "record",
     ) -> "FileTable":
-        """A table of columns (n,) by name; `rows` (n,) are their numbers in the file, counted from
-        0 where they are not given."""
+        """Return a table of columns (n,) by name; `rows` (n,) are their numbers in the file, by
+        default from 0."""
         content = _numbers_or_frame(columns)
         count = len(content[next(iter(columns))]) if columns else 0
         return cls(name, content, np.arange(count) if rows is None else rows, word)
@@ -141,7 +140,7 @@ class FileTable(NamedTuple):
         return [str(name) for name in self.names]
 
     def with_columns(self, added: Mapping[str, Array]) -> "FileTable":
-        """The table with these columns (n,) too, or in place of those of their names."""
+        """Return the table with these columns (n,) added or replaced."""
         content = self.content
         if isinstance(content, NumberColumns):
             return self._replace(content=NumberColumns([*content.items(), *added.items()]))
@@ -159,23 +158,23 @@ class FileTable(NamedTuple):
         return Origin(self.name, self.lines, self.word)
 
     def cells(self, column: str | int) -> np.ndarray[Any, Any]:
-        """The column as it is read (n,): whole numbers stay such. Raises DataError for a missing
-        one."""
+        """Return the column as read (n,), integers as integers. Raises DataError for a missing
+        column."""
         if column not in self.content:
             raise DataError(f"{self.name}: {self._missing_text(column)}")
         cells = self.content[column]
         return cells if isinstance(cells, np.ndarray) else cells.to_numpy()
 
     def cells_filled(self, column: str | int) -> Mask:
-        """(n,) the rows whose cell of a column is not empty."""
+        """Return True for the rows (n,) whose cell of a column is not empty."""
         cells = self.content[column]
         if isinstance(cells, np.ndarray):
             return np.asarray(cells == cells)  # NaN is not itself
         return cells.notna().to_numpy()
 
     def numbers(self, column: str | int) -> Array:
-        """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column
-        or a cell that is no number."""
+        """Return the column as floats (n,); missing cells are NaN. Raises DataError for a missing
+        column or a cell that is not a number."""
         if column not in self.content:
             raise DataError(f"{self.name}: {self._missing_text(column)}")
         cells = self.content[column]
@@ -210,7 +209,7 @@ class FileTable(NamedTuple):
 
 
 def _numbers_or_frame(columns: Mapping[str, ArrayLike]) -> "pd.DataFrame | NumberColumns":
-    """Columns (n,) by name, without pandas where all are numbers."""
+    """Return columns (n,) by name, without pandas where all are numbers."""
     arrays = {name: np.asarray(column) for name, column in columns.items()}
     shapes = {column.shape for column in arrays.values()}
     if len(shapes) == 1 and all(c.ndim == 1 and c.dtype.kind in "iuf" for c in arrays.values()):
@@ -221,9 +220,9 @@ def _numbers_or_frame(columns: Mapping[str, ArrayLike]) -> "pd.DataFrame | Numbe
 
 
 def open_bytes(path: Path, lines: bool = False) -> BinaryIO:
-    """A file, plain or compressed (of an archive the first file), open to read, its content counted;
-    of `lines` no line may be without an end. Raises OSError, those of `unpacking_errors` where it is read,
-    and DataError of what is beyond the limits."""
+    """Open a plain or compressed file (the first file of an archive) for reading and count its
+    content; with `lines`, the length of a line is limited. Raises OSError, the `unpacking_errors`
+    on reading, and DataError beyond the limits."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     ending = path.suffix.lower()
@@ -241,7 +240,7 @@ def open_bytes(path: Path, lines: bool = False) -> BinaryIO:
 
 
 def _files(archive: Zip) -> list[str]:
-    """The files of an archive, without what a Mac adds to them."""
+    """Return the files of an archive, without those that macOS adds."""
     return [
         name
         for name in archive.namelist()
@@ -250,7 +249,7 @@ def _files(archive: Zip) -> list[str]:
 
 
 def files_in(path: Path) -> list[str]:
-    """Names of the files that a zip holds, without folders; none of what is no zip."""
+    """Return the names of the files in a zip, without folders; none for other files."""
     if path.suffix.lower() != ".zip":
         return []
     try:
@@ -261,21 +260,22 @@ def files_in(path: Path) -> list[str]:
 
 
 def open_text(path: Path) -> TextIO:
-    """A text file, plain or compressed, open to read. Raises as `open_bytes`."""
+    """Open a plain or compressed text file for reading. Raises as `open_bytes`."""
     return io.TextIOWrapper(
         open_bytes(path, lines=True), encoding="utf-8-sig", errors="replace", newline=""
     )
 
 
 def read_bytes(path: Path, most: int = -1, lines: bool = False) -> bytes:
-    """The content of a file, plain or compressed, or its first `most` bytes; `lines` as in
+    """Return the content of a plain or compressed file, or its first `most` bytes; `lines` as in
     `open_bytes`. Raises DataError."""
     with reading_file(path), open_bytes(path, lines) as file:
         return file.read(most)
 
 
 def head_of(path: Path, most: int) -> bytes:
-    """The first `most` bytes of a file's content, for a `sniff`; none of one that cannot be read."""
+    """Return the first `most` bytes of a file's content, for a `sniff`; empty for an unreadable
+    file."""
     try:
         return read_bytes(path, most)
     except DataError:
@@ -292,12 +292,12 @@ def is_number(text: str) -> bool:
 
 
 def split_error(error: BaseException) -> str:
-    """Return pandas' message on a text that it cannot split into columns, in words for people."""
+    """Return pandas' message on a text that it cannot split into columns, in plain words."""
     found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
     if found is None:
         return first_line_of(error)
     expected, line, seen = found.groups()
-    return f"line {line} has {seen} cells, those before it {expected} or fewer"
+    return f"line {line} has {seen} cells, but the lines before it at most {expected}"
 
 
 def first_line_of(error: BaseException) -> str:
@@ -306,8 +306,8 @@ def first_line_of(error: BaseException) -> str:
 
 
 def map_file(path: Path) -> memoryview:
-    """The bytes of a file: of a plain one without reading all of it into memory, of a packed one
-    unpacked. Raises DataError."""
+    """Return the bytes of a file: a plain one is mapped without reading it into memory, a
+    compressed one is decompressed. Raises DataError."""
     with reading_file(path):
         plain = regular(path)
         if path.name.lower().endswith(PACKED) or not plain.is_file() or not plain.stat().st_size:

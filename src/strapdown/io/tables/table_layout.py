@@ -1,4 +1,4 @@
-"""Layout of a table of text: encoding, separator, decimal mark, header and units, by its first
+"""Layout of a text table: encoding, separator, decimal mark, header and units, from its first
 lines."""
 
 import csv
@@ -14,11 +14,11 @@ from ...fileio.limits import check_count
 from .table_file import open_bytes
 
 HEAD, SAMPLE = 65536, 50
-"""Bytes of a file that its layout is found from, and lines of them."""
+"""Numbers of bytes and of lines from which the layout is found."""
 BLANKS = r"\s+"
 SEPARATORS = (";", "\t", "|", ",", BLANKS)
-"""In the order in which they are believed where several fit: cells of a table with semicolons may
-have decimal commas, never the other way round."""
+"""In order of preference where several fit: cells of a table with semicolons may have decimal
+commas, never the reverse."""
 COMMENT = re.compile(r"\s*(#|%|//)")
 NUMBER = re.compile(
     r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)|na|n/a|null|", re.IGNORECASE
@@ -50,7 +50,8 @@ class TableLayout(NamedTuple):
 
 
 def layout(path: Path) -> TableLayout:
-    """The TableLayout of a text file by its first lines. Raises DataError where it holds no text."""
+    """Return the TableLayout of a text file from its first lines. Raises DataError for other
+    content."""
     with open_bytes(path) as file:
         head = file.read(HEAD)
     if not head.strip():
@@ -58,12 +59,14 @@ def layout(path: Path) -> TableLayout:
     encoding = _encoding(head)
     text = head.decode(encoding, "replace")
     if "\0" in text:
-        raise DataError(f"{path}: is no table of text, such as comma-separated values")
-    lines = [line.rstrip("\n") for line in io.StringIO(text, newline=None)]  # as files end lines
+        raise DataError(f"{path}: is not a text table, such as comma-separated values; export one")
+    lines = [line.rstrip("\n") for line in io.StringIO(text, newline=None)]  # any line ending
     unfinished = lines.pop() if len(head) == HEAD else ""
     used = [(k, line) for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
     if not used and unfinished and not COMMENT.match(unfinished):
-        raise DataError(f"{path}: is no table: its first row does not end within 64 KB")
+        raise DataError(
+            f"{path}: is not a table: its first row does not end within 64 KB; export it again"
+        )
     separator, many = _separator([line for _, line in used])
     first = next(
         (i for i, (_, line) in enumerate(used) if _is_row(cells_of(line, separator), many)),
@@ -79,7 +82,7 @@ def layout(path: Path) -> TableLayout:
     check_count(columns, path, "columns", "columns")
     if rows and not _is_table(rows, names, separator, many):
         raise DataError(
-            f"{path}: is no table: most of its first lines are no rows of numbers; give a table with "
+            f"{path}: is not a table: most of its first lines are not rows of numbers; give a table with "
             f"a line of names and rows of numbers, or the device's own format"
         )
     decimal = _decimal(rows)
@@ -101,7 +104,7 @@ def _encoding(head: bytes) -> str:
 
 
 def cells_of(line: str, separator: str, many: int = 0) -> list[str]:
-    """The cells of a line; names may hold a blank where that gives `many`."""
+    """Return the cells of a line; names may contain a blank if this gives `many` cells."""
     if separator == BLANKS:  # a unit in brackets belongs to the name before it
         wide = re.split(r"\s{2,}|\t", line.strip())
         if len(wide) == many:
@@ -116,8 +119,8 @@ def is_data(cell: str) -> bool:
 
 
 def _is_row(cells: Sequence[str], many: int) -> bool:
-    """Return True where cells are a row of data: at least half of those filled are numbers or
-    times, and there are more than half as many as elsewhere."""
+    """Return True where cells are a row of data: at least half of the filled ones are numbers or
+    times, and their count is more than half of the usual one."""
     some = [cell for cell in cells if cell]
     return 2 * len(cells) > many and 2 * sum(map(is_data, some)) >= max(1, len(some))
 
@@ -125,9 +128,9 @@ def _is_row(cells: Sequence[str], many: int) -> bool:
 def _is_table(
     rows: Sequence[Sequence[str]], names: Sequence[str], separator: str, many: int
 ) -> bool:
-    """Return True where a file is a table, whose names and cells messages may quote: at least half
-    of its lines are rows of data, or have as many cells as a line of names above them, one of them
-    a number or time. Other files, such as settings or secrets, are not quoted."""
+    """Return True where a file is a table, so that messages may quote its names and cells: at least
+    half of its lines are rows of data, or have as many cells as a line of names above them, one of
+    them a number or time. Other files, such as settings or secrets, are not quoted."""
     filled = [cells for cells in rows if any(cells)]
     if 2 * sum(_is_row(cells, many) for cells in filled) >= len(filled):
         return True
@@ -137,7 +140,7 @@ def _is_table(
 
 
 def _separator(lines: Sequence[str]) -> tuple[str, int]:
-    """(separator, cells in a row): those by which most rows are numbers."""
+    """(separator, cells in a row) with which most rows are numbers."""
     best, best_score, many = ",", 0.0, 1
     sample = lines[-SAMPLE:]
     for separator in SEPARATORS:
@@ -186,9 +189,9 @@ def _header(
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """Names of which none is empty and none is twice."""
+    """Return names without empty or repeated ones."""
     found: dict[str, None] = {}
-    numbers: Counter[str] = Counter()  # the last one that a name was given
+    numbers: Counter[str] = Counter()  # the last number given to a name
     for i, name in enumerate(names):
         name = again = name.strip().strip('"').strip() or f"Unnamed: {i}"
         while again in found:

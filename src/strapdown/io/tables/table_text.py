@@ -1,5 +1,5 @@
-"""Tables of text as loggers write them; lines that hold no data are left out and counted. Texts that
-hold nothing but numbers are read without pandas, which takes 0.25 s to load."""
+"""Text tables as loggers write them. Lines without data are left out and counted. Texts with only
+numbers are read without pandas, which takes 0.25 s to load."""
 
 import io
 import re
@@ -33,20 +33,21 @@ if TYPE_CHECKING:
 
 DIGITS = frozenset("0123456789")
 CHUNK, CELLS = 65536, 1 << 20
-"""Rows that are parsed at a time, and cells: pandas keeps the text of as many."""
+"""Rows and cells that are parsed at a time: pandas keeps the text of as many."""
 FEW, PADDED = 1_000_000, 4
-"""Cells that any text may become, and those by byte of a longer one: written cells have a byte each,
-but a row is filled up with empty ones, also an empty line below a row of thousands."""
+"""Number of cells that any text may have, and number per byte of a longer text. A written cell has
+at least a byte, but rows are padded with empty cells, also an empty line below a row of
+thousands."""
 SAMPLED = 200
-"""Cells of a column of text that say whether it may hold numbers."""
+"""Number of cells of a text column that decide whether it may hold numbers."""
 MARK = re.compile(r"\s*(#|%|//|[-=*]{3})")
-"""Beginnings of a line that is no data."""
+"""Beginnings of a line without data."""
 WORD = re.compile(r"\s*\"?[^\W\d_]+(?![^\W_])")
-"""Beginning of a cell that is a word, and no damaged number."""
+"""Beginning of a cell that is a word rather than a damaged number."""
 
 
 def read_table(path: Path, header: bool = True) -> FileTable:
-    """The FileTable of a text file, plain or packed. Raises DataError.
+    """Return the FileTable of a text file, plain or compressed. Raises DataError.
 
     Lines that begin with #, % or //, titles above the header and lines without any number are left
     out; those after the first row are counted in the notes of the FileTable. Without `header` the
@@ -68,12 +69,12 @@ def read_table(path: Path, header: bool = True) -> FileTable:
 
 
 def _of_any_cells(path: Path, found: TableLayout) -> FileTable:
-    """The FileTable of a text that holds more than numbers, as pandas parses it."""
+    """Return the FileTable of a text that holds more than numbers, parsed by pandas."""
     import pandas as pd
 
     try:
         frame, lines, notes = _rows(path, found)
-    except DataError:  # of what is beyond a limit, found while it is read
+    except DataError:  # a limit was exceeded while reading
         raise
     except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
         raise DataError(
@@ -91,8 +92,8 @@ def _of_any_cells(path: Path, found: TableLayout) -> FileTable:
 
 
 def _rows(path: Path, found: TableLayout) -> tuple["pd.DataFrame", Ints, list[str]]:
-    """(frame, line of each row, notes) of the lines that hold data. The file is parsed again where
-    others do not, so that whole numbers stay such."""
+    """(frame, line of each row, notes) of the lines with data. Where other lines exist, the file is
+    parsed again without them, so that integers stay integers."""
     import pandas as pd
 
     marks: list[int] = []  # numbers of lines, counted from 0
@@ -110,7 +111,7 @@ def _rows(path: Path, found: TableLayout) -> tuple["pd.DataFrame", Ints, list[st
         left = [*marks, *lines[~filled].tolist()]
         frame, lines = frame[keep], lines[keep]
         again = _parse_frame(path, found, left) if len(frame) else frame
-        if len(again) == len(frame):  # pandas skips other lines where they end as on old Macs
+        if len(again) == len(frame):  # with line ends of old Macs, pandas skips other lines
             frame = again
     if not marks:
         return frame, lines + 1, []
@@ -120,7 +121,7 @@ def _rows(path: Path, found: TableLayout) -> tuple["pd.DataFrame", Ints, list[st
 
 
 def _nonblank_rows(frame: "pd.DataFrame") -> Mask:
-    """Which rows have any cell."""
+    """Return True for the rows with any filled cell."""
     first = frame.iloc[:, 0].notna().to_numpy()
     return first if first.all() else frame.notna().any(axis=1).to_numpy()
 
@@ -130,8 +131,8 @@ def _texts(frame: "pd.DataFrame") -> list[Any]:
 
 
 def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
-    """Which of the `filled` rows hold no data: those that begin like a comment, with a word
-    where the others begin with a number or a time, or have text and no number."""
+    """Return True for the `filled` rows without data: those that begin like a comment, that begin
+    with a word where the others begin with a number or a time, or that have text and no number."""
     import pandas as pd
 
     texts, marks = _texts(frame), np.zeros(len(frame), bool)
@@ -146,13 +147,13 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
         marks[[row for row, cell in odd if MARK.match(cell)]] = True
         if 2 * len(words) < len(known):
             marks[words] = True
-    # by places: pandas makes of a list of names an array in which all are as wide as the longest
+    # by position: from a list of names, pandas makes an array in which all are as wide as the longest
     is_text = frame.columns.isin(texts)
     places = np.flatnonzero(is_text)
     numbers_there = frame.loc[:, ~is_text]
     suspect = np.flatnonzero(filled & numbers_there.isna().all(axis=1).to_numpy())
     start, many = 0, 1
-    while start < len(texts) and len(suspect):  # the first column alone tells most of them
+    while start < len(texts) and len(suspect):  # the first column decides most of them
         square = frame.iloc[suspect, places[start : start + many]].to_numpy(object)
         numbers = pd.to_numeric(_with_points(pd.Series(square.ravel())), errors="coerce")
         suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
@@ -165,12 +166,12 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
 
 
 def _with_points(cells: "pd.Series[Any]") -> "pd.Series[Any]":
-    """Cells with a decimal comma with a point."""
+    """Return the cells with decimal points instead of commas."""
     return cells.astype(str).str.replace(r"^(\s*[+-]?\d*),(\d+\D*\d*\s*)$", r"\1.\2", regex=True)
 
 
 def _to_numbers(frame: "pd.DataFrame") -> None:
-    """Make numbers of the columns of text that hold nothing else, in place."""
+    """Convert text columns that hold only numbers, in place."""
     import pandas as pd
 
     for name in _texts(frame):
@@ -187,7 +188,7 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
                 frame[name] = numbers
                 break
         else:
-            if 2 * numbers.notna().sum() > known.sum():  # so that the others are complained about
+            if 2 * numbers.notna().sum() > known.sum():  # a later check reports the others
                 frame[name] = form
 
 
@@ -212,7 +213,7 @@ def _as_pandas_parses(
     with source as content, warnings.catch_warnings():
         # rows with more cells than the header has names
         warnings.simplefilter("error", pd.errors.ParserWarning)
-        # a column of numbers and words is seen to where it is used
+        # a column of numbers and words is handled where it is used
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)
         chunks = pd.read_csv(
             content,
@@ -236,8 +237,8 @@ def _as_pandas_parses(
 def _gather_chunks(
     chunks: Iterable["pd.DataFrame"], path: Path, unpacked: BinaryIO | None
 ) -> list["pd.DataFrame"]:
-    """All of them, their cells counted, of a file that is `unpacked` or plain. Raises DataError
-    where they are too many, at all or for its text."""
+    """Return all chunks of an `unpacked` or plain file, with their cells counted. Raises DataError
+    where there are too many cells, in total or for the size of the text."""
     size, cells = regular(path).stat().st_size, 0
     frames, meter = [], Meter(path, size if unpacked else None)
     for frame in chunks:
@@ -246,7 +247,7 @@ def _gather_chunks(
         cells += frame.size
         if cells > FEW + PADDED * (unpacked.tell() if unpacked else size):
             raise DataError(
-                f"{path}: is no table: a row has {frame.shape[1]} cells, and most others have few "
+                f"{path}: is not a table: a row has {frame.shape[1]} cells, but most others have few "
                 f"or none; correct the long row, or export a table from the device's own format"
             )
         frames.append(frame)
@@ -254,7 +255,8 @@ def _gather_chunks(
 
 
 def _marks_of_many_cells(path: Path, found: TableLayout) -> list[int]:
-    """Numbers, from 0, of the lines below the header that have more cells than it and no data."""
+    """Return the numbers, from 0, of the lines below the header that have more cells than the
+    header but no data."""
     marks, most, in_words = [], len(found.names), False
     with io.TextIOWrapper(open_bytes(path, lines=True), found.encoding, "replace") as file:
         for number, line in enumerate(file):
@@ -281,15 +283,15 @@ def _first_row_as_names(path: Path, found: TableLayout) -> TableLayout:
 # ---- nothing but numbers
 
 SHORT, LINES = 30_000_000, 500_000
-"""Bytes and lines of a text that is tried; with longer ones pandas, which parses twice as fast, is
-ahead, and keeps no text of each line."""
+"""Largest bytes and lines of a text read without pandas. For longer texts pandas wins, which parses
+twice as fast and does not keep the text of each line."""
 WHOLE = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
 
 
 def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
-    """The columns of a text each of whose lines has a finite number in every column, as pandas
-    reads them: a column is whole where each of its numbers is written so. None of any other text.
-    Raises OSError, and DataError of a file beyond the limits."""
+    """Return the columns of a text with a finite number in every column of every line, as pandas
+    would read them: a column has integers where all its numbers are written as integers. None for
+    any other text. Raises OSError, and DataError for a file beyond the limits."""
     if found.decimal != "." or len(found.separator) > 1 or regular(path).stat().st_size > SHORT:
         return None
     try:
@@ -306,12 +308,12 @@ def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
         first = lines[0].split(found.separator)
         round_ones = np.flatnonzero((square == np.rint(square)).all(axis=0)).tolist()
         whole = [k for k in round_ones if WHOLE.fullmatch(first[k])]
-        if whole:  # as numbers of 64 bits, which floats are too short for
+        if whole:  # as 64-bit integers, which exceed the precision of floats
             integers = _load_numbers(lines, found.separator, np.int64, whole)
             columns |= zip([names[k] for k in whole], np.ascontiguousarray(integers.T))
     except DataError:  # too large
         raise
-    except (ValueError, Warning):  # something is no number, or missing
+    except (ValueError, Warning):  # a cell is missing or not a number
         return None
     return columns
 
@@ -320,5 +322,5 @@ def _load_numbers(
     lines: Sequence[str], separator: str, kind: type, only: Sequence[int] | None = None
 ) -> np.ndarray[Any, Any]:
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # of no lines, of 1.5 as a whole number
+        warnings.simplefilter("error")  # for no lines, and for 1.5 as an integer
         return np.loadtxt(lines, kind, None, separator, usecols=only, ndmin=2)

@@ -1,6 +1,6 @@
-"""The functions that an exported object shows, around kernels: the run of a sample, of one argument,
-the struct with everything in it, and the attitude of a start. All sizes are constants for the
-compiler, which leaves out what they make needless."""
+"""The public functions of an exported object, around kernels: the run of a sample, with the struct
+as its only argument, and the attitude of a start. All sizes are constants, so that the compiler
+removes unnecessary code."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -61,7 +61,7 @@ def binding_ir(made: ExportLayout, kernels: BoundFunction, attitude: Kernel) -> 
 
 
 def _kernels(kernels: BoundFunction) -> Iterator[str]:
-    """The struct of addresses that the loop takes."""
+    """Return the struct of addresses for the loop."""
     count, stages = max(kernels.observers, default=-1) + 1, kernels.stages
     tables = {
         "observers": [kernels.observers.get(number) for number in range(count)],
@@ -95,7 +95,7 @@ def _address(kernel: Kernel | None) -> str:
 
 
 def _struct(record: str, made: ExportLayout) -> Iterator[str]:
-    """A record as C has it, on the stack: what one compiler builds and takes apart costs nothing."""
+    """Return a record in C's layout on the stack; the compiler removes its cost."""
     kinds, values = RECORDS[record], list[str]()
     for place, kind in zip(made.of(record), kinds.kinds, strict=True):
         name = f"%{record}.{place.name}"

@@ -1,5 +1,5 @@
 """The choice of an export: a filter with its options, sources and IMU, checked as for a run, and
-that run over a recording."""
+the run over a recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -35,15 +35,16 @@ from ...sensor_models.imu import GivenImu, ImuSpec, imu as imu_spec
 from ...typing import Notify
 
 WAITING = 16
-"""Fixes that an exported filter has room for until the sample that reaches their time, where nobody
-asks for more."""
+"""Default number of fixes that an exported filter can store until the sample that reaches their
+time."""
 MAX_WAITING = 4096
 LOG_ROWS = 32
 """Rows of its log."""
 REPLAYED = 60.0
-"""s of the flight that is simulated where no recording is given."""
+"""s of the simulated flight without a recording."""
 GIVEN = PARAMETERS
-"""Parameters of a source that whoever runs it gives, such as a lever arm; the loop's own follow."""
+"""Number of parameters of a source that the user sets, such as a lever arm; the loop's own
+follow."""
 
 
 class Chosen(NamedTuple):
@@ -59,7 +60,7 @@ class Chosen(NamedTuple):
     recording: Recording  # with these sources
     start: InitialState  # of the recording
     notes: tuple[str, ...]
-    waiting: int  # fixes that there is room for
+    waiting: int  # number of fixes that can wait
 
     def records(self, start: InitialState, noise: Noise | None = None) -> dict[str, Sequence[Any]]:
         """All records of a run from `start` on before its first sample, by their names in
@@ -93,8 +94,8 @@ class Chosen(NamedTuple):
         run.complete()
         if run.cursor.state[0].fault:
             raise DataError(
-                f"filter {self.filter.name!r} stops in {self.recording.meta.get('name')}: nothing to "
-                f"compare with; give another recording"
+                f"filter {self.filter.name!r} stops in {self.recording.meta.get('name')}, so there is nothing "
+                f"to compare with; give another recording"
             )
         together = np.bincount(np.searchsorted(run.samples.t + SAME_TIME, run.fixes.t)).max(
             initial=0
@@ -118,8 +119,8 @@ def choose_export(
 ) -> Chosen:
     """Check the arguments of an export, which are those of `fuse`, and return the choice.
 
-    sources: kinds of measurement; the second of a kind is the second of the recording. One that the
-    recording does not have is a source without fixes there. waiting: fixes that there is room for.
+    sources: kinds of measurement; the second of a kind is the second of the recording. A kind that
+    the recording lacks becomes a source without fixes. waiting: number of fixes that can wait.
 
     Raises DataError.
     """
@@ -130,7 +131,7 @@ def choose_export(
     chosen = _of(recording, sources)
     found, notes = usable(filter, chosen)
     if len(found) < len(chosen):
-        raise DataError(f"filter {filter.name!r} cannot be exported with them: {notes[0]}")
+        raise DataError(f"filter {filter.name!r} cannot be exported with these sources: {notes[0]}")
     check_needs(filter, found, "name it among the sources")
     fit, said = configure_options(filter, dict(options or {}), found)
     spec = imu_spec(imu or recording.meta.get("grade") or "tactical")

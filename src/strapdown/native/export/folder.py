@@ -40,7 +40,7 @@ HOSTS = {"x86_64": "x86-64-v2", "AMD64": "x86-64-v2", "aarch64": "aarch64", "arm
 KEPT, KEEP = "export-", 12
 """Beginning of the names of kept representations of kernels, and how many stay."""
 OWN = 4
-"""Numbers of strapdown_filter behind those of the loop."""
+"""Count of numbers of strapdown_filter after those of the loop."""
 EVERY = 10
 """Samples between rows of the replay."""
 
@@ -55,7 +55,8 @@ class Exported(NamedTuple):
 
 
 def find_target(name: str) -> TargetMachine:
-    """The target of that name, `host` being this machine. Raises DataError with the nearest one."""
+    """Return the target of that name; `host` is this machine. Raises DataError with the nearest
+    name."""
     names = [HOST, *TARGETS]
     check_choice(name, "target", names)
     if name != HOST:
@@ -63,7 +64,7 @@ def find_target(name: str) -> TargetMachine:
     machine = platform.machine()
     if machine not in HOSTS:
         raise DataError(
-            f"target host: {machine} is none of the targets; name one of {', '.join(TARGETS)}"
+            f"target host: {machine} is not one of the targets; choose one of {', '.join(TARGETS)}"
         )
     return TARGETS[HOSTS[machine]]
 
@@ -101,7 +102,7 @@ def export(
         contents["main.mjs"] = script(of, made, sizes.state).encode()
         module = link_module(contents)
         if module is None:
-            notes.append("no strapdown.wasm: clang with wasm-ld is not found, which links one")
+            notes.append("no strapdown.wasm: clang with wasm-ld, which links it, was not found")
         else:
             contents["strapdown.wasm"] = module
     contents["README.md"] = readme(of, first, target, sizes, [*contents, "README.md"]).encode()
@@ -113,13 +114,13 @@ def export(
 
 
 def _refuse_plugins(of: Chosen) -> None:
-    """Refuse what plugins bring: its code is found in this process alone."""
+    """Refuse filters and sensors of plugins, whose code exists only in this process."""
     brought = [filters.REGISTRY.brought_by(of.filter.name)]
     brought += [aiding.REGISTRY.brought_by(a.kind) for a in of.sources]
     if names := [plugin.name for plugin in brought if plugin]:
         raise DataError(
-            f"filter {of.filter.name!r} cannot be exported with what plugin {names[0]} brings: only "
-            f"the library's own filters and sensors can"
+            f"filter {of.filter.name!r} cannot be exported with plugin {names[0]}: only "
+            f"the library's own filters and sensors can be exported"
         )
 
 
@@ -139,8 +140,8 @@ def compile_filter_object(of: Chosen, made: ExportLayout, target: TargetMachine)
 
 
 def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:
-    """The intermediate representation of kernels with these sizes, from the cache where it is there:
-    it takes most of the time, and is the same for all targets."""
+    """Return the intermediate representation of kernels with these sizes, from the cache if
+    possible: it takes most of the time and is the same for all targets."""
     from ...core.compile import compiler, kernel_cache
 
     stems = [kernel.stem for kernel in kernels]

@@ -1,5 +1,5 @@
-"""strapdown_calls.c: the start of an exported filter as assignments, in the file that hands samples and fixes
-to its object."""
+"""strapdown_calls.c, which passes samples and fixes to the object of an exported filter, with the
+start of the filter as assignments."""
 
 from collections.abc import Iterator, Mapping
 

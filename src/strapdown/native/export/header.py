@@ -1,5 +1,5 @@
-"""strapdown.h: the structs, constants and functions of an exported filter, from the tables of fields
-that its object was made by."""
+"""strapdown.h: the structs, constants and functions of an exported filter, from the same tables of
+fields as its object."""
 
 import inspect
 import re
@@ -27,6 +27,7 @@ PARAMETERS = {
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
     "atmosphere": "air pressure, Pa, and temperature, K, at a height, m (3); 0 is the ICAO atmosphere",
+    "baseline": "vector from the first to the second antenna, m, body (3)",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 
@@ -95,7 +96,8 @@ def columns(of: Chosen) -> list[str]:
 def source_text(sensor: MeasurementModel) -> str:
     """Return a description of its measurements and parameters, with units."""
     units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
-    named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
+    words = QUANTITIES | ({"length": "vector"} if sensor.vector else {})
+    named = [f"{words.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
     count = len(named)
     y = f"{named[0]} ({count})" if len({*named}) == 1 and count > 1 else ", ".join(named)
     rows = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]

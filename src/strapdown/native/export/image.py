@@ -1,8 +1,8 @@
-"""The initial image of the struct after a filter's start: numbers that do not depend on the start
-and copies of parts of it, found by starting the filter many times.
+"""The initial image of the struct after a filter's start: constant numbers and copies of parts of
+the start, found by starting the filter many times.
 
-`start` of a filter is plain Python that computes whatever it likes. What it makes of a start other
-than a copy cannot be told in C, and such a filter is refused.
+`start` of a filter is plain Python with arbitrary computations. Results other than constants and
+copies cannot be expressed in C, and such a filter is refused.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,8 +18,8 @@ from ...typing import Array, Ints
 from .layout import ExportLayout, MemoryPlace, numbers
 
 PROBES = 16
-"""Starts that are tried: enough that no two parts of them agree by chance, from very certain to very
-uncertain ones, so that bounds on standard deviations show."""
+"""Number of starts that are tried: enough that no two parts agree by chance, with standard
+deviations from very small to very large, so that their limits show."""
 
 
 class Known(NamedTuple):
@@ -41,15 +41,16 @@ class Image(NamedTuple):
 
 Records = Callable[[InitialState, Noise], Mapping[str, Sequence[Any]]]
 MAY_BE_FIXED = ("noise", "lla")
-"""Options that are often the same in one vehicle: its IMU, and where it is, as far as attitude goes."""
+"""Parts of a start that may be fixed for a vehicle: its IMU, and its place where only attitude
+depends on it."""
 
 
 def image(
     filter: Filter, records: Records, made: ExportLayout, start: InitialState, noise: Noise
 ) -> Image:
-    """The image of a filter whose records at a start and a noise are those.
+    """Return the image of a filter from its records at a start and a noise.
 
-    Raises DataError where its start computes what is no copy, of more than what may be fixed.
+    Raises DataError where its start computes more than copies from parts that may not be fixed.
     """
     for fixed in ((), MAY_BE_FIXED[:1], MAY_BE_FIXED[1:], MAY_BE_FIXED):
         tried = [_numbers(records, made, *one) for one in _probes(start, noise, fixed)]
@@ -60,8 +61,8 @@ def image(
     else:
         names = ", ".join(dict.fromkeys(_name(filter, made, k) for k in left))
         raise DataError(
-            f"filter {filter.name!r} cannot be exported: its start computes {names}, where an export "
-            f"knows constants and copies alone"
+            f"filter {filter.name!r} cannot be exported: its start computes {names}, but an export "
+            f"supports only constants and copies"
         )
     constants: dict[MemoryPlace, dict[int, float]] = {}
     copies: dict[MemoryPlace, dict[int, Known]] = {}
@@ -78,7 +79,7 @@ def image(
 
 
 def known_numbers(start: InitialState, noise: Noise) -> dict[Known, float]:
-    """The numbers of a start that C has at hand."""
+    """Return the numbers of a start that are available in C."""
     C = np.empty((3, 3))
     roll, pitch, heading = (float(angle) for angle in start.rph)
     euler_to_matrix(roll, pitch, heading, C)
@@ -139,7 +140,7 @@ def _is_changing(arrays: Sequence[Array]) -> Array:
 
 
 def _copies(tried: Sequence[Tried]) -> dict[int, Known]:
-    """{number of the struct: what it is a copy of in all that was tried}; of what changes."""
+    """Return {number of the struct: the part that it copies in all trials} for changing numbers."""
     arrays = [numbers for numbers, _, _ in tried]
     changes = _is_changing(arrays)
     by_value: dict[float, list[Known]] = {}

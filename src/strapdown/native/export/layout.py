@@ -1,5 +1,5 @@
-"""Where everything stands in the one struct of an exported filter: the fields of the records that
-kernels take, with their sizes as numbers."""
+"""The layout of the single struct of an exported filter: the fields of the kernels' records, with
+their sizes as numbers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
@@ -35,7 +35,7 @@ class MemoryPlace(NamedTuple):
     shape: tuple[int, ...]  # () of a number
     first: int  # numbers before it in the struct
     sizes: tuple[int | str, ...] = ()  # the shape as declared
-    row: Row | None = None  # of a table: what a row of it is
+    row: Row | None = None  # of a table: the type of its rows
 
     @property
     def length(self) -> int:
@@ -43,7 +43,7 @@ class MemoryPlace(NamedTuple):
         return prod(self.shape) * (words(self.row) if self.row else 1)
 
     def within(self, k: int) -> tuple[str, bool]:
-        """(what stands behind its name in C for its number k, whether that is a double)."""
+        """(suffix of its name in C for its number k, whether that is a double)."""
         if self.row is None:
             return _index(self.shape, k), self.real
         row, k = divmod(k, words(self.row))

@@ -1,4 +1,4 @@
-"""README.md of an export: what its files are, how to compile and call them."""
+"""README.md of an export: its files, and how to compile and call them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -27,11 +27,11 @@ USUAL = "cc -std=c99 -O2 -ffp-contract=off main.c strapdown_calls.c strapdown.o 
 ABOUT = {
     "strapdown.o": "the loop, the filter and the observations of its sources",
     "strapdown.h": "its structs, constants and functions; each with units, frames and shapes",
-    "strapdown_calls.c": "the functions that lay samples and fixes where the loop finds them",
+    "strapdown_calls.c": "the functions that pass samples and fixes to the loop",
     "main.c": "an example that replays replay.bin and compares",
     "main.mjs": "the same for node, with strapdown.wasm",
     "strapdown.wasm": "strapdown_calls.c and strapdown.o, linked",
-    "replay.bin": "samples and fixes of a recording, and what Python made of them",
+    "replay.bin": "samples and fixes of a recording, and the results in Python",
     "README.md": "this page",
 }
 FIXED = {
@@ -45,12 +45,12 @@ class Sizes(NamedTuple):
 
     code: int  # bytes of code and constants of strapdown.o
     state: int  # bytes of strapdown_filter
-    stack: int | None  # bytes at most of strapdown_run, the C library's own left out
+    stack: int | None  # largest stack of strapdown_run in bytes, without the C library's own
     needed: tuple[str, ...]  # functions from outside
 
     @property
     def text(self) -> str:
-        """As a line for people."""
+        """Return one line of text."""
         stack = "not known" if self.stack is None else f"{self.stack} bytes"
         return (
             f"{self.code} bytes of code and constants, {self.state} of state, stack at most {stack} "

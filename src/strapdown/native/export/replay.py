@@ -1,7 +1,7 @@
-"""replay.bin: the samples and fixes of a recording in the order of time, and what the filter makes of
-them, for the example that comes with an export.
+"""replay.bin: the samples and fixes of a recording in time order, and the filter's results, for the
+example of an export.
 
-Numbers of eight bytes, the least byte first: doubles, but for whole numbers where it says so.
+Numbers have eight bytes, little-endian: doubles, or integers where marked whole.
 
     whole   MAGIC, numbers of strapdown_values, sources, STRAPDOWN_PARAMETERS, STRAPDOWN_COLUMNS
     values  strapdown_values
@@ -45,7 +45,7 @@ def _begin(of: Chosen, run: Run) -> Iterator[bytes]:
 def _events(run: Run, every: int) -> Iterator[bytes]:
     imu, fixes, nav = run.samples, run.fixes, run.out.nav
     fix, last = 0, len(imu.t) - 1
-    # a fix may be used in the sample before the one whose interval holds it
+    # a fix may be used in the sample before the one whose interval contains it
     given = np.searchsorted(imu.t, fixes.t - 1e-3)
     for k in range(run.first, len(imu.t)):
         while fix < len(fixes.t) and given[fix] <= k:

@@ -1,4 +1,4 @@
-"""The one thing that the start of an exported filter computes: the attitude of its angles."""
+"""The only computation in the start of an exported filter: the attitude from its angles."""
 
 from ...core.compile.jit import Kernel
 from ...core.compile.signatures import reals, signature

@@ -1,5 +1,5 @@
-"""Descriptions of the fields of the exported struct: units, frames, the meaning of the numbers of a
-table. A test asks that each field and each name has its text."""
+"""Descriptions of the fields of the exported struct: units, frames, meaning of the numbers of a
+table. A test checks that each field and each name has its text."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -22,11 +22,11 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "b_g": "gyro bias, body, rad/s: what it reads too much",
         "P": "covariance of the errors true - estimate: position m NED, velocity m/s NED, "
         "attitude rad (a rotation in the navigation frame), accelerometer bias, gyro bias, "
-        "then the states that sources bring along",
+        "then the augmented states of sources",
         "omega": "last angular rate without bias, body against inertial space, rad/s",
         "f": "last specific force without bias, body, m/s^2",
-        "workspace": "what this filter alone keeps; its own output columns come first",
-        "augmented": "the states that sources bring along",
+        "workspace": "the filter's own memory; its own output columns come first",
+        "augmented": "the augmented states of sources",
     },
     "imu": {
         "t": "end of the sample, s",
@@ -39,7 +39,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "source": "its source",
         "y": "what was measured; NaN where nothing was",
         "std": "standard deviations of its innovation",
-        "sources": "what each source is",
+        "sources": "description of each source",
     },
     "noise": {
         "gyro": "angle random walk, rad/sqrt(s)",
@@ -51,12 +51,12 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "held": "share of these decays that estimates take no part in: 0, or 1 to hold them, at most 1",
     },
     "cursor": {
-        "state": "where the loop stands",
-        "work": "of the loop",
-        "limits": "what samples, fixes and the belief never exceed",
+        "state": "state of the loop",
+        "work": "scratch memory of the loop",
+        "limits": "limits of samples, fixes and the filter state",
         "axes": "repeated values of each axis, gyro then accelerometer",
-        "books": "what is kept of each source",
-        "log": "what there is to say; read it by strapdown_next_event",
+        "books": "records of each source",
+        "log": "events; read them with strapdown_next_event",
         "recent": "motion of the last seconds; not used",
         "coupled": "scales and misalignments of the IMU; not used",
     },
@@ -73,10 +73,10 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
 SIZES = {
     "n": ("STATES", "error states; see belief.P"),
     "sources": ("SOURCES", "sources of fixes"),
-    "fixes": ("WAITING", "fixes that there is room for until the sample that reaches them"),
+    "fixes": ("WAITING", "fixes that can wait until the sample that reaches them"),
     "columns": ("COLUMNS", "of a row of the solution"),
-    "log_rows": ("LOG_ROWS", "events that there is room for"),
-    "workspace": ("WORKSPACE", "numbers that this filter alone keeps"),
+    "log_rows": ("LOG_ROWS", "events that can be stored"),
+    "workspace": ("WORKSPACE", "numbers of the filter's own memory"),
 }
 """{name of a size: (its name in C, what it counts)}; other sizes are numbers there."""
 
@@ -105,29 +105,29 @@ def _name_codes(module: object, texts: Mapping[str, str]) -> tuple[Name, ...]:
 STATUS = ExportNames(
     "strapdown_status",
     "",
-    "What a row is worth; the result of strapdown_sample.",
+    "Status of a row; the result of strapdown_sample.",
     _name_codes(
         contract.Status,
         {
             "VALID": "computed from samples",
             "BRIDGED": "over a gap of the IMU of at most 1 s, with the last rates",
             "INVALID": "after a longer gap, until a position fix is accepted",
-            "DOUBTFUL": "something contradicts it: fixes that are rejected, samples that cannot be",
+            "DOUBTFUL": "contradicted by rejected fixes or impossible samples",
         },
     ),
 )
 USE = ExportNames(
     "strapdown_use",
     "",
-    "What became of a fix.",
+    "Result of a fix.",
     _name_codes(
         contract.Use,
         {
-            "NOT_ASKED": "it cannot be one, or the vehicle cannot do that; not used",
+            "NOT_ASKED": "impossible, or beyond the limits of the vehicle; not used",
             "UNMEASURED": "nothing was measured",
             "REJECTED": "its innovation is beyond the gate; not used",
             "ACCEPTED": "used",
-            "REACQUIRED": "used although beyond the gate, because its source was rejected for long",
+            "REACQUIRED": "used although beyond the gate, because its source was rejected for a long time",
         },
     ),
 )
@@ -152,48 +152,48 @@ ROW = ExportNames(
 CODE = ExportNames(
     "strapdown_code",
     "",
-    "What an event is.",
+    "Kinds of events.",
     _name_codes(
         Code,
         {
             "BRIDGED_GAP": "gap of the IMU of value s, bridged with the last rates",
             "HELD_GAP": "longer gap of value s: velocity and attitude held",
-            "LIFTED": "gate of source `which` lifted, its fixes were rejected for long; value: distance",
+            "LIFTED": "gate of source `which` opened after long rejection of its fixes; value: distance",
             "LEFT_OUT": "source `which` left out until one of its fixes passes",
             "HEIGHT_APART": "height of one source left out, because another's contradicts it; "
             "which / 2 is left out * sources + other; value: difference in m",
             "HEIGHT_AGAIN": "height of source `which` agrees again and is used",
-            "TOO_FAR": "position of source `which` further away than the vehicle can have gone",
+            "TOO_FAR": "position of source `which` farther away than the vehicle can have moved",
             "OUT_OF_RANGE": "axis `which` (gyro 0-2, accelerometer 3-5) read value, beyond its range",
             "FULL_SCALE": "axis `which` at full scale",
             "STUCK": "axis `which` repeats its value",
             "COARSE": "samples too far apart for this motion; value m/s^2",
             "JITTERED": "intervals of samples are uneven; value: mean difference over their length",
-            "FLOORED": "a standard deviation of source `which` was raised to the least that can be",
-            "NO_FIX": "source `which` said latitude and longitude 0",
-            "TOO_FAST": "source `which` said a speed that the vehicle cannot have; value m/s",
-            "TOO_HIGH": "source `which` said a height that the vehicle cannot have; value m",
+            "FLOORED": "a standard deviation of source `which` was raised to the smallest possible one",
+            "NO_FIX": "source `which` reported latitude and longitude 0",
+            "TOO_FAST": "source `which` reported a speed beyond the vehicle's limit; value m/s",
+            "TOO_HIGH": "source `which` reported a height beyond the vehicle's limits; value m",
             "MEAN_OFF": "mean of the innovations of source which / 3, component which % 3, is off",
             "NIS_OFF": "innovations of source `which` are larger than stated; value: ratio of variances",
             "BELIEF_TOO_FAST": "the solution is faster than the vehicle can be",
             "BELIEF_TOO_HIGH": "the solution is higher or lower than the vehicle can be",
-            "IN_CONDITION": "what the filter says of itself; `which` counts its conditions",
+            "IN_CONDITION": "a condition of the filter; `which` is its number",
         },
     ),
 )
 RESULTS = ExportNames(
     "strapdown_result",
     "",
-    "What functions return. Below 0 nothing was done, but where the filter stopped.",
+    "Results of functions. Below 0 the call had no effect, except that the filter may have stopped.",
     (
         Name("OK", 0, "done"),
-        Name("BAD_NUMBER", -1, "a number is not finite, or cannot be"),
-        Name("LATE", -2, "not later than what was used already"),
-        Name("FULL", -3, "no room: as many fixes wait as there is room for"),
+        Name("BAD_NUMBER", -1, "a number is not finite, or impossible"),
+        Name("LATE", -2, "not later than the data already used"),
+        Name("FULL", -3, "too many fixes wait"),
         Name("JUMP", -4, "the sample is more than a day after the last one"),
         Name("NO_SOURCE", -5, "there is no such source"),
         Name("STOPPED", -6, "the filter stopped: start it again"),
-        Name("FIXED", -7, "a part of the start that is fixed in this export is another"),
+        Name("FIXED", -7, "a part of the start that is fixed in this export differs"),
     ),
 )
 ENUMS = (RESULTS, STATUS, USE, ROW, CODE)

@@ -28,8 +28,8 @@ OPTIONS = ("--target=wasm32", "-std=c99", "-O2", "-mbulk-memory", "-nostdlib", "
 
 
 def link_module(contents: Mapping[str, bytes]) -> bytes | None:
-    """The module of these files of an export; None where clang and wasm-ld are not found. Raises
-    DataError with what they say."""
+    """Return the module from these files of an export; None where clang and wasm-ld are not found.
+    Raises DataError with their message."""
     if not (shutil.which("clang") and shutil.which("wasm-ld")):
         return None
     shown = [f"-Wl,--export={name}" for name in FUNCTIONS]
@@ -45,7 +45,7 @@ def link_module(contents: Mapping[str, bytes]) -> bytes | None:
         )
         if done.returncode:
             said = " ".join(done.stderr.split())[:500]
-            raise DataError(f"clang links no strapdown.wasm: {said}")
+            raise DataError(f"clang could not link strapdown.wasm: {said}")
         return (Path(place) / "strapdown.wasm").read_bytes()
 
 

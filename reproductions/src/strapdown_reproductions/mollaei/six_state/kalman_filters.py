@@ -54,8 +54,9 @@ def start(
     airspeed: float | None = None,
     **shared: Any,
 ) -> FilterState:
-    """The filter state at `start`. linearised: where the process is, one of operating_point.READINGS;
-    airspeed: of the trim that "trim" and "once" are about, m/s; shared: Options."""
+    """The filter state at `start`. linearised: where the process is, one of
+    operating_point.READINGS; airspeed: of the trim that "trim" and "once" are about, m/s; shared:
+    Options."""
     options = Options(**shared)
     belief = begin(start, SIX, options)
     point = point_of(find_aircraft(options.aircraft), start, linearised, airspeed)
@@ -128,7 +129,7 @@ def take(
     gate: float,
     innovation: Array,
 ) -> float:
-    """No filter: the fix is the state, whatever it is."""
+    """No filter: the fix is used directly as the state."""
     workspace, x = belief.workspace, belief.workspace[X]
     first = innovation_at(workspace, y, kind, x, innovation)
     for i in range(3):

@@ -51,7 +51,7 @@ UNKNOWN = SIX.number("UNKNOWN")
 SINCE = SIX.number("SINCE")  # s since the last fix
 DENSITY = SIX.number("DENSITY")  # of the air at the height of the estimate, kg/m^3
 TURNED = SIX.matrix("TURNED", 3, 3)  # C_nb at mid-sample
-# change of velocity over the sample that the IMU tells, gravity included, m/s
+# change of velocity over the sample from the IMU, with gravity, m/s
 DV = SIX.array("DV", 3)
 A = SIX.matrix("A", 3, 3)  # d velocity after / d velocity before
 # state and covariance that a fix would leave
@@ -83,7 +83,7 @@ class Options(NamedTuple):
     q: float = 0.0
     r: float = 0.0
     rate: float = 100.0  # of the IMU, Hz
-    aircraft: File | Aircraft = "aerosonde"  # whose model predicts
+    aircraft: File | Aircraft = "aerosonde"  # its model predicts
     earth: str = "flat"  # no other
 
 
@@ -367,7 +367,7 @@ def correct_gaussian(
     nis, spread, rows = 0.0, 1.0, 0
     b0, b1, b2 = x[first], x[first + 1], x[first + 2]
     for i in range(3):
-        # less what the rows before have corrected
+        # minus the corrections by the earlier rows
         e = innovation[i] + ((b0 if i == 0 else (b1 if i == 1 else b2)) - x[first + i])
         if math.isnan(e):
             continue

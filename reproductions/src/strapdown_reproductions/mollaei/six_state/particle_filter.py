@@ -90,7 +90,7 @@ class Views(NamedTuple):
 
 @inline
 def views(workspace: Array) -> Views:
-    """The components and what belongs to each."""
+    """The components and their associated arrays."""
     n, own = int(workspace[N]), workspace[COMPONENTS:]
     after = WIDTH * n
     return Views(
@@ -114,10 +114,10 @@ def start(
     transition: str = "linearised",
     **shared: Any,
 ) -> FilterState:
-    """The filter state at `start`. components; kernel: their width as a fraction of the mixture's (None:
-    mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
-    of the draws; transition: of each component, "linearised" at its mean or by "sigma-points", the
-    symmetric set (37)-(39); shared: Options.
+    """The filter state at `start`. components; kernel: their width as a fraction of the mixture's
+    (None: mixture.kernel_width); resample: when fewer than this fraction of them are effective;
+    seed of the draws; transition: of each component, "linearised" at its mean or by "sigma-points",
+    the symmetric set (37)-(39); shared: Options.
     """
     check_number(resample, "resample", least=0, most=1)
     check_choice(transition, "transition", ("linearised", "sigma-points"))

@@ -16,6 +16,7 @@ from . import (
     adaptive,
     clock,
     dead_reckoning,
+    disturbed_field,
     heights,
     imu_errors,
     robust,
@@ -24,6 +25,7 @@ from . import (
 )
 
 PREPARE = (
+    (disturbed_field.exclude_disturbed_field, disturbed_field.is_needed),
     (clock.look_back, clock.is_needed),
     (side_slip.inflate_side_slip, side_slip.is_needed),
     (time_correlated.fade_errors, time_correlated.is_needed),

@@ -1,8 +1,8 @@
-"""Which messages of an ArduPilot log make a recording, as sections of a description.
+"""The messages of an ArduPilot log that make a recording, as sections of a description.
 
-The IMU is `IMU`, what the autopilot's own filter was given, one point sample per row. The batches
-of raw samples (`ISBD`) have pauses between them, and `ACC` and `GYR` are raw samples in tables of
-their own at rates of their own.
+The IMU is `IMU`, the input of the autopilot's own filter, one point sample per row. The batches of
+raw samples (`ISBD`) have pauses between them; `ACC` and `GYR` are raw samples in separate tables at
+different rates.
 """
 
 import re
@@ -14,22 +14,25 @@ from numpy.typing import NDArray
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
 from ...reader import Section
+from ..carrier_classes import by_class
 from . import autopilot
 from .dataflash import DataFlash
 
 Columns = dict[str, NDArray[Any]]
 FIX_3D = 3  # Status from which a fix has a height
+CARRIER = {"fixed": (6,), "float": (5,), "single": (3, 4)}
+"""Carrier solutions by Status."""
 FASTER = (
     "set IMU_FAST (of ArduCopter bit 18) in LOG_BITMASK, which logs the IMU at the rate of the "
     "main loop"
 )
 DELAY = 0.2
-"""s, that ArduPilot takes for a receiver whose delay neither a parameter nor its driver knows
-(AP_GPS_Backend::get_lag); drivers know 0.05 to 0.22 s."""
+"""s: delay that ArduPilot assumes for a receiver where neither a parameter nor the driver states
+one (AP_GPS_Backend::get_lag); drivers state 0.05 to 0.22 s."""
 HARDWARE = re.compile(r"u-blox (\d+) HW: (\w{4})")
-"""The text that says which u-blox a receiver is."""
+"""The text that names the model of a u-blox receiver."""
 U_BLOX = dict.fromkeys(("0007", "0008", "0019", "000A"), 0.12)
-"""s, delay that its driver knows of u-blox 7, M8, F9 with M9, and M10 (AP_GPS_UBLOX::get_lag)."""
+"""s: delay in the driver of u-blox 7, M8, F9 with M9, and M10 (AP_GPS_UBLOX::get_lag)."""
 STD = {
     "POSNE_M_NSE": 0.5,
     "VELNE_M_NSE": 0.3,
@@ -37,7 +40,7 @@ STD = {
     "ALT_M_NSE": 2.0,
     "EAS_M_NSE": 1.4,
 }
-"""ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
+"""ArduPilot's own standard deviations where neither the receiver nor a parameter of the log states
 one: m, m/s, gauss, m, m/s."""
 MESSAGES = {
     "imu": ("IMU", "IMU2", "IMU3"),
@@ -46,7 +49,7 @@ MESSAGES = {
     "barometer": ("BARO", "BAR2", "BAR3"),
     "airspeed": ("ARSP", "ASP2"),
 }
-"""Messages of old logs by instance; in newer ones the first has a column for it."""
+"""Messages of old logs by instance; in newer logs the first one has a column for the instance."""
 NEEDED = {
     "imu": {f"{sensor}{axis}" for sensor in ("Gyr", "Acc") for axis in "XYZ"},
     "gnss": {"Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"},
@@ -54,14 +57,14 @@ NEEDED = {
     "barometer": {"Press"},
     "airspeed": {"Airspeed"},
 }
-"""Columns without which a message is left."""
+"""Columns without which a message is left out."""
 HEALTH = {"Health", "H"}
 """Columns of a sensor that are 0 where it is in bad health."""
 
 
 def _since_boot(columns: Columns) -> Columns:
-    """Columns with the names that they have today. Logs of 2013 to 2015 have ms since boot: T of a
-    receiver, whose TimeMS is that of the week, and TimeMS of all others."""
+    """Return the columns under their current names. Logs of 2013 to 2015 have ms since boot: in T
+    for a receiver, whose TimeMS is the time of week, and in TimeMS for all others."""
     if "TimeUS" in columns or "TimeMS" not in columns:
         return columns
     ms = columns["TimeMS"]
@@ -74,8 +77,8 @@ def _since_boot(columns: Columns) -> Columns:
 
 
 def _of(log: DataFlash, name: str, instance: int) -> Columns:
-    """The columns of one instance: of message NAME by its column I, or NAME2 of an old log; with
-    times as signed numbers. {} where there is none."""
+    """Return the columns of one instance, from message NAME by its column I, or from NAME2 of an
+    old log, with times as signed numbers; {} where there is none."""
     found = log.columns(name)
     if "I" in found:
         here = found["I"] == instance
@@ -99,8 +102,8 @@ def _instances(log: DataFlash, role: str) -> dict[int, Columns]:
 
 
 def _healthy(columns: Columns) -> tuple[Columns, int]:
-    """(columns of an IMU whose samples of a sensor in bad health, by GH and AH, are missing; how
-    many rows have such)."""
+    """Return the columns of an IMU without the samples of a sensor in bad health (GH, AH), and the
+    number of rows with such samples."""
     bad = np.zeros(len(columns["TimeUS"]), bool)
     found = dict(columns)
     for health, names in (("GH", "Gyr"), ("AH", "Acc")):
@@ -115,7 +118,7 @@ def _healthy(columns: Columns) -> tuple[Columns, int]:
 
 
 def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]:
-    """({table: (its columns, section)} of the IMUs, lines on what is left)."""
+    """({table: (its columns, section)} of the IMUs, lines on what is left out)."""
     made, left = {}, []
     trim = [np.degrees(log.parameters.get(f"AHRS_TRIM_{axis}", 0.0)) for axis in "XY"]
     for instance, columns in _instances(log, "imu").items():
@@ -123,7 +126,7 @@ def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]
         columns, bad = _healthy(columns)
         if bad:
             left.append(
-                f"{table}: {bad} of {len(columns['TimeUS'])} rows of a gyro or an accelerometer in bad "
+                f"{table}: {bad} of {len(columns['TimeUS'])} rows with a gyro or accelerometer in bad "
                 f"health (GH, AH)"
             )
         if bad == len(columns["TimeUS"]):
@@ -152,8 +155,8 @@ def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]
 
 
 def _fixes(log: DataFlash, instance: int, columns: Columns) -> tuple[Columns, Any]:
-    """(columns of the fixes with a height, their rows): with the accuracies and times of GPA,
-    velocities north and east, and the height above the ellipsoid where the log tells the
+    """(columns of the fixes with a height, their rows), with the accuracies and times of GPA,
+    velocities north and east, and the height above the ellipsoid where the log has the
     undulation."""
     rows = np.flatnonzero(columns["Status"] >= FIX_3D)
     found = {key: values[rows] for key, values in columns.items()}
@@ -178,7 +181,7 @@ def _fixes(log: DataFlash, instance: int, columns: Columns) -> tuple[Columns, An
 
 
 def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
-    """(delay of a receiver in s, where that comes from)."""
+    """(delay of a receiver in s, its source)."""
     names = [f"GPS{instance + 1}_DELAY_MS", "GPS_DELAY_MS" + ("" if not instance else "2")]
     if log.parameters.get("AHRS_EKF_TYPE") == 2:
         names.append("EK2_GPS_DELAY")
@@ -188,9 +191,11 @@ def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
     for text in log.texts():
         match = HARDWARE.match(text)
         if match and int(match[1]) == instance + 1 and match[2].upper() in U_BLOX:
-            why = f"{names[1]} of the log names none; ArduPilot's own for u-blox HW {match[2]}"
+            why = (
+                f"{names[1]} of the log names none; ArduPilot's own value for u-blox HW {match[2]}"
+            )
             return U_BLOX[match[2].upper()], why
-    return DELAY, f"{names[1]} of the log names none, and this is ArduPilot's own default"
+    return DELAY, f"{names[1]} of the log names none; this is ArduPilot's default"
 
 
 def _setting(log: DataFlash, name: str) -> autopilot.Deviation:
@@ -200,7 +205,7 @@ def _setting(log: DataFlash, name: str) -> autopilot.Deviation:
 
 
 def receivers(log: DataFlash) -> tuple[dict[str, tuple[Columns, Any, list[Section]]], list[str]]:
-    """({table: (columns, rows, sections)} of the receivers, lines on what is left)."""
+    """({table: (columns, rows, sections)} of the receivers, lines on what is left out)."""
     made: dict[str, tuple[Columns, Any, list[Section]]] = {}
     left = []
     for instance, columns in _instances(log, "gnss").items():
@@ -230,11 +235,12 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
         for names, own in ((["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"), (["SAcc"], "VELNE_M_NSE"))
     )
     remarks = autopilot.UNSURE if "log names none" in why else ()
-    return autopilot.receiver_sections(
+    position, of_velocity = autopilot.receiver_sections(
         Section("source", "gnss", common, instance, title, assumed, remarks=remarks),
         ({**columns, **std.key, **geoid}, std.assumed),
         ({**velocity, **std_of_velocity.key}, std_of_velocity.assumed),
     )
+    return [*by_class(position, fixes["Status"], "Status", CARRIER), of_velocity]
 
 
 def others(log: DataFlash, dated: bool) -> dict[str, tuple[Columns, Section]]:

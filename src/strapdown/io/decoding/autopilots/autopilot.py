@@ -18,11 +18,12 @@ VEHICLES: dict[float, str] = {
     10: "car",
     11: "ship",
 }
-"""Kinds of MAV_TYPE (https://mavlink.io/en/messages/common.html#MAV_TYPE) with bounds of their own."""
+"""Kinds of MAV_TYPE (https://mavlink.io/en/messages/common.html#MAV_TYPE) with limits of their
+own."""
 LATEST = 5e9  # s of GPS time, in 2138
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
-ESTIMATE = "the autopilot's own estimate, made of the same sensors"
-NO_DATE = "the model of the Earth's field needs a date, and the log has none"
+ESTIMATE = "the autopilot's own estimate from the same sensors"
+NO_DATE = "the geomagnetic model needs a date, and the log has none"
 OTHERS = {
     "magnetometer": ("magnetic-field", "gauss"),
     "barometer": ("pressure", "Pa"),
@@ -38,7 +39,7 @@ class Deviation(NamedTuple):
     """The key `std` of a section."""
 
     std: Any  # a number or names of columns
-    why: str  # where it comes from; "" where the log says it of each fix
+    why: str  # its source; "" where the log has it for each fix
 
     @property
     def key(self) -> dict[str, Any]:
@@ -52,8 +53,8 @@ class Deviation(NamedTuple):
 
 
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
-    """The head of a Log whose clock has its zero where the median of `gps` (s of GPS time) less `t`
-    (s of that clock) says; {} where there is no such time."""
+    """Return the head of a Log whose clock is zero at the median of `gps` (s of GPS time) minus `t`
+    (s of that clock); {} without such a time."""
     good = (gps > 0) & (gps < LATEST) & np.isfinite(t)
     if not good.any():
         return {}
@@ -74,7 +75,7 @@ def add_arm(
     parameters: Mapping[str, float],
     names: Iterable[str],
 ) -> None:
-    """Add the key `lever_arm`, of the first of these parameters that says one."""
+    """Add the key `lever_arm` from the first of these parameters that is set."""
     for name in names:
         found = arm(parameters, name)
         if any(found):
@@ -83,7 +84,8 @@ def add_arm(
 
 
 def setting(parameters: Mapping[str, float], name: str, default: float) -> Deviation:
-    """The standard deviation that a parameter of the autopilot's own filter says, or its default."""
+    """Return the standard deviation from a parameter of the autopilot's own filter, or its
+    default."""
     found = parameters.get(name, 0.0)
     if found > 0:
         return Deviation(float(f"{found:.6g}"), f"{name} of the log")
@@ -91,10 +93,11 @@ def setting(parameters: Mapping[str, float], name: str, default: float) -> Devia
 
 
 def deviation(fixes: Columns, names: Sequence[str], own: Deviation) -> Deviation:
-    """The standard deviations that columns of a receiver say, else the autopilot's own setting."""
+    """Return the standard deviations in the receiver's columns, else the autopilot's own
+    setting."""
     if all(name in fixes and np.any(fixes[name] > 0) for name in names):
         return Deviation(names[0] if len(names) == 1 else list(names), "")
-    return Deviation(own.std, f"the receiver says none; {own.why}")
+    return Deviation(own.std, f"the receiver states none; {own.why}")
 
 
 def imu_section(
@@ -106,7 +109,7 @@ def imu_section(
     assumed: Mapping[str, str],
     faster: str,
 ) -> Section:
-    """[imu] of a flight controller, whose place is in the parameters `arm_of`."""
+    """[imu] of a flight controller; the parameters `arm_of` have its lever arm."""
     keys = {**keys, "grade": "consumer"}
     assumed = {**assumed, "grade": GRADE_OF_MEMS}
     add_arm(keys, assumed, parameters, [arm_of])
@@ -114,14 +117,14 @@ def imu_section(
 
 
 Part = tuple[Mapping[str, Any], Mapping[str, str]]
-"""Keys of a section, and why those of them that are assumed."""
+"""Keys of a section, and the reasons for the assumed ones."""
 
 
 def receiver_sections(
     receiver: Section, position: Part, velocity: Part, no_velocity: str = ""
 ) -> list[Section]:
-    """Position and velocity of a receiver, beside what is common to both; `no_velocity` is why the
-    velocity is left."""
+    """Return the sections of a receiver's position and velocity with their common keys;
+    `no_velocity` is the reason why the velocity is left out."""
     return [
         receiver._replace(
             keys={"kind": kind, **receiver.keys, **keys},
@@ -146,8 +149,8 @@ def other_section(
     dated: bool,
     **more: Any,
 ) -> Section:
-    """A magnetometer, a barometer or an airspeed, whose `keys` are its time and columns; `dated`: the log tells
-    a date."""
+    """Return the section of a magnetometer, a barometer or an airspeed with `keys`, its time and
+    columns; `dated`: the log has a date."""
     kind, unit = OTHERS[role]
     keys = {"kind": kind, "table": table, **keys, "unit": unit, **own.key, **more}
     left = "" if dated or role != "magnetometer" else NO_DATE
@@ -157,18 +160,18 @@ def other_section(
 def changes(
     parameters: Mapping[str, float], changed: Mapping[str, Sequence[float]], names: Sequence[str]
 ) -> list[str]:
-    """Lines on those of these parameters that the log changes on its way."""
+    """Return lines on those of these parameters that change within the log."""
     return [
-        f"{name} was changed on the way, from {changed[name][0]:g} to {parameters[name]:g}: the last "
-        f"value is taken for the whole log"
+        f"{name} was changed during the log, from {changed[name][0]:g} to {parameters[name]:g}: the last "
+        f"value is used for the whole log"
         for name in names
         if name in changed
     ]
 
 
 def at_times(t: Any, there: Array, values: Array) -> Array:
-    """Vectors `values` (m, k) at the times `there`, between which they are interpolated, at the
-    times t; NaN beyond them. Of quaternions the signs are made to agree first."""
+    """Interpolate the vectors `values` (m, k) at the times `there` to the times t; NaN beyond them.
+    The signs of quaternions are made consistent first."""
     order = np.argsort(there, kind="stable")
     there, values = np.asarray(there, float)[order], np.asarray(values, float)[order]
     if not len(there):
@@ -177,8 +180,8 @@ def at_times(t: Any, there: Array, values: Array) -> Array:
 
 
 def quaternions_at(t: Any, there: Array, q: Array) -> Array:
-    """The same of quaternions (m, 4), along the chord, which between samples of 10 Hz and more is
-    right to a ten-thousandth of the turn between them."""
+    """Interpolate quaternions (m, 4) along the chord; at 10 Hz and more, the error is a
+    ten-thousandth of the turn between the samples."""
     q = np.asarray(q, float)
     flips = np.where(np.einsum("ij,ij->i", q[1:], q[:-1]) < 0, -1.0, 1.0)
     found = at_times(t, there, q * np.cumprod(np.r_[1.0, flips])[:, None] if len(q) else q)
@@ -187,7 +190,7 @@ def quaternions_at(t: Any, there: Array, q: Array) -> Array:
 
 
 def quaternions_of(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """(n, 4) quaternions, scalar first, of angles in deg."""
+    """Return quaternions (n, 4), scalar first, from angles in deg."""
     return quaternions(np.radians(np.c_[roll, pitch, yaw]), None, None, ARRAYS)
 
 

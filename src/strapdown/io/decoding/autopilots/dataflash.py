@@ -1,5 +1,6 @@
-"""ArduPilot's log format DataFlash, https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
-and `AP_Logger/LogStructure.h`: its messages as tables, its parameters and its text."""
+"""ArduPilot's log format DataFlash,
+https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html and
+`AP_Logger/LogStructure.h`: its messages as tables, its parameters and its text."""
 
 from typing import Any, NamedTuple
 
@@ -50,8 +51,8 @@ class DataflashMessage(NamedTuple):
 
     @property
     def kind(self) -> np.dtype[Any] | None:
-        """The structured type of what follows the head; None of a declaration that contradicts
-        itself."""
+        """The structured type of the bytes after the header; None for a declaration that
+        contradicts itself."""
         if (
             len(self.letters) != len(self.columns)
             or len(set(self.columns)) != len(self.columns)
@@ -69,11 +70,11 @@ class DataflashMessage(NamedTuple):
 
 
 class DataFlash(Walked):
-    """A binary DataFlash log, walked once. Raises DataError where the bytes are none."""
+    """A binary DataFlash log, read in one pass. Raises DataError for other bytes."""
 
     def __init__(self, content: bytes) -> None:
         if HEAD not in content[:4096]:
-            raise DataError("is no DataFlash log; is it the .BIN file of the autopilot?")
+            raise DataError("is not a DataFlash log; give the .BIN file of the autopilot")
         super().__init__(content)
         self.messages: dict[int, DataflashMessage] = {
             FORMAT: DataflashMessage(
@@ -94,13 +95,13 @@ class DataFlash(Walked):
 
     @property
     def counts(self) -> dict[str, int]:
-        """{name: messages} of those that there are."""
+        """{name: number of messages} of the messages in the log."""
         found = {each.name: len(self._rows[kind]) for kind, each in self.messages.items()}
         return {name: many for name, many in sorted(found.items()) if many}
 
     def columns(self, name: str) -> dict[str, NDArray[Any]]:
-        """The columns of a message by their names in the log, hundredths and 1e-7 deg turned into
-        plain numbers; texts are bytes. {} of one that is not there, or not readable."""
+        """Return the columns of a message by their names in the log, with hundredths and 1e-7 deg
+        converted to plain units; texts are bytes. {} for a missing or unreadable message."""
         for number, message in self.messages.items():
             kind = message.kind if message.name == name else None
             if kind is not None and len(self._rows[number]):
@@ -115,7 +116,7 @@ class DataFlash(Walked):
         return {}
 
     def texts(self) -> list[str]:
-        """The texts that the autopilot wrote, in their order."""
+        """Return the texts that the autopilot wrote, in order."""
         texts = self.columns("MSG").get("Message", np.array([], "S1"))
         return [each.decode("utf-8", "replace") for each in texts.tolist()]
 

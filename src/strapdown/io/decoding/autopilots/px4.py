@@ -1,13 +1,13 @@
-"""Which topics of a PX4 log make a recording, as sections of a description.
+"""The topics of a PX4 log that make a recording, as sections of a description.
 
 The IMU is `vehicle_imu` where the log has it at full rate, else `sensor_combined`. Both hold what
-the autopilot integrated from the raw samples of its sensors, over 4 to 5 ms, calibrated and turned
-to the body; divided by the time that they were integrated over these are mean rates, which stay
-right where the logger lost a message. `sensor_gyro` and `sensor_accel`, raw, neither calibrated nor
-turned, are taken only where the log has nothing better.
+the autopilot integrated from the raw samples of its sensors, over 4 to 5 ms, calibrated and rotated
+to the body. Divided by the integration time they are mean rates, which stay correct where the
+logger lost a message. `sensor_gyro` and `sensor_accel` are raw, neither calibrated nor rotated, and
+are used only where the log has nothing better.
 
-Delay and antenna of a receiver are in EKF2_GPS_DELAY and EKF2_GPS_POS_*; since 2026 in parameters of
-each receiver, SENS_GPS0_* and SENS_GPS1_*.
+Delay and antenna of a receiver are in EKF2_GPS_DELAY and EKF2_GPS_POS_*; since 2026 each receiver
+has its own parameters, SENS_GPS0_* and SENS_GPS1_*.
 """
 
 from collections.abc import Mapping
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
 from ...reader import GUESS, Section
+from ..carrier_classes import by_class
 from . import autopilot
 from .ulog import ULog
 
@@ -27,12 +28,13 @@ GYRO = [f"gyro_rad[{k}]" for k in range(3)]
 ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
 Q = [f"q[{k}]" for k in range(4)]
 FIX_3D = (3, 4, 5, 6)  # fix_type of fixes with a height; 8 is extrapolated
+CARRIER = {"fixed": (6,), "float": (5,), "single": (3, 4)}
+"""Carrier solutions by fix_type."""
 SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
-"""us: a clock that starts between these counts from 1970, as that of a simulator does, not from power
-on."""
-SLOW = 20.0  # Hz of samples that have been averaged, below which raw ones are looked at
+"""us: a clock that starts between these counts from 1970, as in a simulator, not from power-on."""
+SLOW = 20.0  # Hz: where averaged samples are slower, raw ones are considered
 NEARLY = 0.8
-"""Share of the rate of another topic with the same samples, from which a topic is taken before it."""
+"""A topic is preferred to another one with the same samples if it has this share of its rate."""
 FASTER = (
     "set SDLOG_PROFILE to 3 (default and estimator replay), which logs the IMU at its full rate"
 )
@@ -43,7 +45,7 @@ STD = {
     "EKF2_BARO_NOISE": 3.5,
     "EKF2_EAS_NOISE": 1.4,
 }
-"""PX4's own standard deviations where neither the receiver nor a parameter of the log says one:
+"""PX4's own standard deviations where neither the receiver nor a parameter of the log states one:
 m, m/s, gauss, m, m/s."""
 TRIPLE = ("[0]", "[1]", "[2]")
 FIX = {"fix_type", "time_utc_usec", "eph", "epv", "s_variance_m_s", "vel_ned_valid"}
@@ -64,7 +66,7 @@ NEEDED: dict[str, list[set[str]]] = {
     "airspeed": [{"true_airspeed_m_s"}],
     "airspeed_validated": [{"true_airspeed_m_s", "selected_airspeed_index"}],
 }
-"""Fields that a topic must have, in the ways in which it may have them."""
+"""Fields that a topic must have, with the alternatives."""
 EQUAL = (
     "heights above the ellipsoid and mean sea level are equal in all rows, as simulators write them: "
     "taken as above mean sea level"
@@ -72,9 +74,9 @@ EQUAL = (
 
 
 def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
-    """(columns, their rows in the log) of a topic: of a receiver the fixes with a height, of an
-    airspeed those of a sensor, not of ground speed and wind, of
-    increments also the mean rates; times as signed numbers."""
+    """(columns, their rows in the log) of a topic, with times as signed numbers. A receiver keeps
+    only fixes with a height, an airspeed only those of a sensor, not of ground speed and wind;
+    increments get mean rates as well."""
     found = {
         key: values.astype(np.int64) if key.startswith("timestamp") else values
         for key, values in log.columns(name, instance).items()
@@ -112,7 +114,7 @@ def is_unix(log: ULog) -> bool:
 
 
 def time_of(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[str, Any]:
-    """The key `time` of a section: of the samples where the topic says when they were taken."""
+    """Return the key `time` of a section: the sampling time where the topic has it."""
     sampled = columns.get("timestamp_sample")
     column = "timestamp" if sampled is None or not np.all(sampled > 0) else "timestamp_sample"
     return (
@@ -123,7 +125,7 @@ def time_of(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[
 
 
 def instances(log: ULog, name: str) -> dict[int, float]:
-    """{instance: rate in Hz} of a topic, of those with the fields that are needed."""
+    """{instance: rate in Hz} of a topic, for instances with the necessary fields."""
     rates = {}
     for topic, instance in log.topics:
         columns = log.columns(name, instance) if topic == name else {}
@@ -133,7 +135,7 @@ def instances(log: ULog, name: str) -> dict[int, float]:
 
 
 def missing_field_lines(log: ULog, name: str) -> list[str]:
-    """Lines on the instances of a topic that lack a field which is needed."""
+    """Return lines on the instances of a topic that lack a necessary field."""
     lines = []
     for topic, instance in log.topics:
         columns = log.columns(name, instance) if topic == name else {}
@@ -146,7 +148,7 @@ def missing_field_lines(log: ULog, name: str) -> list[str]:
 
 
 def imus(log: ULog) -> tuple[list[Section], list[str]]:
-    """(sections, lines on what is left) of the IMUs."""
+    """(sections, lines on what is left out) of the IMUs."""
     every = {name: instances(log, name) for name in ("vehicle_imu", "sensor_combined")}
     gyros, accels = (instances(log, name) for name in ("sensor_gyro", "sensor_accel"))
     every["sensor_gyro"] = {each: gyros[each] for each in gyros if each in accels}
@@ -197,7 +199,7 @@ def _temperature(log: ULog, name: str, instance: int) -> dict[str, Any]:
         ("sensor_accel", "temperature"),
     ):
         there = [each for known, each in log.topics if known == topic]
-        # those of a `sensor_combined` do not say which IMU they are of
+        # a `sensor_combined` does not say which IMU its samples come from
         own = there if name != "sensor_combined" or len(there) == 1 else []
         of = instance if instance in own else own[0] if len(own) == 1 else None
         columns = {} if of is None else log.columns(topic, of)
@@ -246,7 +248,8 @@ def setting(log: ULog, parameter: str) -> autopilot.Deviation:
 
 
 def others(log: ULog, dated: bool) -> list[Section]:
-    """Magnetometers, barometers and airspeeds: those of the sensors, else that which PX4 validated."""
+    """Return the sections of magnetometers, barometers and airspeeds: an airspeed of the sensor, or else the one
+    that PX4 validated."""
     sections = []
     airspeed = "airspeed" if instances(log, "airspeed") else "airspeed_validated"
     for role, topic, columns, parameter in (
@@ -312,8 +315,8 @@ TAKEN_OFF = "PX4 has taken the receiver's delay off timestamp_sample"
 
 
 def receivers(log: ULog) -> tuple[list[Section], list[str]]:
-    """(sections, lines on what is left) of the receivers. `vehicle_gps_position` of a newer log
-    repeats what one of `sensor_gps` says, or a mixture of several."""
+    """(sections, lines on what is left out) of the receivers. In a newer log,
+    `vehicle_gps_position` repeats one `sensor_gps`, or blends several."""
     own, chosen = (instances(log, name) for name in ("sensor_gps", "vehicle_gps_position"))
     fast, slow = (max(each.values(), default=0.0) for each in (own, chosen))
     name, other = "vehicle_gps_position", "sensor_gps"
@@ -343,7 +346,7 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
     title = f"{name} {instance}, {rate_of(fixes['timestamp'], 1e-6):.3g} Hz"
     position, of_position = _position(fixes)
     moved = {"columns": [f"vel_{axis}_m_s" for axis in "ned"], "unit": "m/s"}
-    left = "" if fixes["vel_ned_valid"].any() else "the log says vel_ned_valid = 0 of all of them"
+    left = "" if fixes["vel_ned_valid"].any() else "vel_ned_valid is 0 in all of them"
     std, std_of_velocity = (
         autopilot.deviation(fixes, columns, setting(log, own))
         for columns, own in (
@@ -352,16 +355,18 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
         )
     )
     remarks = autopilot.UNSURE if why == NO_DELAY else ()
-    return autopilot.receiver_sections(
+    of_position_alone, of_velocity = autopilot.receiver_sections(
         Section("source", "gnss", common, instance, title, assumed, remarks=remarks),
         ({**position, **std.key}, {**std.assumed, **of_position}),
         ({**moved, **std_of_velocity.key}, std_of_velocity.assumed),
         left,
     )
+    classes = by_class(of_position_alone, fixes["fix_type"], "fix_type", CARRIER)
+    return [*classes, of_velocity]
 
 
 def _slot(parameters: Mapping[str, float], fixes: Columns, instance: int) -> int:
-    """The number of a receiver in the parameters SENS_GPS0_* and SENS_GPS1_*: of the one with its
+    """Return the number of a receiver in the parameters SENS_GPS0_* and SENS_GPS1_*: that with its
     device id, else its instance."""
     devices, many = np.unique(fixes.get("device_id", np.zeros(1)), return_counts=True)
     device = float(devices[np.argmax(many)])
@@ -373,9 +378,9 @@ def _slot(parameters: Mapping[str, float], fixes: Columns, instance: int) -> int
 
 
 def _time(log: ULog, fixes: Columns, slot: int) -> tuple[dict[str, Any], str]:
-    """(the key `time` of a receiver, where its delay comes from). Since 2026 `timestamp_sample` is
-    the moment of the fix, as PX4's VehicleGPSPosition works it out, where it is before
-    `timestamp`; earlier versions go by `timestamp` alone."""
+    """(the key `time` of a receiver, the source of its delay). Since 2026 `timestamp_sample` is the
+    time of the fix as PX4's VehicleGPSPosition computes it, where it is before `timestamp`; earlier
+    versions use `timestamp` alone."""
     sampled = fixes.get("timestamp_sample", np.zeros(1))
     if OLD_DELAY not in log.parameters and np.all((sampled > 0) & (sampled < fixes["timestamp"])):
         return time_of(log, fixes), TAKEN_OFF
@@ -390,7 +395,7 @@ def _time(log: ULog, fixes: Columns, slot: int) -> tuple[dict[str, Any], str]:
 
 
 def _position(fixes: Columns) -> tuple[dict[str, Any], dict[str, str]]:
-    """(keys, those of them that are assumed) of the positions of a receiver."""
+    """(keys, the assumed ones among them) of the positions of a receiver."""
     new = "latitude_deg" in fixes
     heights = ["altitude_ellipsoid_m", "altitude_msl_m"] if new else ["alt_ellipsoid", "alt"]
     same = same_heights(fixes, *heights)

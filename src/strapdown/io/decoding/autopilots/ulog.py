@@ -1,5 +1,5 @@
-"""PX4's log format ULog, https://docs.px4.io/main/en/dev_log/ulog_file_format.html: its topics as
-tables, its parameters and its text."""
+"""PX4's log format ULog, https://docs.px4.io/main/en/dev_log/ulog_file_format.html: topics as
+tables, parameters and texts."""
 
 import re
 import struct
@@ -15,7 +15,7 @@ from ..record_walk import Follow, Walked, how_it_begins, structured_records
 MAGIC = b"ULog\x01\x12\x35"
 HEADER = 16  # bytes: magic, version, time of the start
 APPENDED = 1
-"""The bit of the incompatible flags that a reader may know: data appended at given places."""
+"""The incompatible flag that this reader supports: data appended at given places."""
 KINDS = b"BFIMPQARDLCSO"
 TYPES = {
     "int8_t": "i1",
@@ -44,18 +44,18 @@ class UlogTopic(NamedTuple):
     name: str
     instance: int
     fields: Fields
-    sizes: tuple[int, ...]  # bytes that its messages may have, the id included; () where unknown
+    sizes: tuple[int, ...]  # possible sizes of its messages in bytes, with the id; () if unknown
 
 
 class ULog(Walked):
-    """A ULog, walked once: `columns` gives a topic when it is asked for.
+    """A ULog, read in one pass; `columns` decodes a topic on request.
 
-    Raises DataError where the bytes are no ULog, or one that needs a newer reader.
+    Raises DataError for other bytes, or for a ULog that needs a newer reader.
     """
 
     def __init__(self, content: bytes) -> None:
         if content[: len(MAGIC)] != MAGIC or len(content) < HEADER:
-            raise DataError(f"is no ULog: {how_it_begins(content, MAGIC)}")
+            raise DataError(f"is not a ULog: {how_it_begins(content, MAGIC)}")
         super().__init__(content)
         self.start = int.from_bytes(content[8:HEADER], "little")  # us
         self.info: dict[str, str] = {}
@@ -76,7 +76,7 @@ class ULog(Walked):
         self._rows = self._group_records(self._ids, sorted(self._topics))
 
     def _ids(self, starts: NDArray[np.int64]) -> NDArray[Any]:
-        """The ids of data messages that begin there."""
+        """Return the ids of the data messages that begin at these places."""
         return structured_records(self.data, starts + 3, np.dtype("<u2"))
 
     @property
@@ -91,8 +91,8 @@ class ULog(Walked):
         return dict(sorted(found.items()))
 
     def columns(self, name: str, instance: int = 0) -> dict[str, NDArray[Any]]:
-        """The columns of a topic by the names of its fields, as `gyro_rad[0]`, in the order of the
-        file; {} of one that is not there."""
+        """Return the columns of a topic by the names of its fields, such as `gyro_rad[0]`, in file
+        order; {} for a missing topic."""
         parts = [
             self._of(number)
             for number, topic in self._topics.items()
@@ -115,16 +115,16 @@ class ULog(Walked):
         return {each: found[each] for each in names}
 
     def _appended_places(self) -> list[int]:
-        """Where data are appended, of the flags that stand first. Raises DataError for flags that
-        this reader does not know."""
+        """Return the places of appended data from the flags at the beginning. Raises DataError for
+        unknown flags."""
         at = HEADER
         if self.content[at + 2 : at + 3] != b"B" or len(self.content) < at + 43:
             return []
         incompatible = self.content[at + 11 : at + 19]
         if incompatible[0] & ~APPENDED or any(incompatible[1:]):
             raise DataError(
-                f"is a ULog with the incompatible flags {incompatible.hex()}, which only a newer "
-                f"reader knows; log without them"
+                f"is a ULog with the incompatible flags {incompatible.hex()}, which this reader does "
+                f"not support; log without them"
             )
         places = struct.unpack("<3Q", self.content[at + 19 : at + 43])
         places = tuple(each for each in places if HEADER < each < len(self.content))
@@ -171,7 +171,7 @@ class ULog(Walked):
         return known is None or size in known
 
     def _follow(self, end: int) -> Follow:
-        """By data of a known size, sync marks, and short texts."""
+        """Return a Follow for data of a known size, sync marks, and short texts."""
         data = self.data
         sizes = np.full((MAX_MESSAGE + 1, 2), -1)
         for number, topic in self._topics.items():
@@ -217,8 +217,8 @@ class ULog(Walked):
     def _flat(
         self, name: str, prefix: str, begin: int, fields: Fields, depth: int
     ) -> tuple[int, int]:
-        """Add the fields of a type that begins at a byte; (where it ends, and where without the
-        padding at its end). Raises DataError for a format that is none."""
+        """Add the fields of a type that begins at a byte; return its end with and without the
+        padding. Raises DataError for an invalid format."""
         if name not in self._formats or depth > DEEPEST:
             raise DataError(f"no format {name}")
         at = logged = begin
@@ -262,18 +262,18 @@ class ULog(Walked):
         lines = []
         if self.dropouts:
             lines.append(
-                f"{count_text(len(self.dropouts), 'dropout')} of the logger, {sum(self.dropouts)} ms "
-                f"together: its card was too slow"
+                f"{count_text(len(self.dropouts), 'dropout')} of the logger, {sum(self.dropouts)} ms in "
+                f"total: its card was too slow"
             )
         if unknown := sum(not topic.fields for topic in self._topics.values()):
             lines.append(
-                f"{count_text(unknown, 'topic')} not read: the format is missing or contradicts itself"
+                f"{count_text(unknown, 'topic')} not read: the format is missing or inconsistent"
             )
         return lines + super().remarks
 
 
 def _entry(body: bytes) -> tuple[str, str, bytes]:
-    """(type, name, value) of an information or a parameter."""
+    """(type, name, value) of an information message or a parameter."""
     length = body[0] if body else 0
     kind, _, key = body[1 : 1 + length].decode("ascii", "replace").partition(" ")
     return kind, key, body[1 + length :]

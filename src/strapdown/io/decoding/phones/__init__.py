@@ -1,1 +1,1 @@
-"""Exports of phones' apps: tables in a folder or zip, and what is assumed of a phone."""
+"""Exports of phone apps: tables in a folder or zip, and assumptions on phones."""

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 CSV = tuple(end for end in packed_suffixes(".csv") if not end.endswith(".zip"))
 """Endings of the names of the files."""
 MAX_FILES = 200
-"""Files of an export: an app has some twenty sensors."""
+"""Largest number of files of an export; an app has some twenty sensors."""
 HEAD = 4096
-"""Bytes of a file that hold its header line."""
+"""Number of bytes that contain the header line of a file."""
 
 
 class Export(NamedTuple):
-    """The CSV files of an export by their names without endings, as "meta/time", each as a function
-    that opens it."""
+    """The CSV files of an export: for each name without ending, such as "meta/time", a function
+    that opens the file."""
 
     path: Path
     files: Mapping[str, Callable[[], BinaryIO]]
@@ -47,19 +47,19 @@ class Export(NamedTuple):
         return self.path.is_file() and self.path.suffix.lower() != ".zip"
 
     def head(self, name: str) -> str:
-        """The header line of a file without quotes, "" where it has none. Raises DataError."""
+        """Return the header line of a file without quotes, "" without one. Raises DataError."""
         with self._read_errors(), self.files[name]() as file:
             text = file.read(HEAD).decode("utf-8-sig", "replace")
         return text.splitlines()[0].replace('"', "") if text.strip() else ""
 
     def table(self, name: str) -> FileTable:
-        """A file as a FileTable, without rows where it has none. Raises DataError."""
+        """Return a file as a FileTable, which may have no rows. Raises DataError."""
         label = str(self.path) if self.alone else f"{self.path} [{name}.csv]"
         head = self.head(name)
         separator = max(",;\t", key=head.count)
         with self._read_errors(), self.files[name]() as file:
             content = file.read()
-        # apps set in some languages write 1,5 between semicolons or tabs
+        # in some languages, apps write 1,5 between semicolons or tabs
         comma = separator != "," and re.search(rb"\d,\d", content[len(head) :][:HEAD])
         decimal = "," if comma else "."
         frame = parse_cells(content, label, sep=separator, decimal=decimal, index_col=False)
@@ -67,7 +67,7 @@ class Export(NamedTuple):
 
     @contextmanager
     def _read_errors(self) -> Iterator[None]:
-        """Around what reads: what a damaged archive raises is a DataError of one line."""
+        """Context for reading: the exceptions of a damaged archive become a one-line DataError."""
         try:
             with reading_file(self.path):
                 yield
@@ -80,7 +80,7 @@ class Export(NamedTuple):
 
 
 def parse_cells(content: bytes, label: str, **options: Any) -> "pd.DataFrame":
-    """Parse a text of cells with pandas, without rows where it has none. Raises DataError, which
+    """Parse a text of cells with pandas; the result may have no rows. Raises DataError, which
     begins with `label`."""
     import pandas as pd
 
@@ -99,7 +99,7 @@ def parse_cells(content: bytes, label: str, **options: Any) -> "pd.DataFrame":
 
 
 def export(path: Path) -> Export:
-    """The Export in a folder, a zip or a CSV file; without files where it is none. Raises
+    """Return the Export in a folder, a zip or a CSV file; without files for anything else. Raises
     DataError."""
     found = Export(path, {})
     with found._read_errors():
@@ -116,7 +116,7 @@ def export(path: Path) -> Export:
 
 
 def heads(path: Path) -> dict[str, str]:
-    """{name: header line} of the files of an export, for a `sniff`; {} where it is none. Raises
+    """{name: header line} of the files of an export, for a `sniff`; {} for other files. Raises
     DataError for a damaged archive."""
     try:
         found = export(path)
@@ -143,7 +143,7 @@ def _of_folder(path: Path) -> dict[str, Callable[[], BinaryIO]]:
 
 
 def _of_zip(archive: Zip) -> dict[str, Callable[[], BinaryIO]]:
-    """The same of an archive, whose files may stand in one folder."""
+    """The same for an archive, whose files may be in one folder."""
     path, names, meter = Path(archive.path), archive.namelist(), archive.meter
     found = {
         PurePosixPath(name).parts: name
@@ -161,5 +161,5 @@ def _of_zip(archive: Zip) -> dict[str, Callable[[], BinaryIO]]:
 
 
 def _member(path: Path, name: str, meter: Meter) -> BinaryIO:
-    """A file of an archive, open to read; what all of them unpack to is counted together."""
+    """Open a file of an archive for reading; the meter counts the unpacked bytes of all files."""
     return Zip(path).content(name, meter, True)

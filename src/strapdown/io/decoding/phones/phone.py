@@ -1,5 +1,5 @@
-"""Parts that logs of phones share: the axes, the columns of the phone's location, and how the phone
-was held."""
+"""Common parts of phone logs: the axes, the columns of the location, and the attitude in which the
+phone was held."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -16,29 +16,29 @@ AXES = "RFU"
 """x to the right and y to the top of the screen, z out of it: forward is the top of the phone."""
 GRADE = "a phone's MEMS IMU"
 FAR = 100.0
-"""m: a fix whose accuracy is worse comes from cell towers or an old place, not from satellites."""
+"""m: a fix with a worse accuracy comes from cell towers or an old position, not from satellites."""
 RADIUS = 1.51
-"""Ratio of Android's accuracy over the standard deviation along an axis, sqrt(-2 ln 0.32): it is
-the radius in which 68 % of the places lie (developer.android.com, Location.getAccuracy). That of an
-iPhone is documented by no share, and taken as the standard deviation."""
+"""Ratio of Android's accuracy to the standard deviation along an axis, sqrt(-2 ln 0.32): Android
+states the radius that contains 68 % of the positions (developer.android.com, Location.getAccuracy).
+Apple documents no percentage; an iPhone's accuracy is taken as the standard deviation."""
 SPEED_STD = 0.5
-"""m/s, of a velocity whose accuracy the phone does not state."""
+"""m/s: std of a velocity whose accuracy the phone does not state."""
 VERTICAL = 1.5
 """Ratio of vertical standard deviation to horizontal accuracy, where the phone does not state
 it."""
 MAGNETIC_STD = 5.0
-"""uT: not the noise, which is far less, but what is near bends the field by so much indoors."""
+"""uT: distortion of the field by nearby objects indoors; the noise is far smaller."""
 GRAVITY = (5.0, 15.0)
-"""m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
-out has almost none."""
-DISTURBED = "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
+"""m/s^2: bounds of the median specific force of an accelerometer; without gravity it is nearly
+0."""
+DISTURBED = "nearby objects distort a phone's magnetometer; it is used if it is calibrated or you ask for it"
 ADDED = ("north std (m)", "up std (m)", "speed (m/s)", "course (deg)", "speed std (m/s)")
 """Columns that `fixes` adds."""
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class PhoneFixColumns(NamedTuple):
-    """Names of the columns of a table of fixes; "" where it has none."""
+    """Names of the columns of a table of fixes; "" for a missing one."""
 
     latitude: str
     longitude: str
@@ -51,12 +51,12 @@ class PhoneFixColumns(NamedTuple):
     course_accuracy: str = ""  # deg
 
     def among(self, columns: Sequence[str]) -> "PhoneFixColumns":
-        """The columns of a table whose names are of these patterns."""
+        """Return the columns of a table whose names match these patterns."""
         return PhoneFixColumns(*(matching_column(columns, pattern) for pattern in self))
 
 
 class Piece(NamedTuple):
-    """A gyro or an accelerometer: where its three columns are and what they are."""
+    """A gyro or an accelerometer: its table, its three columns and their unit."""
 
     table: str
     time: Mapping[str, Any]
@@ -66,25 +66,25 @@ class Piece(NamedTuple):
 
 
 def matching_column(columns: Sequence[str], pattern: str) -> str:
-    """The column whose name is of the pattern, the longest of several, "" where there is none: of two
-    heights that is the one above the ellipsoid."""
+    """Return the column whose name matches the pattern, "" without one. Of several the longest name
+    counts: of two heights, that is the one above the ellipsoid."""
     found = (each for each in columns if pattern and re.fullmatch(pattern, each, re.IGNORECASE))
     return max(found, key=len, default="")
 
 
 def triple(columns: Sequence[str], pattern: str) -> list[str]:
-    """Names of the columns of x, y and z, whose pattern has "{axis}" for the axis; [] where one is
-    missing."""
+    """Return the names of the columns of x, y and z, with "{axis}" in the pattern for the axis; []
+    where one is missing."""
     found = [matching_column(columns, pattern.replace("{axis}", axis)) for axis in "xyz"]
     return found if all(found) else []
 
 
 def fixes(table: FileTable, names: PhoneFixColumns, android: bool) -> tuple[FileTable, list[str]]:
-    """(Table with the columns ADDED, lines on rows that are left out) of a phone's fixes; `android`:
-    their accuracy is that of Android.
+    """(Table with the columns ADDED, lines on rows left out) of a phone's fixes; `android`: their
+    accuracy follows Android's definition.
 
-    Phones write -1 or nothing for what they do not know. A speed of zero needs no course. Raises
-    DataError where a cell is no number.
+    Phones write -1 or nothing for unknown values. A speed of zero needs no course. Raises DataError
+    where a cell is not a number.
     """
 
     def column(name: str) -> Array:
@@ -111,7 +111,7 @@ def fixes(table: FileTable, names: PhoneFixColumns, android: bool) -> tuple[File
     use = accuracy <= FAR
     left = []
     if far := int((accuracy > FAR).sum()):
-        left.append(f"{far} fixes whose accuracy is worse than {FAR:g} m")
+        left.append(f"{far} fixes with an accuracy worse than {FAR:g} m")
     if unknown := int(np.isnan(accuracy).sum()):
         left.append(f"{unknown} fixes without an accuracy")
     return table.with_columns(added).take(use), left
@@ -127,8 +127,8 @@ def location(
     geoid: str = "",
     **more: Any,
 ) -> tuple[list[Section], list[str]]:
-    """(sections, lines on what is left) of the fixes in a table, which gets the columns ADDED; `needed`
-    are the words for the columns without which there are none."""
+    """(sections, lines on what is left out) of the fixes in a table, which gets the columns ADDED;
+    `needed` names the necessary columns in messages."""
     if not (names.latitude and names.longitude and names.height and names.accuracy):
         return [], [f"{name}: lacks {needed}"]
     tables[name], left = fixes(tables[name], names, android)
@@ -145,13 +145,13 @@ def fix_sections(
     geoid: str = "",
     **more: Any,
 ) -> list[Section]:
-    """Sections of the position, whose height is above a `geoid` where one is named, and, where
-    there is one, the velocity of fixes that `fixes` gave."""
+    """Return the sections of the position and, where there is one, of the velocity in the table of
+    `fixes`. With `geoid`, heights are above that geoid."""
     if not len(table.lines):
         return []
     title = f"{name}, {len(table.lines)} fixes"
-    radius = f"; Android's horizontal one is a radius of 68 %, {RADIUS:g} times that along an axis"
-    assumed = {"std": f"the accuracies that the phone says{radius if android else ''}"}
+    radius = f"; Android's horizontal one is a 68 % radius, {RADIUS:g} times the std along an axis"
+    assumed = {"std": f"the accuracies that the phone states{radius if android else ''}"}
     position = {
         "kind": "position",
         "table": name,
@@ -182,7 +182,7 @@ def fix_sections(
 
 
 def day(unix: float) -> dict[str, str]:
-    """The key date of a moment in POSIX seconds; {} where it is none of this century."""
+    """Return the key date of a time in POSIX seconds; {} outside this century."""
     if not 946684800 <= unix < 4102444800:
         return {}
     return {"date": str(np.datetime64(int(unix), "s").astype("datetime64[D]"))}
@@ -196,15 +196,16 @@ def inertial(
     alone: bool = False,
     assumed: Mapping[str, str] = NOTHING,
 ) -> tuple[list[Section], list[str]]:
-    """(sections, facts): [imu] of a gyro and an accelerometer, or of one of them where it stands
-    `alone` in its file. What is unusable is a section that is left, with why and what to `record`.
+    """(sections, facts): [imu] of a gyro and an accelerometer, or of one of them where it is
+    `alone` in its file. An unusable IMU becomes a section that is left out, with the reason and
+    what to `record`.
     """
     facts = []
     if accel:
         norm, force = median_force(tables[accel.table], accel.columns)
         norm, force = norm * abs(accel.scale), force * accel.scale
         if not GRAVITY[0] <= norm <= GRAVITY[1]:
-            why = f"{accel.table}: its median is {norm:.3g} m/s^2, where gravity is 9.8; {record}"
+            why = f"{accel.table}: its median is {norm:.3g} m/s^2, but gravity is 9.8; {record}"
             return [no_imu(why)], []
         facts.append(holding_text(force))
     there = gyro or accel
@@ -217,14 +218,14 @@ def inertial(
 
 
 def no_imu(why: str) -> Section:
-    """An [imu] that cannot be taken, and why."""
+    """Return an [imu] that cannot be used, with the reason."""
     return Section("imu", "imu", {}, left=why)
 
 
 def imu_section(
     gyro: Piece | None, accel: Piece | None, assumed: Mapping[str, str] = NOTHING
 ) -> Section:
-    """[imu] of a gyro and an accelerometer, or of the one of them that there is."""
+    """[imu] of a gyro and an accelerometer, or of the one that is there."""
     pieces = {"gyro": gyro, "accel": accel}
     there = {key: piece for key, piece in pieces.items() if piece is not None}
     first = next(iter(there.values()))
@@ -248,7 +249,7 @@ def imu_section(
 def magnetometer_section(
     name: str, time: Mapping[str, Any], columns: list[str], head: Mapping[str, Any]
 ) -> Section:
-    """A magnetometer in uT, left until it is asked for."""
+    """A magnetometer in uT, left out until the user asks for it."""
     keys = {
         "kind": "magnetic-field",
         "table": name,
@@ -259,7 +260,7 @@ def magnetometer_section(
         "std": MAGNETIC_STD,
         **({} if "date" in head else {"field": "record"}),
     }
-    assumed = {"std": "uT, because what is near a phone bends the field for seconds"}
+    assumed = {"std": "uT, because objects near a phone distort the field for seconds"}
     return Section("source", "magnetometer", keys, title=name, assumed=assumed, left=DISTURBED)
 
 
@@ -279,7 +280,7 @@ def barometer_section(name: str, time: Mapping[str, Any], column: str) -> Sectio
 
 
 def median_force(table: FileTable, columns: list[str]) -> tuple[float, Array]:
-    """(median magnitude, median vector (3,)) of three columns; NaN where there is no whole row."""
+    """(median magnitude, median vector (3,)) of three columns; NaN without a complete row."""
     force = np.stack([table.numbers(column) for column in columns], axis=1)
     force = force[np.isfinite(force).all(axis=1)]
     if not len(force):
@@ -297,6 +298,6 @@ def holding_text(force: Array) -> str:
     with np.errstate(over="ignore", invalid="ignore"):
         tilt = np.degrees(np.arccos(min(1.0, abs(force[axis]) / np.linalg.norm(force))))
     return (
-        f"held {way}, {tilt:.0f} deg off, by the median of gravity; the heading is that of the top of "
-        f"the phone, not of what carries it"
+        f"held {way} within {tilt:.0f} deg, by the median of gravity; the heading is that of the top of "
+        f"the phone, not of its carrier"
     )

@@ -1,4 +1,4 @@
-"""Moments from times that begin anew each day or week, by the dates that some records have."""
+"""Absolute times from times of day or of week, with the dates that some records have."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -13,11 +13,11 @@ WEEK_MS = 604_800_000
 
 
 class CyclicClock(NamedTuple):
-    """The moments that records of a file say."""
+    """The absolute times that records of a file give."""
 
     place: Ints  # in the file (m,)
     moment: Ints  # ms since the zero of an absolute clock, or of the first day or week (m,)
-    period: int  # ms, of the times that other records say
+    period: int  # ms, of the times in the other records
     absolute: bool
     time: dict[str, Any]  # as a description has it
 
@@ -27,7 +27,7 @@ class CyclicClock(NamedTuple):
         return str(self.time["column"])
 
     def ms(self, place: Ints, t: Ints) -> Ints:
-        """Moments (n,) of times of day or of week at places in the file."""
+        """Return the absolute times (n,) of times of day or of week at places in the file."""
         return moments(place, t.astype(int), self.place, self.moment, self.period)
 
 
@@ -38,8 +38,9 @@ def clock_of(
     absolute: dict[str, Any],
     own: dict[str, Any],
 ) -> CyclicClock:
-    """The CyclicClock of records with a date, each (place, moment), or where there is none of those with a
-    time (place, t); `absolute` and `own` are the key `time` of a description then."""
+    """Return the CyclicClock of records with a date, each (place, moment), or without any of
+    records with a time, (place, t). `absolute` and `own` are the key `time` of a description in
+    these two cases."""
     none = np.zeros(0, int)
     place, moment = (np.concatenate([none, *each]) for each in zip((none, none), *dated))
     is_absolute = len(place) > 0
@@ -55,27 +56,27 @@ def clock_of(
 
 
 def moments(place: Ints, t: Ints, dated: Ints, moment: Ints, period: int) -> Ints:
-    """Moments (n,), ms, of times t (n,) of a day or week, at `place` (n,) in the file: of those that
-    t can mean the one nearest to the `moment` (m,) of the record nearest in the file, at `dated`
-    (m,)."""
+    """Return absolute times (n,), ms, of times t (n,) of a day or week at `place` (n,) in the file.
+    The day or week is chosen so that each is nearest to the `moment` (m,) of the nearest record
+    with a date, at `dated` (m,) in the file."""
     after = np.clip(np.searchsorted(dated, place), 0, len(dated) - 1)
     before = np.maximum(after - 1, 0)
     closer = np.abs(place - dated[before]) <= np.abs(dated[after] - place)
     near = moment[np.where(closer, before, after)]
-    # whole numbers, for ms since 1970 times the sum of two are beyond what a float holds
+    # integers, because ms since 1970 times the sum of two exceed the precision of a float
     return t + period * ((near - t + period // 2) // period)
 
 
 def undated_times(place: Ints, t: Ints, period: int) -> tuple[Ints, Ints]:
-    """(place, moment) of records that say no date, in the order of the file, counted from the first
-    day or week."""
+    """(place, moment) of records without a date, in file order, counted from the first day or
+    week."""
     order = np.argsort(place, kind="stable")
     turns = rollover_count(t[order].astype(float), period).astype(int)
     return place[order], t[order] + period * turns
 
 
 def in_order(t: Ints) -> tuple[Ints, int, int]:
-    """(rows in the order of time, each time once; how many were out of order; how many repeat a
+    """(rows in time order, each time once; number of rows out of order; number that repeat a
     time)."""
     order = np.argsort(t, kind="stable")
     first = np.diff(t[order], prepend=t[order][:1] - 1) > 0
@@ -83,7 +84,8 @@ def in_order(t: Ints) -> tuple[Ints, int, int]:
 
 
 def same_time(t: Ints, there: Ints, values: Array) -> Array:
-    """The values (m,) at times `there` (m,) that stand at the times t (n,); NaN where there is none."""
+    """Return the values (m,) at times `there` (m,) that belong to the times t (n,); NaN without
+    one."""
     if not len(there):
         return np.full(len(t), np.nan)
     order = np.argsort(there, kind="stable")

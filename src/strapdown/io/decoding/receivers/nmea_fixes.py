@@ -1,7 +1,7 @@
 """Positions, velocities and headings of NMEA 0183 as tables and sections of a description.
 
-What the sentences do not say is assumed: standard deviations where there is no GST, those of speed
-and heading always.
+The sentences do not state everything. Assumed are the standard deviations without GST, and always
+those of speed and heading.
 """
 
 from pathlib import Path
@@ -13,40 +13,45 @@ from numpy.typing import NDArray
 from ....typing import Ints
 from ...reader import Log, Section
 from ...tables.table_file import FileTable
+from ..carrier_classes import by_class
 from .cyclic_times import CyclicClock, in_order, same_time
 from .nmea_sentences import TIME_FIELD, SentenceKind, Sentences, clock as clock_of
 
 ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
-"""m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
-float), to be multiplied by HDOP, of which less than 1 counts as 1. 4 m and 0.02 m are those of ROS'
-nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one axis; 0.5 m is
+"""Horizontal std, m, by quality of the fix (1 autonomous, 2 and 9 with corrections, 3 PPS, 4 RTK
+fixed, 5 RTK float), to be multiplied by HDOP where that is above 1. 4 m and 0.02 m come from ROS'
+nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one axis; 0.5 m lies
 between."""
+CARRIER = {"fixed": (4,), "float": (5,), "single": (1, 2, 3, 9)}
+"""Carrier solutions by quality of the fix."""
 VERTICAL = 2.0
 """Ratio of the vertical standard deviation to the horizontal one."""
 SPEED_STD = 0.6
-"""knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
+"""Std of each component of a velocity, knots (0.3 m/s). Receivers state 0.05 m/s, but filter."""
 HEADING_STD = 2.0
 """deg"""
 MIN_STD, MIN_STD_RTK = 0.1, 0.01
-"""m: no fix is better, of quality 4 (RTK fixed) the second. GST of some receivers is 0 throughout."""
+"""m: smallest std of a fix; the second is for quality 4 (RTK fixed). Some receivers write 0 in
+GST."""
 QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
-"""Modes of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
+"""Modes of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not
+used."""
 GNSS = (b"GP", b"GN", b"GL", b"GA", b"GB", b"BD", b"GQ", b"QZ", b"GI")
-"""Talkers of one receiver of several systems."""
+"""Talkers that one multi-constellation receiver uses."""
 UNTOLD = (
-    "NMEA does not tell whether a receiver used inertial sensors of its own (as u-blox F9K, F9R, M8U "
-    "and others do); fixes of such a receiver are no independent aiding"
+    "NMEA does not say whether a receiver used inertial sensors of its own (as u-blox F9K, F9R, M8U "
+    "and others do); fixes of such a receiver are not independent of the IMU"
 )
 
 
 class Sorting(NamedTuple):
-    """Sentences of a file that are made into tables."""
+    """Sentences of a file and the tables made of them."""
 
     path: Path
     sentences: Sentences
     clock: CyclicClock
-    tables: dict[str, FileTable]  # those that are made
-    left: list[str]  # lines on what is not taken
+    tables: dict[str, FileTable]  # made so far
+    left: list[str]  # lines on what is left out
 
     @property
     def kinds(self) -> dict[str, SentenceKind]:
@@ -61,13 +66,13 @@ class Sorting(NamedTuple):
         good: NDArray[np.bool_],
         columns: dict[str, NDArray[Any]],
     ) -> FileTable:
-        """The good rows in the order of time, each time once."""
+        """Return the good rows in time order, each time once."""
         rows = np.flatnonzero(good)
         moment = self.clock.ms(kind.place[rows], t[rows])
         order, late, twice = in_order(moment)
         rows = rows[order]
         if late:
-            self.left.append(f"{late} {name} out of order, which are sorted")
+            self.left.append(f"{late} {name} out of order: sorted")
         if twice:
             self.left.append(f"{twice} {name} that repeat a time")
         values = {self.clock.column: moment[order]}
@@ -83,8 +88,8 @@ def nmea_log(path: Path, sentences: Sentences) -> Log:
     sections = [*_positions(found), *_velocities(found), *_headings(found)]
     if sections and not clock.absolute:
         left.append(
-            "dates: no RMC or ZDA says one, so times are of the day, in s, UTC; they go with files whose "
-            "times are too"
+            "dates: no RMC or ZDA has one, so times are s of the day, UTC; join them only with files that "
+            "have such times too"
         )
     if sentences.rejected:
         left.append(f"{sentences.rejected} NMEA sentences fail their checksum")
@@ -98,8 +103,9 @@ def nmea_log(path: Path, sentences: Sentences) -> Log:
 
 
 def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
-    """Keep the sentences of one source for each type, where GNSS receivers and other devices, such
-    as those of a ship, send the same: the more frequent ones. `left` gets a line on the others."""
+    """Keep the sentences of one talker for each type, the most frequent one: besides the GNSS
+    receiver, other devices, for example on a ship, may send the same type. `left` gets a line on
+    the others."""
     kinds = {}
     for name, kind in sentences.kinds.items():
         gnss = np.array([talker in GNSS for talker in kind.talkers])
@@ -112,7 +118,7 @@ def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
 
 
 def _positions(found: Sorting) -> list[Section]:
-    """Sections of the positions, of the first of GGA, GNS, RMC and GLL that has a fix."""
+    """Return the sections of the positions from the first of GGA, GNS, RMC and GLL with a fix."""
     for name in ("GGA", "GNS", "RMC", "GLL"):
         if name not in found.kinds:
             continue
@@ -143,15 +149,16 @@ def _positions(found: Sorting) -> list[Section]:
         }
         assumed = {"std": why} if why else {}
         if geoid.get("geoid") == "EGM96":
-            assumed["geoid"] = "the sentences do not say its separation"
+            assumed["geoid"] = "the sentences do not state its separation"
         title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
-        return [Section("source", "gnss", keys, 0, title, assumed)]
+        section = Section("source", "gnss", keys, 0, title, assumed)
+        return by_class(section, table.cells("quality"), "quality", CARRIER)
     return []
 
 
 def _flat(sentences: Sentences, t: Ints) -> NDArray[np.bool_]:
-    """Which fixes at times of day t (n,) have two dimensions, by GSA: the receiver kept their
-    heights."""
+    """Return True for the two-dimensional fixes at times of day t (n,), by GSA; the receiver held
+    their heights."""
     if "GSA" not in sentences.kinds:
         return np.zeros(len(t), bool)
     kind = sentences.kinds["GSA"]
@@ -160,7 +167,7 @@ def _flat(sentences: Sentences, t: Ints) -> NDArray[np.bool_]:
 
 
 def _heights(table: FileTable, left: list[str]) -> tuple[bool, dict[str, Any]]:
-    """(whether there are heights, the key that says how far the geoid is from the ellipsoid)."""
+    """(whether there are heights, the key `geoid` with its separation from the ellipsoid)."""
     known = np.isfinite(table.numbers("altitude"))
     if not known.any():
         return False, {}
@@ -168,12 +175,12 @@ def _heights(table: FileTable, left: list[str]) -> tuple[bool, dict[str, Any]]:
     if not (told & known).any():
         return True, {"geoid": "EGM96"}
     if many := int(np.count_nonzero(known & ~told)):
-        left.append(f"{many} heights without the separation of the geoid, which others say")
+        left.append(f"{many} heights without the geoid separation that the others have")
     return True, {"geoid": {"column": "separation", "unit": "m"}}
 
 
 def _quality(name: str, kind: SentenceKind) -> Ints:
-    """Return the quality of each fix (n,) by the numbers of GGA; 0 where it is not used."""
+    """Return the quality of each fix (n,) in the numbers of GGA; 0 for an unused one."""
     if name == "GGA":
         return np.nan_to_num(kind.numbers(6)).astype(int)
     states = (
@@ -181,7 +188,7 @@ def _quality(name: str, kind: SentenceKind) -> Ints:
     )
     modes = kind.text({"RMC": 12, "GLL": 7, "GNS": 6}[name])
     best = [
-        # GNS has a letter for each system; the systems without a fix say N
+        # GNS has a letter for each system, N without a fix
         max((QUALITY_OF_MODE.get(mode[i : i + 1], 0) for i in range(max(len(mode), 1))), default=0)
         for mode in modes
     ]
@@ -205,7 +212,7 @@ def _place_columns(name: str, kind: SentenceKind) -> dict[str, NDArray[Any]]:
 def _with_deviations(
     table: FileTable, sentences: Sentences, clock: CyclicClock
 ) -> tuple[FileTable, str]:
-    """(the table with standard deviations of GST, or assumed ones; why)."""
+    """(the table with standard deviations from GST, or assumed ones; the reason)."""
     quality, hdop = table.cells("quality"), table.numbers("hdop")
     assumed = np.array([ERRORS[each] for each in quality.tolist()]) * np.fmax(hdop, 1.0)
     assumed = np.where(np.isfinite(assumed), assumed, 10.0)
@@ -226,17 +233,18 @@ def _with_deviations(
     if not told.all():
         kinds = np.unique(quality[~told.all(axis=1)]).tolist()
         used = ", ".join(f"{ERRORS[each]:g} m for quality {each}" for each in kinds)
-        where = "where GST tells none: " if told.any() else ""
-        assumptions.append(f"{where}{used}, times HDOP where above 1; height twice as much")
+        where = "where GST has none: " if told.any() else ""
+        assumptions.append(f"{where}{used}, times HDOP where above 1; twice as much for the height")
     if raised:
         assumptions.append(
-            f"those of GST raised to at least {MIN_STD_RTK:g} m for quality 4, else {MIN_STD:g} m"
+            f"the std of GST, at least {MIN_STD_RTK:g} m for quality 4, else {MIN_STD:g} m"
         )
     return table, "; ".join(assumptions)
 
 
 def _velocities(found: Sorting) -> list[Section]:
-    """Section of the velocity over ground, of RMC, else VTG; it has no vertical component."""
+    """Return the section of the velocity over ground from RMC, else VTG; without a vertical
+    part."""
     for name in ("RMC", "VTG"):
         if name not in found.kinds:
             continue
@@ -252,7 +260,7 @@ def _velocities(found: Sorting) -> list[Section]:
         good = used & (t >= 0) & np.isfinite(speed)
         if not good.any():
             continue
-        beside = name in found.tables  # of the positions, which have told of these rows
+        beside = name in found.tables  # the lines on the positions already count these rows
         table = f"{name} velocity" if beside else name
         notifier = found._replace(left=[]) if beside else found
         found.tables[table] = notifier.table(table, kind, t, good, columns)
@@ -265,14 +273,14 @@ def _velocities(found: Sorting) -> list[Section]:
             "unit": ["knot", "deg"],
             "std": SPEED_STD,
         }
-        why = "the sentences state none; receivers claim 0.05 m/s and filter"
+        why = "the sentences state none; receivers state 0.05 m/s, but filter"
         title = f"{name}, speed and course, {len(found.tables[table].lines)} fixes"
         return [Section("source", "gnss", keys, 0, title, {"std": why})]
     return []
 
 
 def _headings(found: Sorting) -> list[Section]:
-    """Section of the true heading, of THS, else HDT."""
+    """Return the section of the true heading from THS, else HDT."""
     for name in ("THS", "HDT"):
         if name not in found.kinds:
             continue

@@ -1,9 +1,9 @@
 """Sentences of NMEA 0183 among whatever else is in a file.
 
 A sentence is $, talker (2 letters), type (3), fields after commas, * and the exclusive or of all
-bytes between $ and * in hexadecimal (NMEA 0183 version 4; gpsd's "NMEA Revealed"). One without
-checksum, or with a wrong one, is not used. Most have the time of the day; `clock` makes moments of it by
-the dates that some have.
+bytes between $ and * in hexadecimal (NMEA 0183 version 4; gpsd's "NMEA Revealed"). A sentence
+without a checksum, or with an incorrect one, is not used. Most sentences have the time of day;
+`clock` adds the dates that some of them have.
 """
 
 import re
@@ -16,12 +16,12 @@ from ....units.time_scales import days_of
 from .cyclic_times import DAY_MS, CyclicClock, clock_of
 
 TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")
-"""Sentences that are read; all others, such as GSV, are passed over."""
+"""Sentences that are read; all others, such as GSV, are skipped."""
 PATTERN = re.compile(
     rb"\$([A-Z]{2})(%s)(,[^$*\r\n]{0,120})(?:\*([0-9A-Fa-f]{2}))?" % "|".join(TYPES).encode()
 )
 TIME_FIELD = {"GGA": 1, "GNS": 1, "GLL": 5, "RMC": 1, "GST": 1, "ZDA": 1}
-"""Where a sentence has the time of day; VTG, HDT, THS and GSA have none."""
+"""Field with the time of day, by type; VTG, HDT, THS and GSA have none."""
 
 
 class SentenceKind(NamedTuple):
@@ -30,18 +30,19 @@ class SentenceKind(NamedTuple):
     place: Ints  # of the $ in the file (n,)
     end: Ints  # of the checksum (n,)
     talkers: list[bytes]
-    fields: list[list[bytes]]  # the first is empty, so that fields count from 1
+    fields: list[list[bytes]]  # the first is empty, so that numbering starts at 1
 
     def text(self, field: int) -> list[bytes]:
-        """One field of each; empty where the sentence is shorter."""
+        """Return one field of each sentence; empty for shorter sentences."""
         return [row[field] if field < len(row) else b"" for row in self.fields]
 
     def numbers(self, field: int) -> Array:
-        """One field of each as numbers (n,); NaN where it is empty or no number."""
+        """Return one field of each sentence as a number (n,); NaN for an empty or other field."""
         return numbers(self.text(field))
 
     def degrees(self, field: int) -> Array:
-        """Latitude or longitude (n,), deg, of a field ddmm.mm and the next with its hemisphere."""
+        """Return latitude or longitude (n,), deg, from a field ddmm.mm and the next field with its
+        hemisphere."""
         value = self.numbers(field)
         whole = np.floor(value / 100)
         minutes = value - 100 * whole
@@ -81,8 +82,7 @@ class Sentences(NamedTuple):
 
     @property
     def timed(self) -> tuple[Ints, Ints, Ints]:
-        """(place, end, time of day in ms, -1 where there is none) of those that have such, in the
-        order of the file."""
+        """(place, end, time of day in ms or -1) of the sentences with a time, in file order."""
         none = np.zeros(0, int)
         found = [
             (each.place, each.end, each.time_of_day(TIME_FIELD[name]))
@@ -94,8 +94,8 @@ class Sentences(NamedTuple):
         return place[order], end[order], t[order]
 
     def time_beside(self, kind: SentenceKind) -> Ints:
-        """Time of day (n,), ms, of sentences that have none: that of the sentence nearest in the
-        file, of two the one before; -1 where there is none."""
+        """Return a time of day (n,), ms, for sentences without one: that of the nearest sentence in
+        the file, the earlier one of two; -1 without any."""
         place, end, t = self.timed
         if not len(place):
             return np.full(len(kind.place), -1)
@@ -131,7 +131,7 @@ def find_sentences(data: bytes) -> Sentences:
 
 
 def numbers(texts: list[bytes]) -> Array:
-    """Numbers (n,); NaN where a text is empty or no plain number."""
+    """Return numbers (n,); NaN for an empty text or one that is not a plain number."""
     cells = np.array([each or b"nan" for each in texts], "S32") if texts else np.zeros(0, "S32")
     try:
         values = cells.astype(float)
@@ -141,7 +141,7 @@ def numbers(texts: list[bytes]) -> Array:
 
 
 def number(text: bytes | str) -> float:
-    """NaN where a text is no number."""
+    """Return the number in a text, NaN for any other text."""
     try:
         return float(text)
     except ValueError:
@@ -152,7 +152,7 @@ def number(text: bytes | str) -> float:
 
 UNIX = {"column": "unix_ms", "unit": "ms", "clock": "unix"}
 OF_DAY = {"column": "day_ms", "unit": "ms"}
-"""The key `time` of a description, with a date and without any: days then count from the first."""
+"""The key `time` of a description, with and without dates; without, days count from the first."""
 
 
 def clock(sentences: Sentences) -> CyclicClock:
@@ -174,7 +174,7 @@ def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
 
 
 def dates(kinds: dict[str, SentenceKind]) -> tuple[Ints, Ints]:
-    """(place (m,), POSIX ms (m,)) of the sentences that say a date: RMC of a fix, else ZDA, else any
+    """(place (m,), POSIX ms (m,)) of the sentences with a date: RMC with a fix, else ZDA, else any
     RMC."""
     empty = np.zeros(0, int)
     every = []

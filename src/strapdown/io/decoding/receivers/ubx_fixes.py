@@ -1,5 +1,4 @@
-"""Positions and velocities of a u-blox receiver, in m, m/s and deg, whichever of its messages have
-them."""
+"""Positions and velocities of a u-blox receiver in m, m/s and deg, from any of its messages."""
 
 from typing import Any
 
@@ -13,14 +12,16 @@ from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
 """Flags of NAV-PVT: date and time of day are valid."""
+RELATIVE = 0x25
+"""Flags of NAV-RELPOSNED: the fix is right, its components are valid, and the base moves."""
 MIN_STD = 1e-3
-"""m and m/s, the resolution of NAV-PVT: a smaller standard deviation reads 0."""
+"""m and m/s, the resolution of NAV-PVT: a smaller standard deviation appears as 0."""
 
 
 def solutions(frames: UbxFrames, clock: CyclicClock) -> tuple[str, Columns]:
-    """(name of the message, its columns) of all epochs with a valid time in the order of the file:
-    `t` in ms, `fixType`, `ok` (the receiver's own limits are kept), positions, velocities and their
-    accuracies. Nothing where there is no position."""
+    """(name of the message, its columns) of all epochs with a valid time, in file order: `t` in ms,
+    `fixType`, `ok` (within the receiver's own limits), positions, velocities and their accuracies.
+    Empty without a position."""
     for key, read in (
         (UbxMessage.NAV_PVT, _pvt),
         (UbxMessage.NAV_HPPOSLLH, _of_older),
@@ -36,7 +37,7 @@ def solutions(frames: UbxFrames, clock: CyclicClock) -> tuple[str, Columns]:
 
 
 def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
-    """NAV-PVAT: position, velocity and attitude by the receiver's own fusion."""
+    """NAV-PVAT: position, velocity and attitude from the receiver's own fusion."""
     place, records = frames.records(UbxMessage.NAV_PVAT, LAYOUTS[UbxMessage.NAV_PVAT])
     found = _pvt(frames, clock, place, records)
     valid = records["valid"] & TIME_VALID == TIME_VALID
@@ -46,8 +47,33 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
     return found
 
 
+def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
+    """NAV-RELPOSNED of a base that moves with the vehicle, in m: vectors from its antenna to that of
+    this receiver, in the order of time. Rows without a carrier solution are left out."""
+    place, records = frames.records(UbxMessage.NAV_RELPOSNED, LAYOUTS[UbxMessage.NAV_RELPOSNED])
+    flags = records["flags"]
+    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0) & (records["version"] == 1)
+    place, records = place[good], records[good]
+    found: Columns = {
+        "row": np.flatnonzero(good),
+        "t": clock.ms(place, records["iTOW"]),
+        "carrier": carrier_of(records["flags"]),
+    }
+    for axis in "NED":
+        centimetres = records[f"relPos{axis}"] + records[f"relPosHP{axis}"] / 100
+        found[f"relPos{axis}"] = centimetres / 100
+        found[f"acc{axis}"] = np.maximum(records[f"acc{axis}"] / 1e4, MIN_STD)
+    order, _, _ = in_order(found["t"])
+    return {name: values[order] for name, values in found.items()}
+
+
+def carrier_of(flags: NDArray[Any]) -> NDArray[Any]:
+    """Carrier solutions (n,) of flags of NAV-RELPOSNED: 0 none, 1 float, 2 fixed."""
+    return flags >> 3 & 3
+
+
 def untimed_message_lines(frames: UbxFrames) -> list[str]:
-    """Lines on the messages whose receiver did not yet know date and time; they are not used."""
+    """Return lines on the messages before the receiver knew date and time; they are not used."""
     lines = []
     for key in (UbxMessage.NAV_PVT, UbxMessage.NAV_PVAT):
         _, records = frames.records(key, LAYOUTS[key])
@@ -66,6 +92,7 @@ def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[An
         "t": clock.ms(place, records["iTOW"]),
         "fixType": records["fixType"],
         "ok": (records["flags"] & 1).astype(bool),
+        "carrSoln": records["flags"] >> 6,
         "lat": records["lat"] / 1e7,
         "lon": records["lon"] / 1e7,
     }
@@ -77,7 +104,7 @@ def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[An
 
 
 def _of_older(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[Any]) -> Columns:
-    """From a message of the position alone, the velocity and the state of the fix at its times."""
+    """Complete a position-only message with the velocity and the fix state at its times."""
     t = clock.ms(place, records["iTOW"])
     found = {"row": np.arange(len(t)), "place": place, "t": t, **_position(records)}
     velocity = _at(frames, clock, UbxMessage.NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
@@ -85,7 +112,7 @@ def _of_older(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArr
     state = UbxMessage.NAV_SOL if frames.count(UbxMessage.NAV_SOL) else UbxMessage.NAV_STATUS
     told = _at(frames, clock, state, t, ("fixType", "flags"))
     known = np.isfinite(told["fixType"])
-    # a receiver that says no state of its fixes says their accuracy
+    # a receiver that does not report the state of its fixes reports their accuracy
     known_or_none = known | (frames.count(state) == 0)
     found["fixType"] = np.where(known, np.nan_to_num(told["fixType"]), 3).astype(int)
     right = np.nan_to_num(told["flags"]).astype(int) & 0x09 == 0x09  # fix and time of week
@@ -108,7 +135,7 @@ def _position(records: NDArray[Any]) -> Columns:
 
 
 def _high_precision(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Columns:
-    """The same with the positions of NAV-HPPOSLLH, 0.1 mm, at the epochs that have one."""
+    """Replace positions by those of NAV-HPPOSLLH, 0.1 mm, at the epochs that have one."""
     place, records = frames.records(UbxMessage.NAV_HPPOSLLH, LAYOUTS[UbxMessage.NAV_HPPOSLLH])
     if not len(records):
         return found
@@ -122,16 +149,16 @@ def _high_precision(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Co
 def _at(
     frames: UbxFrames, clock: CyclicClock, key: UbxMessage, t: Ints, names: tuple[str, ...]
 ) -> dict[str, Array]:
-    """Fields of the messages of one kind at the epochs t; NaN where there is none."""
+    """Return fields of the messages of one kind at the epochs t; NaN without a message."""
     place, records = frames.records(key, LAYOUTS[key])
     there = clock.ms(place, records["iTOW"])
     return {name: same_time(t, there, records[name].astype(float)) for name in names}
 
 
 def usable(found: Columns, kinds: tuple[int, ...]) -> tuple[Columns, int, int]:
-    """(columns in the order of time of the fixes of these types that the receiver stands by, how
-    many were out of order, how many repeat a time). Of a fix in two dimensions height and vertical
-    velocity are missing: the receiver kept them."""
+    """(columns of the fixes of these types that the receiver marks as valid, in time order; number
+    out of order; number that repeat a time). A two-dimensional fix has no height and vertical
+    velocity, because the receiver held them."""
     keep = np.isin(found["fixType"], kinds) & found["ok"]
     columns = {name: values[keep] for name, values in found.items() if name != "ok"}
     order, late, twice = in_order(columns["t"])

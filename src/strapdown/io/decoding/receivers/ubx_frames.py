@@ -1,9 +1,10 @@
-"""Messages of a u-blox receiver among whatever else came over the same port: NMEA, RTCM, text.
+"""Messages of a u-blox receiver among other data of the same port, such as NMEA, RTCM or text.
 
 A frame is B5 62, class, identifier, length of the payload (2 bytes, little-endian), payload, and
 two bytes of Fletcher's checksum over all but the first two (u-blox M8 and F9 interface
-descriptions, "UBX frame structure"). `LAYOUTS` says where the fields of those messages are that a
-recording is made of, `clock` makes GPS time of their times of week by the weeks and dates that some say.
+descriptions, "UBX frame structure"). `LAYOUTS` has the fields of the messages that make a
+recording; `clock` converts their times of week to GPS time, using the weeks and dates in some of
+them.
 """
 
 from enum import IntEnum
@@ -29,6 +30,7 @@ class UbxMessage(IntEnum):
     NAV_HPPOSLLH = 0x0114
     NAV_PVAT = 0x0117
     NAV_TIMEGPS = 0x0120
+    NAV_RELPOSNED = 0x013C
     ESF_MEAS = 0x1002
     ESF_RAW = 0x1003
     ESF_ALG = 0x1014
@@ -40,14 +42,14 @@ class UbxMessage(IntEnum):
 
 
 class UbxFrames(NamedTuple):
-    """Frames in the order of the file, whose checksums are right and which do not overlap."""
+    """Frames with correct checksums in file order, without overlap."""
 
     content: Bytes
     start: Ints  # of the payloads
     length: Ints  # of the payloads
-    key: Ints  # as `Message` has it
+    key: Ints  # number of the `UbxMessage`
     rejected: int  # places that begin like a frame and fail the checksum
-    cut: int  # frames that would go on beyond the end
+    cut: int  # frames that would continue beyond the end
 
     def count(self, key: int) -> int:
         """Number of frames of this kind."""
@@ -89,8 +91,8 @@ def find_frames(data: bytes) -> UbxFrames:
 
 
 def _checksums_right(content: Bytes, start: Ints, length: Ints) -> NDArray[np.bool_]:
-    """Return True where the checksum of a candidate is correct (n,). Running sums of all bytes give
-    the first byte of the checksum; running sums of these give the second."""
+    """Return True where the checksum of a candidate is correct (n,). Cumulative sums of all bytes
+    give the first byte of the checksum; cumulative sums of these give the second."""
     if not len(start):
         return np.zeros(0, bool)
     once = np.cumsum(content, dtype=np.uint8)
@@ -103,7 +105,7 @@ def _checksums_right(content: Bytes, start: Ints, length: Ints) -> NDArray[np.bo
 
 
 def _without_overlap(start: Ints, end: Ints) -> NDArray[np.bool_]:
-    """Which of the frames (n,) do not begin inside one before them that counts."""
+    """Return True for the frames (n,) that do not begin inside an earlier accepted frame."""
     keep = np.ones(len(start), bool)
     if (start[1:] >= end[:-1]).all():
         return keep
@@ -138,8 +140,8 @@ def _date(at: int) -> dict[str, tuple[int, str]]:
 
 
 def _solution(at: int) -> dict[str, tuple[int, str]]:
-    """Return {name: (offset, type)} of the fields that NAV-PVT and NAV-PVAT share, from the
-    longitude, at offset `at`, on."""
+    """Return {name: (offset, type)} of the common fields of NAV-PVT and NAV-PVAT, which begin with
+    the longitude at offset `at`."""
     names = ("lon", "lat", "height", "hMSL", "hAcc", "vAcc", "velN", "velE", "velD")
     unsigned = {"hAcc", "vAcc"}
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
@@ -196,32 +198,46 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     ),
     UbxMessage.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
     UbxMessage.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    UbxMessage.NAV_RELPOSNED: _layout(
+        version=(0, "u1"),
+        iTOW=(4, "u4"),
+        relPosN=(8, "i4"),
+        relPosE=(12, "i4"),
+        relPosD=(16, "i4"),
+        relPosHPN=(32, "i1"),
+        relPosHPE=(33, "i1"),
+        relPosHPD=(34, "i1"),
+        accN=(36, "u4"),
+        accE=(40, "u4"),
+        accD=(44, "u4"),
+        flags=(60, "u4"),
+    ),
     UbxMessage.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
     ),
 }
-"""By the interface descriptions of u-blox 6, M8 and F9 (UBX-NAV, UBX-ESF). A layout ends with the
-last field that is needed, because newer receivers append fields."""
+"""From the interface descriptions of u-blox 6, M8 and F9 (UBX-NAV, UBX-ESF). A layout ends with the
+last necessary field, because newer receivers append fields."""
 
 
 # ---- moments
 
 EPOCHS = (UbxMessage.NAV_PVT, UbxMessage.NAV_SOL, UbxMessage.NAV_TIMEGPS, UbxMessage.NAV_PVAT)
-"""Messages that say a date or a week."""
+"""Messages with a date or a week."""
 WEEKLESS = (UbxMessage.NAV_POSLLH, UbxMessage.NAV_HPPOSLLH)
-"""Messages of positions that say no week."""
+"""Position messages without a week."""
 VALID = {
     UbxMessage.NAV_PVT: 0x03,
     UbxMessage.NAV_PVAT: 0x03,
     UbxMessage.NAV_TIMEGPS: 0x03,
     UbxMessage.NAV_SOL: 0x0C,
 }
-"""Bits that all stand where date (or week) and time are valid."""
+"""Bits that are all set where date (or week) and time are valid."""
 
 
 GPS = {"column": "gps_ms", "unit": "ms", "clock": "gps"}
 OF_WEEK = {"column": "tow_ms", "unit": "ms", "clock": "gps", "week": None}
-"""The key `time` of a description, with a known week and without any."""
+"""The key `time` of a description, with and without a known week."""
 
 
 def clock(frames: UbxFrames) -> CyclicClock:
@@ -249,7 +265,7 @@ def clock(frames: UbxFrames) -> CyclicClock:
 
 
 def _unix(records: NDArray[Any]) -> Array:
-    """POSIX seconds of the fields year to second; NaN where they are no date."""
+    """Return POSIX seconds from the fields year to second; NaN where they are not a date."""
     days = days_of(*(records[name].astype(float) for name in ("year", "month", "day")))
     seconds = records["hour"] * 3600.0 + records["minute"] * 60.0 + records["second"]
     return days * DAY + seconds

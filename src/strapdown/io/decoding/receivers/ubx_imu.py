@@ -29,7 +29,7 @@ def imu_sections(
     tables: dict[str, FileTable],
     left: list[str],
 ) -> list[Section]:
-    """Sections of the IMU, those of the fastest message first."""
+    """Return the sections of the IMU, those of the fastest message first."""
     mounting = _mounting(frames)
     read = {
         key: sensors(frames, key, by.place, by.gps)
@@ -39,8 +39,8 @@ def imu_sections(
     for key, each in read.items():
         if each is None:
             left.append(
-                f"{key.title}: no gyro with an accelerometer, or no NAV message between its own that "
-                f"sets its clock"
+                f"{key.title}: it lacks a gyro with an accelerometer, or NAV messages between its own that "
+                f"would set its clock"
             )
     every = sorted(filter(None, read.values()), key=lambda each: -rate_of(each.gyro.t, 1e-6))
     sections: list[Section] = []
@@ -48,7 +48,7 @@ def imu_sections(
         if len(each.gyro.t) and len(each.accel.t):
             sections.append(_imu(path, each, instance, mounting, by.absolute, tables))
             if each.lost:
-                left.append(f"{each.name}: {each.lost} samples at times that nothing tells")
+                left.append(f"{each.name}: {each.lost} samples whose time is unknown")
     return sections
 
 
@@ -60,7 +60,7 @@ def _imu(
     gps: bool,
     tables: dict[str, FileTable],
 ) -> Section:
-    """[imu], whose accelerometer has a table of its own where it has times of its own."""
+    """[imu]; an accelerometer with its own times has its own table."""
     absolute = each.absolute and gps
     column = "gps_us" if absolute else "us"
     time: dict[str, Any] = {"column": column, "unit": "us"}
@@ -72,8 +72,8 @@ def _imu(
     }
     if each.absolute:
         assumed["time"] = (
-            f"the sensor's clock is set to GPS time by the order of the messages, within "
-            f"{1e3 * each.scatter:.1f} ms beside the receiver's latency, which the file does not say"
+            f"the sensor's clock is set to GPS time from the order of the messages, within "
+            f"{1e3 * each.scatter:.1f} ms plus the receiver's latency, which the file does not state"
         )
     angles, origin = mounting
     if angles:
@@ -110,11 +110,10 @@ def _signal(
 
 
 def _mounting(frames: UbxFrames) -> tuple[dict[str, Any], str]:
-    """(how the receiver says that its IMU is mounted, where that is from), of ESF-ALG where it has
-    found the angles (status 3 and 4) or uses those that a user has set (status 0): they turn the
-    installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right, down yaw
-    and pitch change their signs. Angles of 0 that were never set are none. Empty where there are
-    none."""
+    """(the mounting of the receiver's IMU, its source), from ESF-ALG where the receiver has found
+    the angles (status 3 and 4) or uses angles that a user has set (status 0). The angles rotate the
+    installation frame (forward, left, up) to the IMU, yaw first; in forward, right, down yaw and
+    pitch change their signs. Angles of 0 that were never set do not count. Empty without angles."""
     _, records = frames.records(UbxMessage.ESF_ALG, LAYOUTS[UbxMessage.ESF_ALG])
     status = records["flags"] >> 1 & 7
     turned = (records["yaw"] != 0) | (records["pitch"] != 0) | (records["roll"] != 0)
@@ -122,7 +121,7 @@ def _mounting(frames: UbxFrames) -> tuple[dict[str, Any], str]:
     if not ready.any():
         return {}, ""
     last = records[ready][-1]
-    origin = "found it" if status[ready][-1] else "has it: as it was set"
+    origin = "found it" if status[ready][-1] else "has it from its settings"
     yaw, pitch, roll = (float(last[name]) / 100 for name in ("yaw", "pitch", "roll"))
     return {
         "roll": roll,

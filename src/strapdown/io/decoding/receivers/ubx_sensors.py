@@ -2,8 +2,8 @@
 
 Each measurement is a word of 32 bits: a signed number of 24, and its type. Gyros count 2^-12 deg/s,
 accelerometers 2^-10 m/s^2 (u-blox M8 interface description, "ESF measurement data"). The time of a
-sample is a tag of the sensor's own clock, which is set to GPS time by the order of the messages in a
-file.
+sample is a tag of the sensor's own clock, which is converted to GPS time from the order of the
+messages in a file.
 """
 
 from functools import partial, reduce
@@ -20,22 +20,23 @@ from .ubx_frames import UbxFrames, UbxMessage
 GYRO, ACCEL = (14, 13, 5), (16, 17, 18)
 """Types of the data, x, y, z."""
 GYRO_SCALE, ACCEL_SCALE = 2.0**-12, 2.0**-10
-"""deg/s and m/s^2 a count."""
+"""deg/s and m/s^2 per count."""
 MAX_PIECES = 50
-"""Beginnings of a sensor's clock that are taken from one file, those with the most epochs."""
+"""Largest number of restarts of a sensor's clock used in one file; those with the most epochs
+count."""
 
 
 # ---- the clock of the sensors
 
 RESTART = 10_000
-"""Ticks: a tag that goes back by more is a new beginning of the clock."""
+"""Ticks: a tag that goes back by more marks a restart of the clock."""
 LONG = 60.0
-"""s: over a shorter file the rate of the sensor's clock is taken as stated."""
+"""s: in a shorter file the nominal rate of the sensor's clock is used."""
 TICKS = (1e-3, 1 / 25600)
-"""s: what a tag counts, of ESF-MEAS (u-blox F9R integration manual) and, seen in files, of the
-ESF-RAW of an M8U."""
+"""s per tick: of ESF-MEAS (u-blox F9R integration manual) and, as found in files, of the ESF-RAW of
+an M8U."""
 PPM = 500e-6
-"""Relative error of the rate of a clock at most."""
+"""Largest relative error of the rate of a clock."""
 
 
 class Line(NamedTuple):
@@ -44,7 +45,7 @@ class Line(NamedTuple):
     tick: float
     tag0: float
     gps0: float
-    scatter: float  # s, median of the distances of the epochs from the line
+    scatter: float  # s, median distance of the epochs from the line
 
     def gps(self, tag: Ints) -> Array:
         """s"""
@@ -52,8 +53,8 @@ class Line(NamedTuple):
 
 
 def unwrap_tags(tag: Ints) -> tuple[Ints, Ints]:
-    """(tags without the turns of their 32 bits (n,), piece that each is of (n,)); a clock that
-    begins anew begins a piece."""
+    """(tags without 32-bit overflow (n,), number of the piece of each (n,)); a restart of the clock
+    begins a new piece."""
     step = np.diff(tag, prepend=tag[:1])
     step = (step + 2**31) % 2**32 - 2**31
     anew = (step < -RESTART) | (step > 2**30)
@@ -61,11 +62,11 @@ def unwrap_tags(tag: Ints) -> tuple[Ints, Ints]:
 
 
 def fit(tag: Array, gps: Array, ticks: tuple[float, ...] = TICKS) -> Line | None:
-    """The line through epochs (n,): what the tag was, between samples, when each came. None where
-    they fit none of the `ticks`.
+    """Return the line through epochs (n,): the tag, interpolated between samples, at the arrival of
+    each epoch. None where they fit none of the `ticks`.
 
-    The offset is a median, and so is the rate over a long file, so that messages that came late move
-    neither. A line keeps the steadiness of the sensor's own clock.
+    The offset is a median, and so is the rate over a long file, so that late messages affect
+    neither. A line keeps the stability of the sensor's own clock.
     """
     if not len(tag):
         return None
@@ -87,7 +88,7 @@ def fit(tag: Array, gps: Array, ticks: tuple[float, ...] = TICKS) -> Line | None
 
 
 def _tick(tag: Array, gps: Array, ticks: tuple[float, ...]) -> float | None:
-    """The one of several that the epochs fit, to a fifth."""
+    """Return the tick that the epochs fit within a fifth."""
     steps, dt = np.diff(tag), np.diff(gps)
     fair = (steps > 0) & (dt > 0)
     if not fair.any():
@@ -115,7 +116,7 @@ class UbxSensors(NamedTuple):
     accel: Samples
     absolute: bool  # GPS time, else the sensor's own
     scatter: float  # s, of the epochs about the line that sets the sensor's clock
-    lost: int  # samples at times that no epoch tells
+    lost: int  # samples whose time no epoch gives
 
 
 class _Measurements(NamedTuple):
@@ -126,8 +127,8 @@ class _Measurements(NamedTuple):
 
 
 def sensors(frames: UbxFrames, key: UbxMessage, place: Ints, gps: Array) -> UbxSensors | None:
-    """The IMU by the messages of one kind; `place` and `gps` (s) are of the epochs of the file,
-    which set its clock. None where there is no gyro and accelerometer or no time."""
+    """Return the IMU from the messages of one kind; `place` and `gps` (s) are the epochs of the
+    file that set its clock. None without a gyro and an accelerometer, or without a time."""
     found = _measurements(frames, key)
     ours = np.isin(found.kind, (*GYRO, *ACCEL))
     found = _Measurements(*(each[ours] for each in found))
@@ -174,14 +175,14 @@ def _measurements(frames: UbxFrames, key: UbxMessage) -> _Measurements:
         return _Measurements(*(np.zeros(0, np.int64) for _ in range(4)))
     place, tag, kind, value = (np.concatenate(each) for each in zip(*parts))
     value = (value ^ 0x800000) - 0x800000
-    if len(parts) > 1:  # frames of one length are in the order of the file
+    if len(parts) > 1:  # frames of one length are in file order
         order = np.argsort(place, kind="stable")
         place, tag, kind, value = (each[order] for each in (place, tag, kind, value))
     return _Measurements(place, tag, kind, value)
 
 
 def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Samples:
-    """Those tags, in order, at which all three axes were measured."""
+    """Return the samples at the tags, in order, with all three axes."""
     each = {}
     for kind in types:
         rows = np.flatnonzero(found.kind == kind)
@@ -204,8 +205,8 @@ def _lines(
     place: Ints,
     gps: Array,
 ) -> dict[int, Line]:
-    """{piece: Line} of the sensor's clock. An epoch came between two messages of the sensor: then
-    its tag was, for want of better, midway between their last ones."""
+    """{piece: Line} of the sensor's clock. An epoch arrives between two messages of the sensor; its
+    tag is taken midway between their last tags."""
     last = np.flatnonzero(np.diff(sample_place, append=-1) != 0)  # last measurement of a message
     before = np.searchsorted(sample_place[last], place) - 1
     inside = (before >= 0) & (before + 1 < len(last))

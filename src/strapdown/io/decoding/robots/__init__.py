@@ -1,1 +1,1 @@
-"""Bags of ROS and MCAP files: containers, messages and what of a recording they are."""
+"""Bags of ROS and MCAP files: containers, messages and their use in a recording."""

@@ -1,6 +1,6 @@
-"""The records of a bag of ROS 1, format 2.0, http://wiki.ros.org/Bags/Format/2.0: read from their
-beginning, without their index, so that one that was cut short or not indexed is read as far as it
-goes."""
+"""The records of a bag of ROS 1, format 2.0, http://wiki.ros.org/Bags/Format/2.0. They are read
+from the beginning without the index, so that a truncated or unindexed bag is read as far as
+possible."""
 
 import struct
 from typing import Any
@@ -18,26 +18,26 @@ MAGIC = b"#ROSBAG V2.0\n"
 OLDER = b"#ROSBAG V1"
 MESSAGE, CHUNK, CONNECTION = b"\2", b"\5", b"\7"
 HEAD = {b"op": 1, b"conn": 4, b"time": 8}
-"""Fields of the header of a message, and their bytes."""
+"""Fields of the header of a message, and their sizes in bytes."""
 MIN_HEAD, MAX_HEAD = 34, 255
-"""Bytes of such a header: those of these fields with their names, and some more."""
+"""Largest size of such a header in bytes: these fields with their names, and a margin."""
 MAX_LAYOUTS = 16
-"""Orders of these fields in headers of one length. A program writes one."""
+"""Largest number of orders of these fields in headers of one length; a program writes one order."""
 
 
 def read_bag(content: bytes | memoryview) -> Messages:
-    """The messages of a bag. Raises DataError of one line where it is none."""
+    """Return the messages of a bag. Raises a one-line DataError for other files."""
     if bytes(content[: len(MAGIC)]) != MAGIC:
         raise DataError(
-            f"is no bag of ROS 1 of format 2.0: {how_it_begins(content, MAGIC)}"
-            + ("; `rosbag migrate` brings one of 1.2 there" if OLDER in bytes(content[:12]) else "")
+            f"is not a bag of ROS 1 in format 2.0: {how_it_begins(content, MAGIC)}"
+            + ("; `rosbag migrate` converts format 1.2" if OLDER in bytes(content[:12]) else "")
         )
     messages = Messages()
     end = _add(messages, content, len(MAGIC), Meter("", len(content)))
     if end != len(content):
         messages.left.append(
-            f"it was cut short or damaged: {len(content) - end} bytes at its end are no whole "
-            f"record; what is before them is used"
+            f"it was cut short or damaged: {len(content) - end} bytes at its end are not a complete "
+            f"record; the data before them are used"
         )
     return messages
 
@@ -49,7 +49,8 @@ def _add(
     meter: Meter,
     in_chunk: bool = False,
 ) -> int:
-    """Take in the records from `begin` on, of a bag or of a chunk; the end of the last whole one."""
+    """Take the records of a bag or a chunk from `begin` on; return the end of the last complete
+    one."""
     places, end = walk(content, begin)
     if not len(places):
         return end
@@ -64,12 +65,12 @@ def _add(
             if found.get(b"op") == CONNECTION:
                 number = int.from_bytes(found[b"conn"], "little")
                 topic = _topic(found[b"topic"], _values(data))
-                messages.topics.setdefault(number, topic)  # it stands at the end once more
+                messages.topics.setdefault(number, topic)  # the end of the bag repeats it
             elif found.get(b"op") == CHUNK and not in_chunk:
                 size = int.from_bytes(found[b"size"], "little")
                 inner = unpack(data, _text(found[b"compression"]), size, meter)
                 if _add(messages, inner, 0, meter, in_chunk=True) != size:
-                    raise DataError("has a record at its end that is not whole")
+                    raise DataError("has an incomplete record at its end")
         except LimitError:
             raise
         except DataError as error:
@@ -95,23 +96,23 @@ def _topic(name: bytes, info: dict[bytes, bytes]) -> RosTopic:
 
 
 def fields(header: bytes | memoryview) -> dict[bytes, tuple[int, int]]:
-    """{name: (begin, end) of its value} of the header of a record. Raises DataError."""
+    """Return {name: (begin, end) of its value} of the header of a record. Raises DataError."""
     found, at = {}, 0
     while at < len(header):
         if at + 4 > len(header):
-            raise DataError("a header that ends within a field")
+            raise DataError("has a header that ends within a field")
         end = at + 4 + struct.unpack_from("<I", header, at)[0]
         name, mark, _ = bytes(header[at + 4 : end]).partition(b"=")
         if end > len(header) or not mark:
-            raise DataError("a header without a field that fits")
+            raise DataError("has a header with an invalid field")
         found[name] = at + 5 + len(name), end
         at = end
     return found
 
 
 def walk(content: bytes | memoryview, begin: int) -> tuple[Ints, int]:
-    """Where header and data of each whole record begin and end (n, 4), and where the last of them
-    ends."""
+    """Return begin and end of header and data of each complete record (n, 4), and the end of the
+    last."""
     found: list[int] = []
     size, length = len(content), struct.Struct("<I").unpack_from
     while begin + 8 <= size:
@@ -127,7 +128,7 @@ def walk(content: bytes | memoryview, begin: int) -> tuple[Ints, int]:
 
 
 def message_heads(raw: np.ndarray[Any, Any], places: Ints) -> tuple[Ints, Ints, Ints]:
-    """(rows of `places` that are messages, their connections, their times in ns)."""
+    """(rows of `places` with messages, their connections, their times in ns)."""
     lengths = places[:, 1] - places[:, 0]
     found = [(np.zeros(0, np.int64),) * 3]
     for length in np.unique(lengths[(lengths >= MIN_HEAD) & (lengths <= MAX_HEAD)]).tolist():
@@ -144,8 +145,8 @@ def message_heads(raw: np.ndarray[Any, Any], places: Ints) -> tuple[Ints, Ints, 
 
 
 def _like_first(heads: np.ndarray[Any, Any]) -> tuple[np.ndarray[Any, Any], Ints, Ints, Ints]:
-    """Return the headers (n, length) that have the fields of the first one at the same places, as a
-    mask (n,), and of these the rows that are messages, their connections and times in ns."""
+    """Return a mask (n,) of the headers (n, length) with the layout of the first one, and of these
+    the rows with messages, their connections and times in ns."""
     none = np.zeros(0, np.int64)
     try:
         layout = fields(heads[0].tobytes())

@@ -1,5 +1,5 @@
-"""The records of an MCAP file, https://mcap.dev/spec: read from its beginning, without its index, so
-that a file that was cut short is read as far as it goes."""
+"""The records of an MCAP file, https://mcap.dev/spec. They are read from the beginning without the
+index, so that a truncated file is read as far as possible."""
 
 import struct
 import zlib
@@ -21,11 +21,11 @@ MESSAGE_HEAD = 22
 
 
 class Records(NamedTuple):
-    """The whole records of a file or a chunk, by where their contents begin and end."""
+    """The complete records of a file or a chunk: begin and end of their contents."""
 
     messages: Ints  # (n, 2)
     others: list[tuple[int, int, int]]  # (opcode, begin, end)
-    end: int  # of the last whole one
+    end: int  # of the last complete one
 
 
 def walk(content: bytes | memoryview, begin: int) -> Records:
@@ -47,7 +47,7 @@ def walk(content: bytes | memoryview, begin: int) -> Records:
 
 
 def _text(content: bytes | memoryview, begin: int, end: int) -> tuple[str, int]:
-    """A text with its length before it, and where it ends."""
+    """Return a text that follows its length, and its end."""
     first = begin + 4
     last = first + struct.unpack_from("<I", content, begin)[0]
     if last > end:
@@ -56,7 +56,7 @@ def _text(content: bytes | memoryview, begin: int, end: int) -> tuple[str, int]:
 
 
 class _File:
-    """Schemas, encodings, messages and damage found in a file so far."""
+    """Schemas, encodings, messages and damage found so far in a file."""
 
     def __init__(self, content: bytes | memoryview, messages: Messages) -> None:
         self.content = content
@@ -68,7 +68,7 @@ class _File:
         self.meter = Meter("", len(content))
 
     def add(self, content: bytes | memoryview, records: Records) -> None:
-        """Take in schemas, channels, chunks and messages, of the file or of a chunk."""
+        """Take the schemas, channels, chunks and messages of the file or of a chunk."""
         for opcode, begin, end in records.others:
             try:
                 if opcode == SCHEMA:
@@ -82,7 +82,7 @@ class _File:
             except DataError as error:
                 self.damaged.append(f"a chunk {error}")
             except struct.error:
-                self.damaged.append("a schema or channel that does not fit its record")
+                self.damaged.append("a schema or channel does not fit its record")
         self._add_messages(content, records.messages)
 
     def _add_schema(self, content: bytes | memoryview, begin: int, end: int) -> None:
@@ -98,7 +98,7 @@ class _File:
         self.encodings.add(encoding)
         name, text = self.schemas.get(schema, ("", ""))
         known = RosTopic.of(topic, name, encoding, text)
-        # it stands in every chunk, and at the end
+        # every chunk and the end of the file repeat it
         self.messages.topics.setdefault(self.first + number, known)
 
     def _add_messages(self, content: bytes | memoryview, places: Ints) -> None:
@@ -114,7 +114,7 @@ class _File:
         self.messages.add(raw, numbers, first, end - first, head["log"])
 
     def _add_chunk(self, content: bytes | memoryview, begin: int, end: int) -> None:
-        """Take in a chunk. Raises DataError where it is damaged."""
+        """Take a chunk. Raises DataError where it is damaged."""
         try:
             size, crc = struct.unpack_from("<QI", content, begin + 16)
             way, at = _text(content, begin + 28, end)
@@ -130,9 +130,9 @@ class _File:
 
 
 def read_mcap(content: bytes | memoryview, messages: Messages) -> Messages:
-    """Take in the messages of a whole file. Raises DataError of one line where it has none of ROS."""
+    """Take the messages of a file. Raises a one-line DataError where none is a ROS message."""
     if bytes(content[: len(MAGIC)]) != MAGIC:
-        raise DataError(f"is no MCAP file of version 0: {how_it_begins(content, MAGIC)}")
+        raise DataError(f"is not an MCAP file of version 0: {how_it_begins(content, MAGIC)}")
     records, file = walk(content, len(MAGIC)), _File(content, messages)
     for opcode, begin, end in records.others:
         if opcode == DATA_END and len(records.messages) and end - begin >= 4:
@@ -142,13 +142,13 @@ def read_mcap(content: bytes | memoryview, messages: Messages) -> Messages:
     file.add(content, records)
     if file.encodings and not file.encodings & {"cdr", "ros1"}:
         raise DataError(
-            f"its messages are {', '.join(sorted(file.encodings))}, not of ROS (cdr, ros1), and say "
-            f"nothing that is known; record ROS messages, or export a table"
+            f"its messages have the encoding {', '.join(sorted(file.encodings))}, not that of ROS (cdr, "
+            f"ros1), and cannot be read; record ROS messages, or export a table"
         )
     messages.left += file.damaged
     if bytes(content[records.end :]) != MAGIC:
         messages.left.append(
-            f"it was cut short or damaged: {len(content) - records.end} bytes at its end are no whole "
-            f"record; what is before them is used"
+            f"it was cut short or damaged: {len(content) - records.end} bytes at its end are not a "
+            f"complete record; the data before them are used"
         )
     return messages

@@ -1,4 +1,4 @@
-"""Chunks of a log that are packed."""
+"""Compressed chunks of a log."""
 
 import bz2
 import io
@@ -10,7 +10,7 @@ from ....fileio.limits import Meter
 from ...tables.table_file import zstd
 
 PIECE = 1 << 20
-"""Bytes that are unpacked at a time, so that a wrong size costs no memory."""
+"""Bytes that are decompressed at a time, so that an incorrect size costs no memory."""
 
 
 def _open_packed(packed: bytes, way: str) -> IO[bytes]:
@@ -25,13 +25,13 @@ def _open_packed(packed: bytes, way: str) -> IO[bytes]:
 
 
 def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> bytes:
-    """Unpack `size` bytes, packed by `way`: "lz4" (frames), "zstd", "bz2", or "" and "none" for
-    unpacked ones. `meter` counts them. Raises DataError where they are damaged or of another
-    size."""
+    """Decompress `size` bytes with the method `way`: "lz4" (frames), "zstd", "bz2", or "" and
+    "none" for plain bytes. `meter` counts them. Raises DataError where they are damaged or have
+    another size."""
     if way in ("", "none"):
         unpacked = bytes(packed)
     elif way not in ("lz4", "zstd", "bz2"):
-        raise DataError(f"is packed by {way!r:.20}, which is not read; lz4, zstd, bz2 and none are")
+        raise DataError(f"is compressed with {way!r:.20}; only lz4, zstd, bz2 and none can be read")
     else:
         pieces, left = [], size + 1
         try:
@@ -46,18 +46,17 @@ def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> byt
             raise DataError(f"is damaged ({type(error).__name__})") from error
         unpacked = b"".join(pieces)
     if len(unpacked) != size:
-        raise DataError("unpacks to another size than it states")
+        raise DataError("has another size when decompressed than it states")
     return unpacked
 
 
 def unpack_frames(packed: bytes, most: int) -> bytes:
-    """zstd frames, one after the other, at most `most` bytes long when they are unpacked. Raises
-    DataError."""
+    """Decompress consecutive zstd frames to at most `most` bytes. Raises DataError."""
     try:
         with _open_packed(packed, "zstd") as file:
             unpacked = file.read(most + 1)
     except (EOFError, zstd().ZstdError) as error:
         raise DataError(f"is damaged ({str(error):.60})") from error
     if len(unpacked) > most:
-        raise DataError(f"unpacks to more than {most} bytes")
+        raise DataError(f"decompresses to more than {most} bytes")
     return unpacked

@@ -1,6 +1,6 @@
 """Sections of a recording from the messages of a robot's log.
 
-Axes and units are those of REP 103 and REP 145 (https://ros.org/reps): forward, left, up; SI; an
+Axes and units follow REP 103 and REP 145 (https://ros.org/reps): forward, left, up; SI; an
 accelerometer at rest reads +9.8 m/s^2 upwards; fixes in east, north, up.
 """
 
@@ -32,8 +32,8 @@ MAKERS: Mapping[str, Callable[[TopicStream, Robot], Made]] = {
 
 
 def log_of(path: Path, what: str, messages: Messages) -> Log:
-    """The Log of a robot's messages; `what` they were found in. Raises DataError where there is
-    nothing that is read."""
+    """Return the Log of a robot's messages; `what` names the container. Raises DataError where none
+    of them can be used."""
     streams, left = streams_of(messages)
     robot = Robot(path, frames := RosFrames(messages.transforms), _base(streams, frames))
     tables: dict[str, FileTable] = {}
@@ -50,7 +50,7 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
         for section in made:
             sections.append(_complete_section(section, stream, counts[section.role]))
             counts[section.role] += 1
-    clock = "UTC" if streams[0].absolute else "a clock without date, such as a simulator has"
+    clock = "UTC" if streams[0].absolute else "a clock without a date, as in a simulator"
     return Log(
         tables,
         tuple(_with_receivers(sections, streams)),
@@ -61,7 +61,7 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
 
 
 def _without_nonsense(topic: str, columns: Columns) -> list[str]:
-    """Make numbers that nothing measures missing; a line on them."""
+    """Make impossible numbers missing, and return a line on them."""
     wrong = 0
     for name, values in columns.items():
         beyond = np.abs(values) > MAX_NUMBER
@@ -69,14 +69,14 @@ def _without_nonsense(topic: str, columns: Columns) -> list[str]:
             wrong += int(beyond.sum())
             columns[name] = np.where(beyond, np.nan, values)
     return (
-        [f"{wrong} numbers beyond {MAX_NUMBER:g} of {topic}: damaged, taken as missing"]
+        [f"{wrong} numbers beyond {MAX_NUMBER:g} in {topic}: damaged, treated as missing"]
         if wrong
         else []
     )
 
 
 def _complete_section(section: Section, stream: TopicStream, number: int) -> Section:
-    """With its table, its time and its number."""
+    """Return the section with its table, its time and its number."""
     return section._replace(
         keys={**section.keys, "table": stream.topic, "time": stream.time},
         instance=number,
@@ -87,12 +87,12 @@ def _complete_section(section: Section, stream: TopicStream, number: int) -> Sec
 
 
 def _count_lines(lines: list[str]) -> list[str]:
-    """Each line once, with how often."""
+    """Return each line once, with its count."""
     return [f"{line} ({n} times)" if n > 1 else line for line, n in Counter(lines).items()]
 
 
 def _open_questions(sections: list[Section]) -> list[str]:
-    """Return why the first IMU is left out, where all are, as one line; else []."""
+    """Return one line on why the first IMU is left out, where all are left out; else []."""
     of_imus = [each for each in sections if each.role == "imu"]
     if not of_imus or any(not each.left for each in of_imus):
         return []
@@ -100,7 +100,8 @@ def _open_questions(sections: list[Section]) -> list[str]:
 
 
 def _base(streams: list[TopicStream], frames: RosFrames) -> str:
-    """The frame that is taken for the vehicle's: base_link, that of the odometry, or the IMU's."""
+    """Return the frame that is used as the vehicle's: base_link, that of the odometry, or the
+    IMU's."""
     imus = [each.frame for each in streams if each.type == "sensor_msgs/Imu"]
     if not imus:
         return "base_link"
@@ -115,8 +116,9 @@ def _base(streams: list[TopicStream], frames: RosFrames) -> str:
 
 
 def _with_receivers(sections: list[Section], streams: list[TopicStream]) -> list[Section]:
-    """The same with velocities of a receiver numbered as its positions: those that may be taken, of
-    the topic whose name begins alike, or of the same frame."""
+    """Return the sections with the velocities of a receiver numbered like its positions. They
+    belong together if their topic names begin alike or their frames agree, and if they may be
+    used."""
     frames = {each.topic: each.frame for each in streams}
     fixes = [each for each in sections if each.keys.get("kind") == "position"]
     fixes = [each._replace(instance=number) for number, each in enumerate(fixes)]
@@ -142,6 +144,6 @@ def _with_receivers(sections: list[Section], streams: list[TopicStream]) -> list
 
 
 def _common_parts(one: str, other: str) -> int:
-    """Parts of the names of two topics that are the same."""
+    """Number of common leading parts of two topic names."""
     pairs = zip(one.split("/"), other.split("/"))
     return next((k for k, (a, b) in enumerate(pairs) if a != b), 99)

@@ -1,4 +1,4 @@
-"""The sensors of a robot's log: its IMU and the attitude that its messages bring, receivers, wheels,
+"""The sensors of a robot's log: the IMU and the attitude in its messages, receivers, wheels,
 barometers and magnetometers."""
 
 import re
@@ -21,11 +21,11 @@ VELOCITY_STD = [0.2, 0.2, 0.4]
 SPEED_STD = 0.1
 PRESSURE_STD = 1.0
 FIELD_STD = 2.5
-"""Assumed where a log states none: m, m/s, m/s, m, uT."""
+"""Standard deviations where a log states none: m, m/s, m/s, m, uT."""
 
 
 def fix(stream: TopicStream, robot: Robot) -> Made:
-    """Positions of sensor_msgs/NavSatFix; rows without a fix are missing."""
+    """Return the positions of sensor_msgs/NavSatFix; rows without a fix are missing."""
     columns = stream.columns
     lla = np.stack([columns[name] for name in ("latitude", "longitude", "altitude")], axis=1)
     lla = lla.astype(float)
@@ -85,20 +85,20 @@ def _velocity(stream: TopicStream, robot: Robot, linear: Array) -> Made:
         "std": std,
         **arm,
     }
-    assumed = {**why, **assumed, "axes": "as drivers of receivers publish it"}
-    title = ", vertical always 0: taken as missing" if flat else ""
+    assumed = {**why, **assumed, "axes": "as receiver drivers publish it"}
+    title = ", vertical always 0: treated as missing" if flat else ""
     left = not_measured(stream)
     section = Section("source", "gnss", keys, title=title, assumed=assumed, left=left)
     return [section], {**vector("v1 v2 v3", velocity), **more}
 
 
 def odometry(stream: TopicStream, robot: Robot) -> Made:
-    """Speeds of nav_msgs/Odometry, whose twist is that of its child frame."""
+    """Return the speeds of nav_msgs/Odometry, whose twist refers to its child frame."""
     return _speed(stream, robot, stream.text("child_frame_id").lstrip("/"))
 
 
 def _speed(stream: TopicStream, robot: Robot, frame: str, doubt: str = "") -> Made:
-    """The speed forward of the frame that a twist is of, left where there is a `doubt`."""
+    """Return the forward speed of the frame of a twist, left out where there is a `doubt`."""
     place = robot.frames.pose(frame, robot.base)
     velocity = _linear(stream.columns)
     if place is not None:
@@ -107,19 +107,20 @@ def _speed(stream: TopicStream, robot: Robot, frame: str, doubt: str = "") -> Ma
     arm = {"lever_arm": place.lever_arm} if place is not None and place.t.any() else {}
     keys = {"kind": "speed", "columns": ["speed"], "unit": "m/s", "std": std, **arm}
     if COMMAND.search(stream.topic):
-        left = "its name says that it is a command, not a measurement"
+        left = "by its name it is a command, not a measurement"
     else:
         left = not_measured(stream) or doubt
         left = left or ("" if velocity[:, 0].any() else "it is always 0")
     title = f", speed along x of {frame or 'its frame'}"
     if "Odometry" in stream.type:
-        title += "; its pose is left: metres from where it began, no position on Earth"
+        title += "; its pose is left out: it is in metres from the start, not a position on Earth"
     section = Section("source", "speed", keys, title=title, assumed=why, left=left)
     return [section], {"speed": velocity[:, 0], **more}
 
 
 def magnetometer(stream: TopicStream, robot: Robot) -> Made:
-    """Fields of sensor_msgs/MagneticField in the vehicle's axes; the unit by its magnitude."""
+    """Return the fields of sensor_msgs/MagneticField in the vehicle's axes; the magnitude decides
+    the unit."""
     field = stream.columns["magnetic_field"].astype(float)
     place = robot.place(stream)
     if place is not None:
@@ -128,9 +129,9 @@ def magnetometer(stream: TopicStream, robot: Robot) -> Made:
     # the Earth's is 22 to 67 uT
     unit = "uT" if strength >= 5 else "gauss" if strength >= 5e-4 else "T"
     scale = {"T": 1e-6, "gauss": 1e-2, "uT": 1.0}[unit]
-    assumed = {"std": "covariances of magnetometers say little"}
+    assumed = {"std": "magnetometer covariances are not reliable"}
     if unit != "T":
-        assumed["unit"] = f"its median is {strength:.3g}, which is no field of the Earth in T"
+        assumed["unit"] = f"its median is {strength:.3g}, which is not the Earth's field in T"
     keys = {
         "kind": "magnetic-field",
         "columns": ["mx", "my", "mz"],
@@ -138,20 +139,20 @@ def magnetometer(stream: TopicStream, robot: Robot) -> Made:
         "axes": "FLU",
         "std": float(f"{FIELD_STD * scale:.6g}"),
     }
-    left = "nothing says that it is calibrated; see `strapdown calibrate`"
+    left = "it may not be calibrated; see `strapdown calibrate`"
     section = Section("source", "magnetometer", keys, assumed=assumed, left=left)
     return [section], vector("mx my mz", field)
 
 
 def barometer(stream: TopicStream, robot: Robot) -> Made:
-    """Pressures of sensor_msgs/FluidPressure; the unit by its magnitude."""
+    """Return the pressures of sensor_msgs/FluidPressure; the magnitude decides the unit."""
     pressure = stream.columns["fluid_pressure"].astype(float)
     usual = median(pressure)
     unit = "hPa" if 300 < usual < 1200 else "kPa" if 30 < usual < 120 else "Pa"
     keys = {"kind": "pressure", "columns": ["pressure"], "unit": unit, "std": PRESSURE_STD}
-    assumed = {"std": "the log's variance is of the pressure, not of the weather"}
+    assumed = {"std": "the log's variance covers the sensor, not the weather"}
     if unit != "Pa":
-        assumed["unit"] = f"its median is {usual:.4g}, which is no pressure of air in Pa"
+        assumed["unit"] = f"its median is {usual:.4g}, which is not an air pressure in Pa"
     left = not_measured(stream)
     return [Section("source", "barometer", keys, assumed=assumed, left=left)], {
         "pressure": pressure
@@ -161,14 +162,15 @@ def barometer(stream: TopicStream, robot: Robot) -> Made:
 # ---- the IMU
 
 MIN_FORCE = 3.0
-"""m/s^2, least median of the specific force where gravity is in it."""
+"""m/s^2: smallest median of a specific force that contains gravity."""
 DIRECTIONS = ("forward", "backward"), ("left", "right"), ("up", "down")
 ATTITUDE_STD = [0.02, 0.02, 0.1]
-"""rad, of roll, pitch and heading where a log states none."""
+"""rad: std of roll, pitch and heading where a log states none."""
 
 
 def imu(stream: TopicStream, robot: Robot) -> Made:
-    """Sections and columns of sensor_msgs/Imu: the IMU, and its attitude, which is left."""
+    """Return sections and columns of sensor_msgs/Imu: the IMU, and its attitude, which is left
+    out."""
     gyro, accel = stream.columns["angular_velocity"], stream.columns["linear_acceleration"]
     place = robot.place(stream)
     keys: dict[str, Any] = {
@@ -183,7 +185,7 @@ def imu(stream: TopicStream, robot: Robot) -> Made:
     C = np.eye(3) if place is None else place.C
     left, agrees = _doubt(stream, C @ [median(each) for each in accel.T])
     if "set " in left:
-        left += f" in what `strapdown inspect {robot.path} --imu N --write recording.toml` writes"
+        left += f" in the output of `strapdown inspect {robot.path} --imu N --write recording.toml`"
     assumed = {"axes": f"REP 103{agrees}", "grade": "the log states none"}
     columns = {**vector("wx wy wz", gyro), **vector("fx fy fz", accel)}
     title = robot.title_text(stream, place)
@@ -193,8 +195,8 @@ def imu(stream: TopicStream, robot: Robot) -> Made:
 
 
 def _doubt(stream: TopicStream, force: Array) -> tuple[str, str]:
-    """Why an IMU is not taken, or "", and what gravity says of its axes; `force` is its median
-    in the vehicle's axes, forward, left, up."""
+    """Return the reason why an IMU is left out, or "", and the evidence of gravity on its axes.
+    `force` is its median in the vehicle's axes, forward, left, up."""
     for name, sensor in (("angular_velocity", "gyro"), ("linear_acceleration", "accelerometer")):
         covariance = stream.columns[f"{name}_covariance"]
         if (covariance[:, 0] == -1).all() or not stream.columns[name].any():
@@ -202,24 +204,24 @@ def _doubt(stream: TopicStream, force: Array) -> tuple[str, str]:
     norm = median(np.linalg.norm(stream.columns["linear_acceleration"], axis=1))
     if 0.8 < norm < 1.2:
         return (
-            f"its median specific force is {norm:.2f} m/s^2, about 9.8 is expected: in g perhaps; "
-            f'set unit = "g" of accel',
+            f"its median specific force is {norm:.2f} m/s^2, but about 9.8 is expected: it is probably "
+            f'in g; set unit = "g" of accel',
             "",
         )
     if not norm >= MIN_FORCE:
         return (
-            f"its accelerometer is free of gravity: its median is {norm:.2f} m/s^2, about 9.8 is "
-            f"needed; record the topic with gravity",
+            f"its acceleration is without gravity: its median is {norm:.2f} m/s^2, but about 9.8 is "
+            f"necessary; record the topic with gravity",
             "",
         )
     whole = float(np.linalg.norm(force))
     if not whole > norm / 2:
-        return "", "; gravity does not tell, it turns over"
+        return "", "; gravity does not confirm the axes, because it turns over"
     if force[2] > whole / 2:
         return "", "; gravity agrees"
     most = int(np.argmax(np.abs(force)))
     where = DIRECTIONS[most][int(force[most] < 0)]
-    hint = "perhaps forward, right, down" if force[2] < -whole / 2 else "it is turned"
+    hint = "perhaps forward, right, down" if force[2] < -whole / 2 else "it is rotated"
     frame = f"{stream.frame} " if stream.frame else ""
     return (
         f"its frame {frame}is not forward, left, up: at {abs(force[most]):.1f} m/s^2 its median "
@@ -229,7 +231,7 @@ def _doubt(stream: TopicStream, force: Array) -> tuple[str, str]:
 
 
 def _attitude(stream: TopicStream, place: Pose | None) -> Made:
-    """Return the section of the attitude in an IMU's messages; none where it is missing or
+    """Return the section of the attitude in an IMU's messages; empty where it is missing or
     constant."""
     q, covariance = (
         stream.columns["orientation"].astype(float),
@@ -253,7 +255,7 @@ def _attitude(stream: TopicStream, place: Pose | None) -> Made:
         "unit": "rad",
         "std": std,
     }
-    left = "made of the same IMU, so it would count twice"
+    left = "computed from the same IMU, so it would count twice"
     return (
         [Section("source", "attitude", keys, assumed=why, left=left)],
         {**vector("qx qy qz qw", q), **columns},

@@ -1,4 +1,4 @@
-"""The messages of a robot's log on one clock: that of their headers."""
+"""The messages of a robot's log on one clock, that of their headers."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from .ros_transforms import plain
 SECOND = 1_000_000_000
 """ns"""
 YEAR_2000 = 946_684_800 * SECOND
-"""ns of POSIX time. A clock that is before it counts from elsewhere."""
+"""ns of POSIX time: an earlier clock counts from another zero."""
 
 
 class TopicStream(NamedTuple):
@@ -23,8 +23,8 @@ class TopicStream(NamedTuple):
     topic: str
     type: str
     frame: str  # frame_id, without a slash before it
-    stamp: Ints  # (n,) ns, when they were measured
-    record: Ints  # (n,) ns, when they were recorded
+    stamp: Ints  # (n,) ns, time of measurement
+    record: Ints  # (n,) ns, time of recording
     columns: Columns
     remark: str = ""  # on its times
     absolute: bool = False  # whether `stamp` is POSIX time
@@ -42,7 +42,7 @@ class TopicStream(NamedTuple):
 
     @property
     def fact(self) -> str:
-        """A line on what it holds."""
+        """A line on its content."""
         frame = f", frame {self.frame}" if self.frame else ""
         late = float(np.median(self.record - self.stamp)) / SECOND
         recorded = f", recorded {late:.3f} s after its stamp" if abs(late) > 5e-4 else ""
@@ -52,15 +52,15 @@ class TopicStream(NamedTuple):
         )
 
     def text(self, column: str) -> str:
-        """The text that most of its messages have there."""
+        """Return the most frequent text in a column."""
         return _commonest(self.columns[column])
 
 
 def streams_of(messages: Messages) -> tuple[list[TopicStream], list[str]]:
-    """The streams of a log on one clock by the names of their topics, and lines on what is left.
+    """Return the streams of a log on one clock by topic name, and lines on what is left out.
 
-    The clock is absolute where one of them has an absolute one. Raises DataError where a log has
-    nothing that is read.
+    The clock is absolute where one of them has an absolute clock. Raises DataError where a log has
+    nothing that can be used.
     """
     found, left = [], []
     for topic, decoded in messages.decode():
@@ -74,21 +74,21 @@ def streams_of(messages: Messages) -> tuple[list[TopicStream], list[str]]:
             on_clock.append(each._replace(absolute=absolute))
         elif absolute and _is_absolute(each.record):
             behind = int(np.median(each.record - each.stamp))
-            remark = "its stamps are of a clock of their own, set by the median time of recording"
+            remark = "its stamps are on a clock of their own, set by the median recording time"
             on_clock.append(each._replace(stamp=each.stamp + behind, absolute=True, remark=remark))
         else:
-            left.append(f"{each.topic}: its clock is another than that of the other topics")
+            left.append(f"{each.topic}: its clock differs from that of the other topics")
     if not on_clock:
         there = sorted({topic.type for topic in messages.topics.values()})
         raise DataError(
-            f"holds no IMU, fixes or odometry that are read; it has "
+            f"holds no IMU, fixes or odometry of a supported type; it has "
             f"{', '.join(there[:10]) or 'no topics'}"
         )
     return on_clock, left
 
 
 def _stream(topic: RosTopic, decoded: Decoded) -> tuple[TopicStream | None, list[str]]:
-    """The TopicStream of a topic on its own clock, and lines on what is not used of it."""
+    """Return the TopicStream of a topic on its own clock, and lines on what is not used."""
     columns, record, left = decoded.columns, decoded.record, []
     many = len(record) + decoded.wrong
     if decoded.wrong:
@@ -103,7 +103,7 @@ def _stream(topic: RosTopic, decoded: Decoded) -> tuple[TopicStream | None, list
         frame = plain(_commonest(columns["frame_id"]))
     if "sec" not in columns or not stamp.any():
         what = "no stamps" if "sec" not in columns else "stamps of zero"
-        stamp, remark = record, f"it has {what}: times are those of recording, which are later"
+        stamp, remark = record, f"it has {what}: the times are those of recording, which are later"
     stamped = stamp != 0
     if not stamped.all():
         left.append(f"{np.sum(~stamped)} of {many} messages of {topic.name} have no stamp")
@@ -129,7 +129,7 @@ def _text(raw: bytes) -> str:
 
 
 def unread(topics: Iterable[RosTopic]) -> list[str]:
-    """Lines on the topics that are not read, those of one type together."""
+    """Return lines on the topics that are not read, one for each type."""
     by_type: dict[tuple[str, str], list[str]] = {}
     for topic in topics:
         if topic.why_left and "TFMessage" not in topic.type and "tfMessage" not in topic.type:

@@ -1,9 +1,9 @@
-"""Messages of ROS, many at a time: gathered out of chunks by topic and length, then seen as arrays
-of their fields, as their definitions have them.
+"""Messages of ROS, many at a time: collected from chunks by topic and length, then viewed as arrays
+of the fields in their definitions.
 
 Sources: the packages std_msgs, geometry_msgs, sensor_msgs and nav_msgs of ROS 1 and 2;
 https://wiki.ros.org/msg for the serialisation of ROS 1, which has no gaps; OMG DDSI-RTPS 10.2 for
-CDR, that of ROS 2, where a number of n bytes stands at a multiple of n.
+CDR, that of ROS 2, where a number of n bytes is aligned to a multiple of n.
 """
 
 import re
@@ -24,7 +24,7 @@ NUMBERS = {
     "float64": "f8",
 }
 VECTORS = {"Vector3": 3, "Point": 3, "Quaternion": 4}
-"""Parts that are this many float64 in a row: x, y, z, w."""
+"""Parts that consist of so many consecutive float64: x, y, z, w."""
 PARTS = {
     "NavSatStatus": "int8 status, uint16 service",
     "Twist": "Vector3 linear, Vector3 angular",
@@ -56,7 +56,7 @@ MESSAGES = {
 """The messages that are read, by type."""
 
 Field = tuple[str, str, int]
-"""Name with the parts that it is of, as "twist.linear"; numpy's code or "string"; how many."""
+"""Name with its parents, as "twist.linear"; numpy's code or "string"; number of elements."""
 
 
 def _members(definition: str) -> list[tuple[str, int, str]]:
@@ -65,13 +65,13 @@ def _members(definition: str) -> list[tuple[str, int, str]]:
     for member in definition.split(","):
         whole = re.fullmatch(r"\s*(?:\w+/)*(\w+)(?:\[(\d+)\])?\s+(\w+)\s*", member)
         if whole is None:
-            raise DataError(f"{member.strip()[:60]!r} is none of its members")
+            raise DataError(f"{member.strip()[:60]!r} is not one of its members")
         found.append((whole[1], int(whole[2] or 1), whole[3]))
     return found
 
 
 def fields_of(message: str, encoding: str) -> list[Field]:
-    """The fields of a message in the order of their bytes; encoding "ros1" or "cdr"."""
+    """Return the fields of a message in byte order; encoding "ros1" or "cdr"."""
     return list(_fields(MESSAGES[message], encoding, ""))
 
 
@@ -88,8 +88,8 @@ def _fields(definition: str, encoding: str, prefix: str) -> Iterator[Field]:
 
 
 def is_known(message: str, text: str) -> bool:
-    """Return True where a definition in the format of .msg files has the members of `message` as
-    read here. Other text, empty or of an .idl file, proves nothing: True."""
+    """Return True where a definition in the format of .msg files has the members of `message` that
+    are read here, and for any other text (empty, or of an .idl file), which proves nothing."""
     top = re.split(r"^=+$", text, maxsplit=1, flags=re.MULTILINE)[0]
     lines = (line.split("#")[0].strip() for line in top.splitlines())
     members = [line for line in lines if line and "=" not in line]
@@ -104,7 +104,7 @@ def is_known(message: str, text: str) -> bool:
 Columns = dict[str, np.ndarray[Any, Any]]
 TRANSFORMS = ("tf2_msgs/TFMessage", "tf/tfMessage")
 MAX_TRANSFORMS = 1000
-"""Messages with transforms that are looked at, of each topic: what is mounted does not change."""
+"""Number of messages with transforms that are read of each topic; mountings do not change."""
 ALIGNED = {"ros1": False, "cdr": True}
 
 
@@ -118,38 +118,38 @@ class RosTopic(NamedTuple):
 
     @classmethod
     def of(cls, name: str, kind: str, encoding: str, definition: str = "") -> "RosTopic":
-        """Return the topic of the names in a log; "sensor_msgs/msg/Imu" is the form of ROS 2."""
+        """Return the topic from the names in a log; "sensor_msgs/msg/Imu" is the form of ROS 2."""
         return cls(name, kind.replace("/msg/", "/"), encoding, definition)
 
     @property
     def why_left(self) -> str:
-        """Why its messages are not decoded; "": they are."""
+        """Reason why its messages are not decoded; "" where they are."""
         if self.encoding not in ALIGNED:
             return f"its messages are {self.encoding or 'of unknown encoding'}, not of ROS"
         if self.type not in MESSAGES:
             return "messages of this type are not read"
         if not is_known(self.type, self.definition):
-            return "its definition is another than that of ROS"
+            return "its definition differs from that of ROS"
         return ""
 
 
 class Decoded(NamedTuple):
-    """Messages of a topic, in the order in which they were recorded."""
+    """Messages of a topic in order of recording."""
 
-    record: Ints  # (n,) ns, when they were
-    columns: Columns  # by the names of MESSAGES, (n,) or (n, k); of strings bytes
+    record: Ints  # (n,) ns, time of recording
+    columns: Columns  # by the names of MESSAGES, (n,) or (n, k); strings as bytes
     wrong: int  # messages that do not fit the definition and are not used
 
 
 def take(content: np.ndarray[Any, Any], offsets: Ints, length: int) -> np.ndarray[Any, Any]:
-    """Pieces of `length` bytes (n,) of an array of bytes at these offsets, which must fit in."""
+    """Return pieces (n,) of `length` bytes of an array at these offsets, which must fit in."""
     every = np.ndarray(len(content) - length + 1, f"V{length}", content, strides=(1,))
     return every[offsets]
 
 
 class Messages:
-    """Content gathered from a log: topics by the log's own numbers, messages of the topics that are
-    read, and lines on unusable content."""
+    """Content of a log: topics by the log's own numbers, messages of the topics that are read, and
+    lines on unusable content."""
 
     def __init__(self) -> None:
         self.topics: dict[int, RosTopic] = {}
@@ -160,7 +160,7 @@ class Messages:
 
     @property
     def next_number(self) -> int:
-        """A number that no topic has, nor one above it."""
+        """Return a number above those of all topics."""
         return max(self.topics, default=-1) + 1
 
     def add(
@@ -171,8 +171,8 @@ class Messages:
         lengths: Ints,
         record: Ints,
     ) -> None:
-        """Take in messages (n,) that lie in `content`: the numbers of their topics, where they
-        begin, their lengths and times."""
+        """Take messages (n,) in `content`, given the numbers of their topics, their beginnings,
+        lengths and times."""
         for number in np.unique(numbers).tolist():
             topic = self.topics.get(number)
             if topic is None or (topic.why_left and topic.type not in TRANSFORMS):
@@ -204,7 +204,7 @@ class Messages:
         self._looked[number] = seen + len(offsets)
 
     def decode(self) -> Iterator[tuple[RosTopic, Decoded]]:
-        """The messages of each topic, those of several nodes together, by the name of the topic."""
+        """Yield the messages of each topic by name, those of several nodes together."""
         by_topic: dict[tuple[str, str, str], list[int]] = {}
         for number in self._found:
             topic = self.topics[number]
@@ -261,14 +261,14 @@ def _layouts(
     begin: int,
     encoding: str,
 ) -> Iterator[tuple[Ints, Columns]]:
-    """As `_decode`. Each text of another length shifts what follows it, so that its rows are parted
-    from the others."""
+    """As `_decode`. A text of another length shifts the fields behind it, so its rows form a group
+    of their own."""
     length, aligned = raw.shape[1], ALIGNED[encoding]
     todo: list[tuple[Ints, int, int, dict[str, tuple[str, int]]]] = [(rows, 0, begin, {})]
     while todo:
         rows, number, at, layout = todo.pop()
         if number == len(fields):
-            # CDR may be filled up to four bytes
+            # CDR may be padded by up to four bytes
             if length - (3 if aligned else 0) <= at <= length:
                 yield rows, _view(payload if len(rows) == len(payload) else payload[rows], layout)
             continue

@@ -1,4 +1,4 @@
-"""Where the sensors of a robot are mounted: the fixed ones among its transforms between frames."""
+"""Mounting of the sensors of a robot: the fixed ones among its transforms between frames."""
 
 import math
 import re
@@ -13,15 +13,15 @@ from .ros_messages import RosTopic
 
 STATIC = "tf_static"
 MIN_EQUAL = 3
-"""Equal transforms by which one of a topic other than that of fixed ones is taken for fixed."""
+"""Number of equal transforms on a topic of variable transforms after which one counts as fixed."""
 
 WORLD = re.compile(
     r"((^|[/_])(map|odom|world|earth|ecef|utm)|(^|/)(enu|ned|local_origin))"
     r"(_(frame|enu|ned|combined|origin))*$",
     re.IGNORECASE,
 )
-"""Names of frames that stand on the ground (REP 105, https://ros.org/reps/rep-0105.html, and what
-drivers call them)."""
+"""Names of ground-fixed frames (REP 105, https://ros.org/reps/rep-0105.html, and names that drivers
+use)."""
 
 
 class Pose(NamedTuple):
@@ -31,7 +31,7 @@ class Pose(NamedTuple):
     t: Array
 
     def of(self, inner: "Pose") -> "Pose":
-        """Pose of what has the pose `inner` in this frame."""
+        """Return the pose in the other frame of an object with the pose `inner` in this frame."""
         return Pose(self.C @ inner.C, self.C @ inner.t + self.t)
 
     @property
@@ -41,12 +41,12 @@ class Pose(NamedTuple):
 
     @property
     def lever_arm(self) -> list[float]:
-        """The place, m forward, right, down."""
+        """The position, m forward, right, down."""
         return [round(float(each), 6) + 0.0 for each in self.t * (1, -1, -1)]
 
     @property
     def mounting(self) -> dict[str, float | str]:
-        """roll, pitch and heading that bring axes forward, right, down of the frame, deg."""
+        """roll, pitch and heading of the frame's axes forward, right, down, deg."""
         turn = np.diag([1.0, -1.0, -1.0])
         C = turn @ self.C @ turn
         angles = {
@@ -67,14 +67,15 @@ HERE = Pose(np.eye(3), np.zeros(3))
 
 
 def plain(frame: str) -> str:
-    """The name of a frame as ROS 2 has it: without the slash before it."""
+    """Return the name of a frame in the form of ROS 2, without a leading slash."""
     return frame.strip().lstrip("/")
 
 
 class RosFrames:
-    """The fixed transforms of a log, by the frame that they are of.
+    """The fixed transforms of a log by frame.
 
-    What parts a vehicle from the ground moves sooner or later, so that /tf fixes no frame of WORLD.
+    A vehicle moves against the ground sooner or later, so that /tf gives no fixed transform to a
+    frame of WORLD.
     """
 
     def __init__(self, messages: Iterable[tuple[RosTopic, bytes]] = ()) -> None:
