@@ -64,8 +64,8 @@ def _check_parameters(source: Source) -> None:
     meaning, given = find(source.kind).parameters, tuple(source.parameters)
     if meaning == "field" and not 1e-6 <= np.linalg.norm(given) <= 100e-6:
         raise DataError(
-            f"{source.name or source.kind}: parameters are {given}, where the Earth's field north, "
-            f"east, down in T is needed; geomagnetic_field gives it"
+            f"{source.name or source.kind}: parameters are {given}, but the Earth's field north, "
+            f"east, down in T is needed; geomagnetic_field returns it"
         )
     if meaning == "atmosphere" and any(given):
         pressure, temperature, *_ = *given, 0.0, 0.0
