@@ -34,6 +34,7 @@ from .io import read as read, write_recording as write_recording
 from .io.example_recordings import example as example, examples as examples
 from .io.noise_file import with_noise as with_noise
 from .io.solution import read_solution as read_solution, write_solution as write_solution
+from .io.vehicle_kits import vehicle_kit as vehicle_kit, vehicle_kits as vehicle_kits
 from .pages.page import report as report
 from .registration import register as register
 from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field

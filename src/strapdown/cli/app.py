@@ -206,7 +206,7 @@ def options(
     inside: Annotated[
         bool,
         typer.Option(
-            "--inside", help="Refuse files that a description names outside its own folder."
+            "--inside", help="Refuse files outside the folder of a description."
         ),
     ] = False,
 ) -> None:

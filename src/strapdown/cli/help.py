@@ -220,6 +220,15 @@ ABOUT = {
         "Simulate a recording",
         (("All receivers", "strapdown receivers"),),
     ),
+    "kits": About(
+        MORE,
+        "constraints of vehicles, to be appended to a description",
+        "Start from a vehicle kit",
+        (
+            ("All kits", "strapdown kits"),
+            ("That of a car", "strapdown kits car"),
+        ),
+    ),
     "formats": About(
         MORE,
         "formats of logs and tables that are read",

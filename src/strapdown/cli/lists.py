@@ -83,6 +83,26 @@ def receivers() -> None:
     record(receivers=sheets)
 
 
+def kits(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="The kit to print.  [default: the list of all]"),
+    ] = None,
+) -> None:
+    """List the kits of vehicles; or print one, to be appended to a recording.toml and changed."""
+    from ..io.vehicle_kits import vehicle_kit, vehicle_kits
+
+    if name is None:
+        about = {each: vehicle_kit(each).partition(":")[0].lstrip("# ") for each in vehicle_kits()}
+        table(("kit", "for"), [(each, text) for each, text in about.items()])
+        say("\n`strapdown kits NAME >> recording.toml` appends one.")
+        record(kits=about)
+        return
+    text = vehicle_kit(name)
+    say(text.rstrip("\n"))
+    record(kit=name, text=text)
+
+
 def plugins() -> None:
     """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
     from ..registration import registration_rows
@@ -180,5 +200,5 @@ def _version(package: str) -> str:
         return ""
 
 
-COMMANDS = (imus, receivers, formats, plugins, doctor)
+COMMANDS = (imus, receivers, kits, formats, plugins, doctor)
 """In the order of `--help`."""

@@ -1,4 +1,4 @@
-"""Whether a magnetic field is the Earth's: by its strength and its dip, which no turn about the vertical
+"""A magnetic field is compared with the Earth's by strength and dip, which no turn about the vertical
 changes. Iron or a current near by changes the direction of the field's horizontal part as much as it
 changes these two, so that a heading from such a field is none.
 """
