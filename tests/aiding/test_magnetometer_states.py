@@ -14,6 +14,7 @@ from strapdown.core.mathematics.source import new_source
 from strapdown.evaluation.consistency import band, nees_of
 from strapdown.experiments.monte_carlo.wrong_installation import draw_installation
 from strapdown.geometry.geodesy import wrap
+from strapdown.io.magnetic_record import facts_and_reasons
 from strapdown.sensor_models.magnetometer import Magnetometer
 
 FIELD = np.array([21.0, 1.5, 43.0])  # NED, in uT, so that the tolerances fit
@@ -175,3 +176,13 @@ def test_errors_are_as_large_as_stated(scenario, estimate):
     low, high = band(15 + len(made.true), len(runs))
     mean = np.mean(runs, axis=0)
     assert ((mean > low) & (mean < high)).mean() > 0.6
+
+
+def test_a_raw_field_is_no_mistake_where_its_iron_is_estimated():
+    recording, _ = drive(estimate=["hard-iron"])
+    magnetometer = next(a for a in recording.sources if a.kind == "magnetic-field")
+    asked = replace(magnetometer, estimate={"hard-iron": (50e-6,) * 3})
+    _, reasons = facts_and_reasons(magnetometer, recording.imu)
+    facts, none = facts_and_reasons(asked, recording.imu)
+    assert "strength" in reasons[0].seen and not none
+    assert facts == ["magnetometer: hard iron is estimated by the filter"]

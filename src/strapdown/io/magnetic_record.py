@@ -9,6 +9,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
+from ..data.calibration_parameters import HARD_IRON
 from ..data.solution import Source
 from ..data.verdict import Reason
 from ..preprocessing.axes import named_permutation, signed_permutations
@@ -181,8 +182,11 @@ def facts_and_reasons(
     that fit clearly better.
 
     matrix: from its columns to the body; known: True where the parameters are the Earth's field,
-    not that of the record itself.
+    not that of the record itself. Where its hard iron is a state of the filter, neither strength nor
+    dip of the record is the Earth's.
     """
+    if HARD_IRON.name in source.estimate:
+        return [f"{source.name or source.kind}: hard iron is estimated by the filter"], []
     facts, of_axes = _axes(source, imu, matrix, known)
     of_strength = _strength(source, source.parameters if known else None, is_calibrated)
     return facts, of_strength or of_axes  # without calibration the dip is not reliable
