@@ -19,6 +19,8 @@ pytestmark = pytest.mark.short
 DEG = np.pi / 180
 ARM = (1.2, -0.7, 2.5)  # m, body
 
+BEAM = np.array([0.48, -0.6, 0.64])  # unit vector, body
+
 
 def antenna(b, arm):
     """Geodetic position of a point of the body."""
@@ -71,6 +73,8 @@ SENSORS = {
     "course": (ARM, lambda b: math.atan2(velocity(b, ARM)[1], velocity(b, ARM)[0])),
     "altitude": (ARM, lambda b: antenna(b, ARM)[2]),
     "speed": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[0]),
+    "body-velocity": (ARM, lambda b: b.C_nb.T @ velocity(b, ARM)),
+    "beam-velocity": ((*ARM, *BEAM), lambda b: BEAM @ b.C_nb.T @ velocity(b, ARM)),
     "zero-lateral-velocity": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[1]),
     "zero-vertical-velocity": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[2]),
     "zero-velocity": ((), lambda b: b.v_n),

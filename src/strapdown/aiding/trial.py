@@ -26,6 +26,8 @@ TYPICAL = {
     "pressure": 97e3,
 }
 """A value of each quantity, SI; 1 of any other."""
+MORE = {"": (0.0, 0.0, 0.0), "direction": (0.48, -0.6, 0.64)}
+"""What source.parameters[3:6] is, by its meaning."""
 PARTS = (
     ("position", "m", 10.0),
     ("velocity", "m/s", 1.0),
@@ -88,6 +90,7 @@ def _call_observation(
     y = np.r_[measured, np.full(3 - rows, np.nan)]
     source = new_source()
     source.parameters[:3] = (2e-5, 1e-6, 4e-5) if sensor.parameters == "field" else (1.0, -0.5, 0.3)
+    source.parameters[3:6] = MORE[sensor.more_parameters]
     source.first_state = STATES if sensor.states else 0.0
     before = [part.copy() for part in belief]
     found = observe(belief, y, source, innovation, H)

@@ -284,12 +284,13 @@ def _make_source(
         if part.sensor.parameters in ("antenna", "reference")
         else part.baseline or ()
     )
+    own = (*map(float, arm), *part.more_parameters)
     return Source(
         part.kind,
         t,
         y,
         std,
-        tuple(map(float, arm)),
+        own,
         part.gate,
         part.name or part.kind,
         part.estimated,

@@ -29,6 +29,11 @@ PARAMETERS = {
     "baseline": "vector from the first to the second antenna, m, body (3)",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
+MORE_PARAMETERS = {
+    "": "",
+    "direction": ", then the direction, a unit vector, body (3)",
+}
+"""The same by `MeasurementModel.more_parameters`."""
 
 QUANTITIES = {"length": "height", "speed": "velocity"}
 """Names of the quantities of a fix in the header."""
@@ -106,7 +111,7 @@ def source_text(sensor: MeasurementModel) -> str:
     zero = ": 0" if sensor.name.startswith("zero-") else ""
     return (
         f"y: {y}{frame}{zero}; std ({count}): {std}; parameters: "
-        f"{PARAMETERS[sensor.parameters]}{when}"
+        f"{PARAMETERS[sensor.parameters]}{MORE_PARAMETERS[sensor.more_parameters]}{when}"
     )
 
 
