@@ -10,7 +10,9 @@ from ..core.loop.contract import MeasurementModel
 
 DIRECTION = "direction"
 """Unit vector in the body."""
-MEANINGS = ("", DIRECTION)
+BEACON = "beacon"
+"""Latitude and longitude, rad, height above the ellipsoid, m."""
+MEANINGS = ("", DIRECTION, BEACON)
 """Meanings that source.parameters[3:6] of a source can have."""
 UNIT = 1e-3
 """By which the length of a unit vector may be off 1."""
@@ -36,6 +38,13 @@ def check_more_parameters(sensor: MeasurementModel, parameters: Sequence[float],
         raise DataError(
             f"{name}: parameters are {given}; kind {sensor.name} needs six: the lever arm, m, and a "
             f"unit vector, both forward, right, down"
+        )
+    if sensor.more_parameters == BEACON and not (
+        len(given) == 6 and abs(given[3]) <= math.pi / 2 and abs(given[4]) <= 2 * math.pi
+    ):
+        raise DataError(
+            f"{name}: parameters are {given}; kind {sensor.name} needs six: the lever arm, m forward, "
+            f"right, down, and the place of the beacon: latitude, longitude, rad, height, m"
         )
 
 

@@ -24,9 +24,10 @@ TYPICAL = {
     "acceleration": -9.0,
     "magnetic field": 2e-5,
     "pressure": 97e3,
+    "water pressure": 6e5,
 }
 """A value of each quantity, SI; 1 of any other."""
-MORE = {"": (0.0, 0.0, 0.0), "direction": (0.48, -0.6, 0.64)}
+MORE = {"": (0.0, 0.0, 0.0), "direction": (0.48, -0.6, 0.64), "beacon": (0.80005, 0.2001, 250.0)}
 """What source.parameters[3:6] is, by its meaning."""
 PARTS = (
     ("position", "m", 10.0),

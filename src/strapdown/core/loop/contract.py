@@ -363,7 +363,8 @@ class MeasurementModel(NamedTuple):
     # what source.parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
     # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body
     parameters: str = ""
-    # what source.parameters[3:6] is: "" nothing, "direction": unit vector, body
+    # what source.parameters[3:6] is: "" nothing, "direction": unit vector, body;
+    # "beacon": latitude and longitude, rad, height above the ellipsoid, m
     more_parameters: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file

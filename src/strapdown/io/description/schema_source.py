@@ -5,10 +5,11 @@ import math
 import re
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from ...aiding import find
-from ...aiding.more_parameters import DIRECTION, direction_of
+from ...aiding.more_parameters import BEACON, DIRECTION, direction_of
 from ...checks import DataError, check_number, is_number
 from ...core.loop.contract import MeasurementModel
 from ...data.calibration_parameters import asked_at, requested_priors
@@ -64,6 +65,14 @@ class CorrelatedPart(KeyPart):
     states: bool = True
 
 
+class BeaconPart(KeyPart):
+    """beacon: its place, deg, deg and m above the ellipsoid."""
+
+    lat: Annotated[Finite, Field(ge=-90, le=90)]
+    lon: Annotated[Finite, Field(ge=-360, le=360)]
+    height: Annotated[Finite, Field(ge=-12e3, le=40e6)]
+
+
 class SourcePart(KeyPart):
     """[[source]]: its kind determines which keys it takes."""
 
@@ -83,6 +92,7 @@ class SourcePart(KeyPart):
     lever_arm: Triple | None = None
     baseline: Triple | None = None
     direction: Triple | None = None
+    beacon: BeaconPart | None = None
     calibration: str | None = None
     field: EarthField = None
     declination: Declination | None = None
@@ -194,6 +204,8 @@ class SourcePart(KeyPart):
     @property
     def more_parameters(self) -> tuple[float, ...]:
         """What its kind needs behind a lever arm. Raises DataError."""
+        if self.beacon is not None:
+            return tuple(np.radians([self.beacon.lat, self.beacon.lon])) + (self.beacon.height,)
         return () if self.direction is None else direction_of(self.direction)
 
     @property
@@ -316,6 +328,15 @@ class SourcePart(KeyPart):
                     "takes none"
                     if self.direction
                     else "needs it: the vector forward, right, down along which it measures"
+                ),
+            ),
+            (
+                (self.beacon is None) == (sensor.more_parameters == BEACON),
+                f"beacon: {sensor.name} "
+                + (
+                    "takes none"
+                    if self.beacon
+                    else "needs its place: { lat, lon, height }, deg, deg, m above the ellipsoid"
                 ),
             ),
             (

@@ -32,6 +32,7 @@ PARAMETERS = {
 MORE_PARAMETERS = {
     "": "",
     "direction": ", then the direction, a unit vector, body (3)",
+    "beacon": ", then latitude and longitude, rad, and ellipsoidal height, m, of the beacon (3)",
 }
 """The same by `MeasurementModel.more_parameters`."""
 
