@@ -52,7 +52,9 @@ def atmosphere(h):
 
 def distance(b):
     """From the point to the beacon, m."""
-    there, here = (np.array(pymap3d.geodetic2ecef(*p, deg=False)) for p in (BEACON, antenna(b, ARM)))
+    there, here = (
+        np.array(pymap3d.geodetic2ecef(*p, deg=False)) for p in (BEACON, antenna(b, ARM))
+    )
     return math.sqrt(((there - here) ** 2).sum())
 
 

@@ -48,6 +48,11 @@ def check_more_parameters(sensor: MeasurementModel, parameters: Sequence[float],
         )
 
 
+def placeholder(sensor: MeasurementModel) -> tuple[float, ...]:
+    """Parameters of a source of this kind before anybody gives them: forward, or a place at sea."""
+    return (0.0, 0.0, 0.0, 1.0, 0.0, 0.0) if sensor.more_parameters else ()
+
+
 def direction_of(given: Sequence[float]) -> tuple[float, ...]:
     """The unit vector along `given`. Raises DataError where it has no direction."""
     length = math.hypot(*given)
