@@ -92,5 +92,5 @@ def test_a_beacon_at_a_wrong_place_is_said(made):
         replace(made, sources=(*others, replace(last, parameters=(*arm, *off)))), imu="tactical"
     )
     assert right.verdict.word == "trusted" and right.counts()["beacon 2"][1] <= 3
-    assert wrong.verdict.word != "trusted" and "beacon 2" in wrong.verdict.reasons[0].seen
+    assert wrong.verdict.word != "trusted" and wrong.verdict.reasons[0].source == "beacon 2"
     assert any("beacon 2" in text and "rejected" in text for _, text in wrong.events)

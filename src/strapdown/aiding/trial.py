@@ -28,7 +28,7 @@ TYPICAL = {
 }
 """A value of each quantity, SI; 1 of any other."""
 MORE = {"": (0.0, 0.0, 0.0), "direction": (0.48, -0.6, 0.64), "beacon": (0.80005, 0.2001, 250.0)}
-"""What source.parameters[3:6] is, by its meaning."""
+"""Values of source.parameters[3:6], by their meaning."""
 PARTS = (
     ("position", "m", 10.0),
     ("velocity", "m/s", 1.0),

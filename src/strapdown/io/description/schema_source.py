@@ -203,7 +203,7 @@ class SourcePart(KeyPart):
 
     @property
     def more_parameters(self) -> tuple[float, ...]:
-        """What its kind needs behind a lever arm. Raises DataError."""
+        """Its parameters behind the lever arm. Raises DataError."""
         if self.beacon is not None:
             return tuple(np.radians([self.beacon.lat, self.beacon.lon])) + (self.beacon.height,)
         return () if self.direction is None else direction_of(self.direction)
