@@ -17,6 +17,7 @@ from strapdown.core.mathematics import solution_row
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 from strapdown.engine.run_batch import Keeper, RunBatch, why_alone
+from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sim.scenario import scenarios
 from strapdown.sim.synthesis import Simulator
 
@@ -131,6 +132,21 @@ def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
         pytest.skip(str(error))
     if both.why:
         pytest.skip(both.why)
+    compare_lanes(both)
+
+
+def test_a_lane_has_velocities_of_the_body_as_the_run_alone_has_them():
+    sensors = [
+        Simulated("body-velocity", 0.1, 2.0, (0.5, 0.1, 0.2)),
+        Simulated("beam-velocity", 0.1, 2.0, (0.5, 0.1, 0.2, 0.6, 0.0, 0.8)),
+    ]
+    both = Both(sd.scenario("demo").replace(duration=30.0, sensors=sensors), "closed-loop")
+    assert not both.why
+    compare_lanes(both)
+
+
+def compare_lanes(both):
+    """Each lane against its run alone, to the bit."""
     kept, fix = both.lanes.out.kept, both.lanes.out.fix
     compared = 0
     for lane, left in enumerate(both.lanes.left):  # a lane is right until it must go alone
