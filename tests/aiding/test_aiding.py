@@ -19,6 +19,9 @@ pytestmark = pytest.mark.short
 DEG = np.pi / 180
 ARM = (1.2, -0.7, 2.5)  # m, body
 
+BEACON = (46.9 * DEG, 8.1 * DEG, -300.0)  # rad, rad, m
+BEAM = np.array([0.48, -0.6, 0.64])  # unit vector, body
+
 
 def antenna(b, arm):
     """Geodetic position of a point of the body."""
@@ -47,13 +50,22 @@ def atmosphere(h):
     return 101325 * (1 - 0.0065 * h / 288.15) ** (9.80665 / (287.05287 * 0.0065))
 
 
-def normal_gravity(b):
+def distance(b):
+    """From the point to the beacon, m."""
+    there, here = (
+        np.array(pymap3d.geodetic2ecef(*p, deg=False)) for p in (BEACON, antenna(b, ARM))
+    )
+    return math.sqrt(((there - here) ** 2).sum())
+
+
+def normal_gravity(b, h=None):
     """Somigliana at the ellipsoid with the free-air gradient, m/s^2: to 1e-4 below 10 km."""
+    h = b.lla[2] if h is None else h
     square = math.sin(b.lla[0]) ** 2
     return (
         9.7803253359 * (1 + 0.00193185265241 * square) / math.sqrt(1 - 0.00669437999014 * square)
-        - 3.0877e-6 * b.lla[2]
-        + 7.2e-13 * b.lla[2] ** 2
+        - 3.0877e-6 * h
+        + 7.2e-13 * h**2
     )
 
 
@@ -88,6 +100,8 @@ SENSORS = {
     "course": (ARM, lambda b: math.atan2(velocity(b, ARM)[1], velocity(b, ARM)[0])),
     "altitude": (ARM, lambda b: antenna(b, ARM)[2]),
     "speed": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[0]),
+    "body-velocity": (ARM, lambda b: b.C_nb.T @ velocity(b, ARM)),
+    "beam-velocity": ((*ARM, *BEAM), lambda b: BEAM @ b.C_nb.T @ velocity(b, ARM)),
     "zero-lateral-velocity": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[1]),
     "zero-vertical-velocity": (ARM, lambda b: (b.C_nb.T @ velocity(b, ARM))[2]),
     "zero-velocity": ((), lambda b: b.v_n),
@@ -105,6 +119,12 @@ SENSORS = {
     "angle-of-attack": ((), lambda b: math.atan2(through_air(b)[2], through_air(b)[0])),
     "zero-side-slip": ((), lambda b: through_air(b)[1]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
+    "depth": (ARM, lambda b: b.augmented[0] - antenna(b, ARM)[2]),
+    "water-pressure": (
+        ARM,
+        lambda b: 101325 + 1025 * normal_gravity(b, 0.0) * (b.augmented[0] - antenna(b, ARM)[2]),
+    ),
+    "range": ((*ARM, *BEACON), lambda b: distance(b) + b.augmented[0]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C_nb).as_euler("ZYX")[::-1]),
     "baseline": (ARM, lambda b: b.C_nb @ ARM),
 }

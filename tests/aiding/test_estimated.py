@@ -31,12 +31,20 @@ BA, BG = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
 # of clock, arm, mounting, scale: what the belief says of them
 ESTIMATES = np.array([0.05, 0.3, -0.2, 0.1, 1e-3, -2e-3, 3e-3, 0.02])
 NOW, WAIT = 1.0, 0.3  # s
-KINDS = {"position": 3, "velocity": 3, "speed": 1, "zero-lateral-velocity": 1, "heading": 1}
+KINDS = {
+    "position": 3,
+    "velocity": 3,
+    "speed": 1,
+    "zero-lateral-velocity": 1,
+    "body-velocity": 3,
+    "heading": 1,
+}
 LEFT_OUT = {
     "position": 1.0,
     "velocity": 0.6,
     "speed": 5.5,
     "zero-lateral-velocity": 5.5,
+    "body-velocity": 5.5,
     "heading": 0.0,
 }
 """Of the columns of the gyro bias: what it turns the arm, the force and the velocity in 0.25 s."""
@@ -85,8 +93,8 @@ def truth(kind, error, r):
     if kind == "velocity":
         return v + attitude.apply(np.cross(omega, to_body.apply(arm)))
     at_point = attitude.inv().apply(v) + np.cross(omega, GIVEN)
-    axis = 0 if kind == "speed" else 1
-    return np.array([(1 + scale) * (to_body.apply(np.eye(3)[axis]) @ at_point)])
+    axes = {"speed": [0], "zero-lateral-velocity": [1]}.get(kind, [0, 1, 2])
+    return (1 + scale) * (to_body.apply(np.eye(3)[axes]) @ at_point)
 
 
 def believed(change=np.zeros(STATES)):

@@ -135,6 +135,16 @@ def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
     assert compared_rows(both) > 100
 
 
+def test_a_lane_has_velocities_of_the_body_as_the_run_alone_has_them():
+    sensors = [
+        Simulated("body-velocity", 0.1, 2.0, (0.5, 0.1, 0.2)),
+        Simulated("beam-velocity", 0.1, 2.0, (0.5, 0.1, 0.2, 0.6, 0.0, 0.8)),
+    ]
+    both = Both(sd.scenario("demo").replace(duration=30.0, sensors=sensors), "closed-loop")
+    assert not both.why
+    assert compared_rows(both) > 100
+
+
 def compared_rows(both):
     """Rows of lanes that have the bits of the runs alone, as all that are not left have."""
     kept, fix = both.lanes.out.kept, both.lanes.out.fix

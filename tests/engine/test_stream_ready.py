@@ -11,6 +11,7 @@ from test_heading_hypotheses import carried
 
 import strapdown as sd
 from strapdown import aiding, filters
+from strapdown.aiding.more_parameters import placeholder
 from strapdown.core.compile import jit
 from strapdown.engine.stream import Stream
 from strapdown.sensor_models.gnss import Gnss
@@ -61,7 +62,13 @@ def test_no_step_makes_the_kernels_of_tried_headings_ready(ready):
 def test_every_source_is_ready(ready):
     kinds = [aiding.find(name) for name in aiding.own_names()]
     sources = [
-        sd.Source(kind.name, np.empty(0), *np.empty((2, 0, len(kind.quantities)))) for kind in kinds
+        sd.Source(
+            kind.name,
+            np.empty(0),
+            *np.empty((2, 0, len(kind.quantities))),
+            parameters=placeholder(kind),
+        )
+        for kind in kinds
     ]
     Stream("closed-loop", start=start(flight()), imu="tactical", sources=sources)
     assert {kind.observe.stem for kind in kinds} <= ready()

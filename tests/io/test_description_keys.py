@@ -1,5 +1,7 @@
 """Every key of a source in `recording.toml` changes the recording, or is refused for its kind."""
 
+import re
+
 import given_files
 import numpy as np
 import pandas as pd
@@ -18,6 +20,8 @@ SOURCES = {
     "heading": 'columns = ["a"]\nunit = "rad"\nstd = 0.1\n',
     "attitude": 'columns = ["a", "b", "c"]\nunit = "rad"\nstd = 0.1\n',
     "baseline": 'columns = ["a", "b", "c"]\nunit = "m"\nstd = 0.1\nbaseline = [1.0, 0.0, 0.0]\n',
+    "beam-velocity": 'columns = ["a"]\nunit = "m/s"\nstd = 0.1\ndirection = [1.0, 0.0, 0.0]\n',
+    "range": 'columns = ["a"]\nunit = "m"\nstd = 1.0\nbeacon = { lat = 47, lon = 8, height = 0 }\n',
     "zero-velocity": "rate = 10\nstd = 0.1\n",
     "zero-lateral-velocity": "rate = 10\nstd = 0.1\n",
 }
@@ -43,6 +47,8 @@ VALUES = {
     "adaptive": "60.0",
     "gate": "5.0",
     "baseline": "[0.0, 1.0, 0.0]",
+    "beacon": "{ lat = 47.001, lon = 8, height = 0 }",
+    "direction": "[0.0, 2.0, 0.0]",
     "receiver": '"GNSS"',
     "name": '"mine"',
 }
@@ -72,6 +78,8 @@ def folder(tmp_path_factory):
     speed = truth.rotation.inv().apply(truth.v_n.copy())[at, :1]
     for kind, values in (
         ("speed", speed),
+        ("beam-velocity", speed),
+        ("range", 100 + speed),
         ("altitude", truth.lla[at, 2:]),
         ("heading", truth.rph[at, 2:]),
         ("attitude", truth.rph[at]),
@@ -88,8 +96,8 @@ def read(folder, kind, more=""):
     lines = SOURCES[kind]
     if more.startswith("rate") and "rate" in lines:
         lines = lines.replace("rate = 10\n", "")
-    if more.startswith("baseline"):
-        lines = lines.replace("baseline = [1.0, 0.0, 0.0]\n", "")
+    if more.startswith(("baseline", "direction", "beacon")):
+        lines = re.sub(f"{more.partition(' ')[0]} = .*\n", "", lines)
     source = f'[[source]]\nkind = "{kind}"\n{"" if kind.startswith("zero") else own}{lines}{more}\n'
     path = folder / "keys.toml"
     path.write_text(TOML.partition("[[source]]")[0] + source)

@@ -4,6 +4,7 @@ import shutil
 from functools import cache
 
 import pytest
+from body_speeds import recording as body_speeds
 from exports import STRICT, build_example, rough_flight, run
 from test_export import REFUSED, SOURCES
 
@@ -148,3 +149,9 @@ def test_every_filter_has_the_bits_of_python(name, tmp_path):
     kinds = list(dict.fromkeys([*kinds, *filters.find(name).needs]))
     code, said = compiled(name, kinds, recording, tmp_path)
     assert code == 0 and "difference 0 standard" in said, said
+
+
+def test_speeds_depths_and_ranges_have_the_bits_of_python(tmp_path):
+    recording = body_speeds(tmp_path)
+    code, said = compiled("closed-loop", [a.kind for a in recording.sources], recording, tmp_path)
+    assert code == 0 and "source 6: 58 accepted" in said, said

@@ -10,6 +10,7 @@ from .. import plugins
 from ..checks import DataError, check_choice, check_number, check_type, locate_errors
 from ..core.loop.contract import OBSERVE, Kind, MeasurementModel, Observe, compile_kernel
 from ..units import quantities
+from .more_parameters import MEANINGS
 from .trial import derivative_complaints
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "baseline", "atmosphere")
@@ -104,6 +105,7 @@ def check(sensor: MeasurementModel) -> None:
         for quantity in sensor.quantities:
             quantities.REGISTRY.find(quantity)
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
+    check_choice(sensor.more_parameters, what + "more_parameters", MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
     check_choice(sensor.when, what + "when", ("", "at rest"))
     check_choice(sensor.mean_of, what + "mean_of", ("", "gyro"))

@@ -94,9 +94,9 @@ def axis(k: int) -> Three:
 
 
 @helper
-def axis_of_vehicle(k: int, belief: FilterState, source: SourceRow) -> Three:
-    """The unit vector along axis k of the vehicle, in the body: exp(-mu x) u, to second order."""
-    u, mu = axis(k), errors(belief, source.mounting_state)
+def in_body(u: Three, belief: FilterState, source: SourceRow) -> Three:
+    """A unit vector u of the vehicle, in the body: exp(-mu x) u, to second order."""
+    mu = errors(belief, source.mounting_state)
     once = cross(u, mu)
     twice = cross(once, mu)
     return (
@@ -107,10 +107,10 @@ def axis_of_vehicle(k: int, belief: FilterState, source: SourceRow) -> Three:
 
 
 @helper
-def axis_by_mounting(k: int, i: int, belief: FilterState, source: SourceRow) -> Three:
-    """The derivative of `axis_of_vehicle` by component i of the mounting."""
-    mu, turn = errors(belief, source.mounting_state), cross(axis(k), axis(i))
-    more, again = cross(turn, mu), cross(cross(axis(k), mu), axis(i))
+def by_mounting(u: Three, i: int, belief: FilterState, source: SourceRow) -> Three:
+    """The derivative of `in_body` by component i of the mounting."""
+    mu, turn = errors(belief, source.mounting_state), cross(u, axis(i))
+    more, again = cross(turn, mu), cross(cross(u, mu), axis(i))
     return (
         turn[0] + 0.5 * (more[0] + again[0]),
         turn[1] + 0.5 * (more[1] + again[1]),
@@ -260,9 +260,15 @@ def velocity(belief: FilterState, source: SourceRow, innovation: Array, H: Array
 
 @helper
 def along(
-    k: int, belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
+    d: Three,
+    row: int,
+    belief: FilterState,
+    y: Array,
+    source: SourceRow,
+    innovation: Array,
+    H: Array,
 ) -> None:
-    """One row: y - velocity of a point along axis k of the vehicle, times 1 + scale."""
+    """One row: y - velocity of a point along a unit vector d of the vehicle, times 1 + scale."""
     C, M, v, r = belief.C_nb, source.turn, belief.v_n, source.gravity
     later = error(belief, source.clock_state) - source.clock
     age, scale = source.age - later, 1.0 + error(belief, source.scale_state)
@@ -280,21 +286,21 @@ def along(
         b[1] + swing[1] + later * (spun[1] - rolled[1]),
         b[2] + swing[2] + later * (spun[2] - rolled[2]),
     )
-    u = axis_of_vehicle(k, belief, source)
+    u = in_body(d, belief, source)
     speed = dot(u, b)
-    innovation[0] = y[0] - scale * speed
+    innovation[row] = y[row] - scale * speed
     c, by_force = in_n(C, M, u), rotate_vector(M, u[0], u[1], u[2])
     by_attitude_row, by_bias = cross(c, w), cross(u, l)
     for i in range(3):
-        H[0, 3 + i] = scale * c[i]
-        H[0, 6 + i] = scale * by_attitude_row[i]
-        H[0, 9 + i] = scale * age * by_force[i]
-        H[0, 12 + i] = scale * by_bias[i]
+        H[row, 3 + i] = scale * c[i]
+        H[row, 6 + i] = scale * by_attitude_row[i]
+        H[row, 9 + i] = scale * age * by_force[i]
+        H[row, 12 + i] = scale * by_bias[i]
         if source.mounting_state[i] > 0:
-            by = axis_by_mounting(k, i, belief, source)
-            H[0, source.mounting_state[i]] = scale * dot(b, by)
+            by = by_mounting(d, i, belief, source)
+            H[row, source.mounting_state[i]] = scale * dot(b, by)
     if source.scale_state > 0:
-        H[0, source.scale_state] = speed
+        H[row, source.scale_state] = speed
     if source.clock_state > 0:
         a = acceleration_then(C, source, bias)
         a = (
@@ -302,7 +308,7 @@ def along(
             a[1] - rolled[1] + spun[1],
             a[2] - rolled[2] + spun[2],
         )
-        H[0, source.clock_state] = scale * dot(u, a)
+        H[row, source.clock_state] = scale * dot(u, a)
 
 
 @helper
@@ -332,13 +338,13 @@ def acceleration_then(C: Array, source: SourceRow, bias: Three) -> Three:
 @helper
 def heading(belief: FilterState, source: SourceRow, H: Array) -> float:
     """Heading of the x axis of the vehicle, rad, and its row of H."""
-    C, u = belief.C_nb, axis_of_vehicle(0, belief, source)
+    C, u = belief.C_nb, in_body(axis(0), belief, source)
     n, e, d = rotate_vector(C, u[0], u[1], u[2])
     square = max(n * n + e * e, 1e-12)
     H[0, 6], H[0, 7], H[0, 8] = -d * n / square, -d * e / square, 1.0
     for k in range(3):
         if source.mounting_state[k] > 0:
-            by = axis_by_mounting(0, k, belief, source)
+            by = by_mounting(axis(0), k, belief, source)
             x = rotate_vector(C, by[0], by[1], by[2])
             H[0, source.mounting_state[k]] = (n * x[1] - e * x[0]) / square
     return math.atan2(e, n)

@@ -1,37 +1,46 @@
-"""Velocity of a point of the vehicle along its own axes: wheel speed, and the constraints of a
-vehicle that neither slips sideways nor hops.
+"""Velocity of a point of the vehicle along directions of the body: wheel speed, the vector of a Doppler
+log or a camera, one acoustic beam, and the constraints of a vehicle that neither slips sideways nor
+hops.
 
-h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
+h = d' (C' v + omega x l); with true C = exp(theta) C the derivative by theta is (C d) x v.
 """
 
 from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
+from ..core.mathematics.rotation import rotate_vector
 from ..typing import Array
 from . import augmented
+from .augmented import Three
 
 
 @helper
 def along(
-    axis: int, belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
-) -> int:
-    """One row: y - velocity of the point `source.parameters[0:3]` (m, body, from the IMU) along body
-    axis 0, 1 or 2."""
+    d: Three,
+    row: int,
+    belief: FilterState,
+    y: Array,
+    source: SourceRow,
+    innovation: Array,
+    H: Array,
+) -> None:
+    """One row: y - velocity of the point `source.parameters[0:3]` (m, body, from the IMU) along the unit
+    vector d of the body."""
     if augmented.any_of(belief, source):
-        augmented.along(axis, belief, y, source, innovation, H)
-        return 1
+        augmented.along(d, row, belief, y, source, innovation, H)
+        return
     C, v, w = belief.C_nb, belief.v_n, belief.omega
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    c0, c1, c2 = C[0, axis], C[1, axis], C[2, axis]
-    innovation[0] = (
-        y[0]
-        - c0 * v[0]
-        - c1 * v[1]
-        - c2 * v[2]
-        - (w[i] * source.parameters[j] - w[j] * source.parameters[i])
+    l = source.parameters[0], source.parameters[1], source.parameters[2]
+    c = rotate_vector(C, d[0], d[1], d[2])
+    by_bias = augmented.cross(d, l)
+    innovation[row] = (
+        y[row]
+        - c[0] * v[0]
+        - c[1] * v[1]
+        - c[2] * v[2]
+        + (w[0] * by_bias[0] + w[1] * by_bias[1] + w[2] * by_bias[2])
     )
-    H[0, 3], H[0, 4], H[0, 5] = c0, c1, c2
-    H[0, 6], H[0, 7], H[0, 8] = c1 * v[2] - c2 * v[1], c2 * v[0] - c0 * v[2], c0 * v[1] - c1 * v[0]
-    H[0, 12 + i], H[0, 12 + j] = -source.parameters[j], source.parameters[i]
-    return 1
+    H[row, 3], H[row, 4], H[row, 5] = c
+    H[row, 6], H[row, 7], H[row, 8] = augmented.cross(c, (v[0], v[1], v[2]))
+    H[row, 12], H[row, 13], H[row, 14] = by_bias
 
 
 @kernel(OBSERVE)
@@ -39,7 +48,8 @@ def observe_speed(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: forward speed, m/s."""
-    return along(0, belief, y, source, innovation, H)
+    along(augmented.axis(0), 0, belief, y, source, innovation, H)
+    return 1
 
 
 @kernel(OBSERVE)
@@ -47,7 +57,8 @@ def observe_lateral(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed to the right, m/s."""
-    return along(1, belief, y, source, innovation, H)
+    along(augmented.axis(1), 0, belief, y, source, innovation, H)
+    return 1
 
 
 @kernel(OBSERVE)
@@ -55,7 +66,28 @@ def observe_vertical(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed downwards in the body, m/s."""
-    return along(2, belief, y, source, innovation, H)
+    along(augmented.axis(2), 0, belief, y, source, innovation, H)
+    return 1
+
+
+@kernel(OBSERVE)
+def observe_vector(
+    belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
+) -> int:
+    """Three rows: velocity forward, to the right and down, m/s."""
+    for k in range(3):
+        along(augmented.axis(k), k, belief, y, source, innovation, H)
+    return 3
+
+
+@kernel(OBSERVE)
+def observe_beam(
+    belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
+) -> int:
+    """One row: velocity along the unit vector source.parameters[3:6] of the body, m/s."""
+    d = source.parameters[3], source.parameters[4], source.parameters[5]
+    along(d, 0, belief, y, source, innovation, H)
+    return 1
 
 
 FORWARD = MeasurementModel(
@@ -65,6 +97,26 @@ FORWARD = MeasurementModel(
     parameters="reference",
     calibration_parameters=("clock", "mounting", "scale"),
     reference="odometer: Groves (2013) section 16.3",
+    lanes=True,
+)
+VECTOR = MeasurementModel(
+    "body-velocity",
+    observe_vector,
+    ("speed", "speed", "speed"),
+    parameters="reference",
+    vector="b",
+    calibration_parameters=("clock", "mounting", "scale"),
+    reference="Doppler log: Groves (2013) section 6.4",
+    lanes=True,
+)
+BEAM = MeasurementModel(
+    "beam-velocity",
+    observe_beam,
+    ("speed",),
+    parameters="reference",
+    more_parameters="direction",
+    calibration_parameters=("scale",),
+    reference="one beam of a Doppler log: Groves (2013) section 6.4",
     lanes=True,
 )
 LATERAL = MeasurementModel(

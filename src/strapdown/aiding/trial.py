@@ -24,10 +24,13 @@ TYPICAL = {
     "acceleration": -9.0,
     "magnetic field": 2e-5,
     "pressure": 97e3,
+    "water pressure": 6e5,
 }
 """A value of each quantity, SI; 1 of any other."""
 PARAMETERS = {"field": (2e-5, 1e-6, 4e-5), "atmosphere": (95e3, 290.0, 300.0)}
 """Those of a source by their meaning; others are a lever arm."""
+MORE = {"": (0.0, 0.0, 0.0), "direction": (0.48, -0.6, 0.64), "beacon": (0.80005, 0.2001, 250.0)}
+"""Values of source.parameters[3:6], by their meaning."""
 PARTS = (
     ("position", "m", 10.0),
     ("velocity", "m/s", 1.0),
@@ -90,6 +93,7 @@ def _call_observation(
     y = np.r_[measured, np.full(3 - rows, np.nan)]
     source = new_source()
     source.parameters[:3] = PARAMETERS.get(sensor.parameters, (1.0, -0.5, 0.3))
+    source.parameters[3:6] = MORE[sensor.more_parameters]
     source.first_state = STATES if sensor.states else 0.0
     before = [part.copy() for part in belief]
     found = observe(belief, y, source, innovation, H)

@@ -205,9 +205,7 @@ def options(
     ] = False,
     inside: Annotated[
         bool,
-        typer.Option(
-            "--inside", help="Refuse files outside the folder of a description."
-        ),
+        typer.Option("--inside", help="Refuse files outside the folder of a description."),
     ] = False,
 ) -> None:
     """Options of the command itself."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding, filters
+from ..aiding.more_parameters import check_more_parameters
 from ..alignment.missing_fields import MAX_HEADING, PARTS
 from ..checks import DataError, brief, check_number, one_line_repr
 from ..core.compile import records
@@ -154,6 +155,7 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
     shared: dict[str | int, int] = {}
     for s, a in enumerate(sources):
         sensor, row = aiding.find(a.kind), table[s]
+        check_more_parameters(sensor, a.parameters, a.name or a.kind)
         row.kind, row.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..aiding import find
+from ..aiding.more_parameters import check_more_parameters
 from ..checks import DataError
 from ..core.loop.contract import Imu, MeasurementModel
 from ..core.mathematics.earth import LATITUDE_LIMIT
@@ -88,6 +89,7 @@ def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, 
     for source in sources:
         _check_parameters(source)
         check_baseline(source)
+        check_more_parameters(find(source.kind), source.parameters, source.name or source.kind)
         if source.kind == "attitude":
             possible_attitude(np.asarray(source.y, float), Origin(source.name or source.kind))
         source, more = clean(source, find(source.kind))

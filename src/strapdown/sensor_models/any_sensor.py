@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..aiding import compile_observation, find
+from ..aiding.more_parameters import check_more_parameters
 from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import (
     STATES,
@@ -69,7 +70,9 @@ class Simulated:
         wanted = {"": range(PARAMETERS + 1), "field": (3,), "baseline": (3,)}.get(
             measurement.parameters, (0, 3)
         )
-        if len(parameters) not in wanted:
+        if measurement.more_parameters:
+            check_more_parameters(measurement, parameters.tolist(), own)
+        elif len(parameters) not in wanted:
             raise DataError(
                 f"{own}: {len(parameters)} parameters; kind {self.kind} takes "
                 f"{f'three: {measurement.parameters}' if measurement.parameters else f'at most {PARAMETERS}'}"

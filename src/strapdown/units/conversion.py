@@ -33,7 +33,7 @@ UNITS = {
     "length": {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": FOOT},
     "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "knot": KNOT, "cm/s": 0.01, "mm/s": 0.001, "ft/s": FOOT},
     "magnetic field": {"T": 1.0, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7},
-    "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0, "mbar": 100.0, "bar": 1e5},
+    "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0, "mbar": 100.0, "dbar": 1e4, "bar": 1e5},
     "angular random walk": {
         "rad/sqrt(s)": 1.0,
         "rad/s/sqrt(Hz)": 1.0,

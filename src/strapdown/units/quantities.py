@@ -55,6 +55,14 @@ OWN = {
             min_std=1e-11,
         ),
         Quantity("pressure", "pressure", innovation="length", min_std=1e-3),
+        Quantity(
+            "water pressure",
+            "pressure",
+            innovation="length",
+            most=1.2e8,
+            hint="11 km below the sea it is 1.1e8 Pa: is the unit dbar, bar or kPa?",
+            min_std=1e-3,
+        ),
     )
 }
 

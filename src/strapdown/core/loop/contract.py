@@ -364,6 +364,9 @@ class MeasurementModel(NamedTuple):
     # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body; "atmosphere":
     # pressure, Pa, and temperature, K, at a height, m
     parameters: str = ""
+    # what source.parameters[3:6] is: "" nothing, "direction": unit vector, body;
+    # "beacon": latitude and longitude, rad, height above the ellipsoid, m
+    more_parameters: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
     when: str = ""  # a constraint that holds only then: "at rest"

@@ -11,6 +11,7 @@ import math
 from ...typing import Array
 from ..compile.jit import helper
 from ..compile.selection import any_of, where
+from .elementary import cosine, sine
 from .rotation import wrap
 
 A = 6378137.0
@@ -136,6 +137,20 @@ def gravity_gradient(sine: float, cosine: float, h: float) -> tuple[float, float
     return surface_lat * height + surface * 8 * F / A * sine * cosine * h, surface * (
         -linear + 6 / (A * A) * h
     )
+
+
+@helper
+def vector_to(lla: Array, lat: float, lon: float, h: float) -> tuple[float, float, float]:
+    """The straight vector from a geodetic position to another (rad, rad, m), m NED at the first:
+    the difference of both in ECEF, with x in the meridian of the first."""
+    here, there = sine_of_latitude(lla[0]), sine_of_latitude(lat)
+    _, N = curvature(here)
+    _, N_there = curvature(there)
+    level, turn = cosine(lla[0]), wrap(lon - lla[1])
+    out = (N_there + h) * cosine(lat)
+    x = out * cosine(turn) - (N + lla[2]) * level
+    z = (N_there * (1 - E2) + h) * there - (N * (1 - E2) + lla[2]) * here
+    return level * z - here * x, out * sine(turn), -level * x - here * z
 
 
 @helper

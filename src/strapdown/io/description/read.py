@@ -279,17 +279,17 @@ def _make_source(
     part: SourcePart, imu_lever_arm: list[float], t: Array, y: Array, std: Array
 ) -> Source:
     """Return the Source of these rows with the other keys of its section."""
-    parameters: Iterable[float] = part.atmosphere.parameters if part.atmosphere else ()
+    own: Iterable[float] = part.atmosphere.parameters if part.atmosphere else ()
     if part.sensor.parameters in ("antenna", "reference"):
-        parameters = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
+        own = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
     elif part.baseline:
-        parameters = part.baseline
+        own = part.baseline
     return Source(
         part.kind,
         t,
         y,
         std,
-        tuple(map(float, parameters)),
+        (*map(float, own), *part.more_parameters),
         part.gate,
         part.name or part.kind,
         part.estimated,

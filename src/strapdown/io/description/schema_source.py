@@ -5,9 +5,11 @@ import math
 import re
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from ...aiding import find
+from ...aiding.more_parameters import BEACON, DIRECTION, direction_of
 from ...checks import DataError, check_number, is_number
 from ...core.loop.contract import MeasurementModel
 from ...data.calibration_parameters import asked_at, requested_priors
@@ -77,6 +79,14 @@ class AtmospherePart(KeyPart):
         return 100 * self.pressure, CELSIUS_ZERO + self.temperature, self.height
 
 
+class BeaconPart(KeyPart):
+    """beacon: its place, deg, deg and m above the ellipsoid."""
+
+    lat: Annotated[Finite, Field(ge=-90, le=90)]
+    lon: Annotated[Finite, Field(ge=-360, le=360)]
+    height: Annotated[Finite, Field(ge=-12e3, le=40e6)]
+
+
 class SourcePart(KeyPart):
     """[[source]]: its kind determines which keys it takes."""
 
@@ -95,6 +105,8 @@ class SourcePart(KeyPart):
     geoid: Geoid = None
     lever_arm: Triple | None = None
     baseline: Triple | None = None
+    direction: Triple | None = None
+    beacon: BeaconPart | None = None
     calibration: str | None = None
     field: EarthField = None
     declination: Declination | None = None
@@ -205,6 +217,13 @@ class SourcePart(KeyPart):
         return Correlated(si, self.correlated.time, self.correlated.states)
 
     @property
+    def more_parameters(self) -> tuple[float, ...]:
+        """Its parameters behind the lever arm. Raises DataError."""
+        if self.beacon is not None:
+            return tuple(np.radians([self.beacon.lat, self.beacon.lon])) + (self.beacon.height,)
+        return () if self.direction is None else direction_of(self.direction)
+
+    @property
     def matrix(self) -> Array | None:
         """(3, 3) from the columns to NED or FRD, or None where they are not such a vector."""
         named = {"n": NAVIGATION_AXES, "b": BODY_AXES}.get(self.sensor.vector)
@@ -273,6 +292,10 @@ class SourcePart(KeyPart):
                 f"axes: {sensor.name} is not a vector and takes no axes",
             ),
             (
+                self.ecef and sensor.vector == "b",
+                f"axes: {sensor.name} is a vector in axes of the body, not in ECEF",
+            ),
+            (
                 self.form is not None and sensor.name != "velocity",
                 f"form: {sensor.name} takes none; only a velocity does, as speed and course",
             ),
@@ -314,6 +337,24 @@ class SourcePart(KeyPart):
                 f"right, down, at least {MIN_LENGTH:g} m long",
             ),
             (
+                (self.direction is None) == (sensor.more_parameters == DIRECTION),
+                f"direction: {sensor.name} "
+                + (
+                    "takes none"
+                    if self.direction
+                    else "needs it: the vector forward, right, down along which it measures"
+                ),
+            ),
+            (
+                (self.beacon is None) == (sensor.more_parameters == BEACON),
+                f"beacon: {sensor.name} "
+                + (
+                    "takes none"
+                    if self.beacon
+                    else "needs its place: { lat, lon, height }, deg, deg, m above the ellipsoid"
+                ),
+            ),
+            (
                 self.receiver is not None and sensor.name not in ("position", "baseline"),
                 f"receiver: {sensor.name} takes none; only a position or a baseline has classes",
             ),
@@ -344,6 +385,7 @@ class SourcePart(KeyPart):
             ),
         )
         call_with_key("estimate", lambda: self.estimated)
+        call_with_key("direction", lambda: self.more_parameters)
         call_with_key("correlated", lambda: self.correlated_errors)
         if self.axes is not None and self.axes != ECEF:
             call_with_key("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)

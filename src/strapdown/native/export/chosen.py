@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import aiding, filters
+from ...aiding.more_parameters import placeholder
 from ...checks import DataError, check_number
 from ...core.loop.contract import Filter, InitialState, Noise
 from ...core.loop.loop import SAME_TIME
@@ -164,6 +165,12 @@ def _of(recording: Recording, kinds: Sequence[str]) -> tuple[Source, ...]:
         if own is not None:
             rest.remove(own)
         width = len(sensor.quantities)
-        none = Source(sensor.name, np.empty(0), np.empty((0, width)), np.empty((0, width)))
+        none = Source(
+            sensor.name,
+            np.empty(0),
+            np.empty((0, width)),
+            np.empty((0, width)),
+            placeholder(sensor),
+        )
         found.append(own or none)
     return tuple(found)

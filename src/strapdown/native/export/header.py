@@ -30,6 +30,12 @@ PARAMETERS = {
     "atmosphere": "air pressure, Pa, and temperature, K, at a height, m (3); 0 is the ICAO atmosphere",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
+MORE_PARAMETERS = {
+    "": "",
+    "direction": ", then the direction, a unit vector, body (3)",
+    "beacon": ", then latitude and longitude, rad, and ellipsoidal height, m, of the beacon (3)",
+}
+"""The same by `MeasurementModel.more_parameters`."""
 
 QUANTITIES = {"length": "height", "speed": "velocity"}
 """Names of the quantities of a fix in the header."""
@@ -107,7 +113,7 @@ def source_text(sensor: MeasurementModel) -> str:
     zero = ": 0" if sensor.name.startswith("zero-") else ""
     return (
         f"y: {y}{frame}{zero}; std ({count}): {std}; parameters: "
-        f"{PARAMETERS[sensor.parameters]}{when}"
+        f"{PARAMETERS[sensor.parameters]}{MORE_PARAMETERS[sensor.more_parameters]}{when}"
     )
 
 
