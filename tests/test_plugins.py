@@ -395,7 +395,7 @@ def test_a_plugins_values_belong_to_a_campaign(tmp_path, monkeypatch):
 
     one, again, three = (digest(of_environment, K) for K in ("1", "1", "3"))
     assert one == again != three
-    with pytest.raises(DataError, match="^plugin valued.py: K in observe is an object, by which"):
+    with pytest.raises(DataError, match="^plugin valued.py: K in observe is an object, so it"):
         digest(value.format("object()"), "1")
 
 

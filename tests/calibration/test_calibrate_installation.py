@@ -304,12 +304,12 @@ def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
         (
             "[0.5, 0.2, -1.5]      #",
             "[0.0, 0.2, -1.5]      #",
-            r"lever_arm is \[0, 0.2, -1.5\], and \[0.5,",
+            r"lever_arm is \[0, 0.2, -1.5\], but the recording was read with \[0.5,",
         ),
         (
             "pitch = 0.0",
             "pitch = 90.0",
-            r"\[imu\] mounting is \[0, 1.570796327, 0\], and \[0, 0, 0",
+            r"\[imu\] mounting is \[0, 1.570796327, 0\], but the recording was read with \[0, 0, 0",
         ),
     ):
         drive.write_text(text.replace(old, new))

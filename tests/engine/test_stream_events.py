@@ -170,7 +170,7 @@ def test_what_is_dropped_is_counted_by_its_reason_and_said():
     fix = Measurement(5.02, 0, tuple(recording.sources[0].y[4]), (1.0,) * 3)
     play(stream, [fix, fix, samples[101], fix, fix._replace(t=4.0), fix._replace(t=np.nan)])
     play(stream, [fix._replace(t=5.04, y=(value,) * 3) for value in (np.nan, np.inf)])
-    assert [*stream.dropped_by.values()] == [1, 2, 3, 4, 0]
+    assert [*stream.dropped_by.values()] == [1, 2, 3, 4, 0, 0]
     assert stream.dropped == 10 and stream.counts()[0] == (1, 0)
     texts = [text for _, text in stream.events if "gap" not in text]
     assert texts == [

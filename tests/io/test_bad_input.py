@@ -33,7 +33,7 @@ def refused(path):
     with pytest.raises(DataError) as error:
         read(path)
     text = str(error.value)
-    assert "\n" not in text and len(text) < 500
+    assert "\n" not in text and len(text) < 800
     return text
 
 

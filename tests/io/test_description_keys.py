@@ -21,6 +21,7 @@ SOURCES = {
     "attitude": 'columns = ["a", "b", "c"]\nunit = "rad"\nstd = 0.1\n',
     "baseline": 'columns = ["a", "b", "c"]\nunit = "m"\nstd = 0.1\nbaseline = [1.0, 0.0, 0.0]\n',
     "beam-velocity": 'columns = ["a"]\nunit = "m/s"\nstd = 0.1\ndirection = [1.0, 0.0, 0.0]\n',
+    "indicated-airspeed": 'columns = ["a"]\nunit = "m/s"\nstd = 1.0\n',
     "range": 'columns = ["a"]\nunit = "m"\nstd = 1.0\nbeacon = { lat = 47, lon = 8, height = 0 }\n',
     "zero-velocity": "rate = 10\nstd = 0.1\n",
     "zero-lateral-velocity": "rate = 10\nstd = 0.1\n",
@@ -46,6 +47,7 @@ VALUES = {
     "robust": "true",
     "adaptive": "60.0",
     "gate": "5.0",
+    "atmosphere": "{ pressure = 950, temperature = 31, height = 250 }",
     "baseline": "[0.0, 1.0, 0.0]",
     "beacon": "{ lat = 47.001, lon = 8, height = 0 }",
     "direction": "[0.0, 2.0, 0.0]",
@@ -79,6 +81,7 @@ def folder(tmp_path_factory):
     for kind, values in (
         ("speed", speed),
         ("beam-velocity", speed),
+        ("indicated-airspeed", speed),
         ("range", 100 + speed),
         ("altitude", truth.lla[at, 2:]),
         ("heading", truth.rph[at, 2:]),

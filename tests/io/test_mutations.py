@@ -40,7 +40,7 @@ def check(name, tmp_path, seeds):
         ("while True: pass", "takes more than 0.3 s of the processor"),
         ("return bytearray(4 * 10**9)", "needs more memory"),
         ("import os; os.abort()", "the process ends with"),
-        ("raise KeyError('a')", "fails at it in `open` .KeyError"),
+        ("raise KeyError('a')", "fails in `open` .KeyError"),
     ],
 )
 def test_what_may_not_be_is_found(tmp_path, monkeypatch, body, words):

@@ -260,7 +260,7 @@ def test_another_netcdf_is_refused(tmp_path):
     import xarray as xr
 
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    with pytest.raises(DataError, match="no solution"):
+    with pytest.raises(DataError, match="is not a solution"):
         read_solution(tmp_path / "a.nc")
 
 

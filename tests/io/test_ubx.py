@@ -262,7 +262,7 @@ def test_mounting_angles_of_the_receiver_are_taken(written, tmp_path):
         content = data + ubx.frames(0x1014, angles.astype(np.uint8)).tobytes()
         imu = next(each for each in written(content).sections if each.of == "imu")
         assert imu.keys.get("mounting") == expected
-        assert ("as it was set" in imu.assumed.get("mounting", "")) == (expected is not None)
+        assert ("from its settings" in imu.assumed.get("mounting", "")) == (expected is not None)
     for status in (1, 2):  # still looking for them
         alg[:, 5] = status << 1
         log = written(data + ubx.frames(0x1014, alg).tobytes())

@@ -33,7 +33,7 @@ def test_the_samples_are_named(data_folder, command, name):
     for words in (("fuse", path), ("inspect", path)):
         code, _, err = command(*words)
         assert code == 2 and len(err) == 1
-        assert SAMPLES[name] in err[0] and "is not read" in err[0] and path.name in err[0]
+        assert SAMPLES[name] in err[0] and "cannot be read" in err[0] and path.name in err[0]
 
 
 WRITTEN = {

@@ -5,6 +5,7 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding
+from strapdown.aiding.more_parameters import placeholder
 from strapdown.checks import DataError
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.barometer import Barometer
@@ -83,7 +84,9 @@ def test_the_kinds_with_equations_of_their_own_agree_with_these():
 
 @pytest.mark.parametrize("kind", RECORDED)
 def test_every_recorded_kind_can_be_simulated(kind):
-    parameters = FIELD if aiding.find(kind).parameters == "field" else ()
+    model = aiding.find(kind)
+    given = {"field": FIELD, "baseline": (1.0, 0.2, -0.1)}
+    parameters = given.get(model.parameters, placeholder(model))
     sensor = Simulated(kind, 1e-3, rate=2.0, parameters=parameters)
     [mine] = simulate(
         FLIGHT, duration=5.0, gnss=Gnss(position_std=None, velocity_std=None), sensors=[sensor]

@@ -47,7 +47,7 @@ def test_records_made_in_blocks_are_the_same(monkeypatch):
         np.testing.assert_allclose(getattr(again, name), getattr(truth, name), rtol=0, atol=atol)
     for one, two in zip(imu, other, strict=True):
         np.testing.assert_allclose(two, one, rtol=0, atol=1e-14)
-    with pytest.raises(DataError, match="begins at 0 s"):
+    with pytest.raises(DataError, match="must begin at 0 s"):
         records(demo_flight(), t[1:])
 
 

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-CRASHED, MEMORY = "fails at it in", "needs more memory than there is"
+CRASHED, MEMORY = "report this to its author", "needs more memory than there is"
 """What the registry says of a reader that raises anything else than DataError."""
 MAX = 3000
 """Characters of a complaint that is still one line for people, its paths included."""

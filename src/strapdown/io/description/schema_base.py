@@ -287,7 +287,7 @@ def _geoid(value: Any) -> Literal["EGM96"] | SeparationKeys:
         return "EGM96"
     if not isinstance(value, dict) or not ({"column"} <= set(value) or {"value"} <= set(value)):
         raise ValueError(
-            f'{value!r} is no geoid; give "EGM96", its height above the ellipsoid as '
+            f'{value!r} is not a geoid; give "EGM96", its height above the ellipsoid as '
             '{ value = 46.3, unit = "m" }, or the column that has it, { column = "sep", unit = "m" }'
         )
     if "value" in value:

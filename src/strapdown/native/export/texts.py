@@ -163,6 +163,10 @@ CODE = ExportNames(
             "HEIGHT_APART": "height of one source left out, because another's contradicts it; "
             "which / 2 is left out * sources + other; value: difference in m",
             "HEIGHT_AGAIN": "height of source `which` agrees again and is used",
+            "DISTURBED": "magnetic field of source `which` left out, because its strength or dip is not the "
+            "Earth's; value: its strength, T",
+            "IRON_WAITS": "magnetic field of source `which` left out until the heading is known well enough "
+            "to estimate its hard iron; value: standard deviation of the heading, rad",
             "TOO_FAR": "position of source `which` farther away than the vehicle can have moved",
             "OUT_OF_RANGE": "axis `which` (gyro 0-2, accelerometer 3-5) read value, beyond its range",
             "FULL_SCALE": "axis `which` at full scale",
