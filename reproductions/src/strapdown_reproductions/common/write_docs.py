@@ -30,6 +30,7 @@ PAGES = {
     "recordings": ("table.md", "every-filter.md"),
     "vehicle-kit": ("table.md", "../../how-to/vehicle.md"),
     "verdicts": ("table.md", "verdicts.md"),
+    "worth": ("table.md", "sensor-worth.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""

@@ -1,0 +1,74 @@
+"""Worth of a sensor in a GNSS outage: `strapdown reproduce worth`."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import StudyTables, Task, collect_tables
+from ..common.study import ReproducedStudy, held_against
+from ..common.tables import Tables
+from ..common.targets import Target
+from . import sensors
+from .sensors import MOTIONS, NONE
+
+SEEDS, QUICK_SEEDS = 40, 2
+RUNS = "runs"
+"""The table of the runs."""
+INTRODUCTION = (
+    "A car, a flight and a ship with GNSS and one more sensor, closed loop, industrial IMU, own "
+    "alignment. GNSS is lost for 30 s and for 120 s. The table has the largest horizontal error in the "
+    "outage, the median of the seeds, and the same over that without the sensor.",
+    "Sensors have the noise that they state. The magnetometer is not calibrated: its hard iron is a "
+    "state. The wind is 5 m/s, and the filter estimates it.",
+)
+TARGETS = {
+    "worst": Target(
+        "a right sensor: error of the median run over that without it, the worst", "<=", 1.1, "x"
+    )
+}
+
+
+@reproduction("quick", "runs", "seed", "workers", "progress", usual=Asked(seed=1))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run everything, write the page into the folder `out`, return the claims; quick: two seeds.
+    Raises DataError."""
+    seeds = asked.seeds_from(SEEDS, QUICK_SEEDS)
+    tasks = [Task(RUNS, sensors.rows, (name, (k,))) for name in MOTIONS for k in seeds]
+    return STUDY.write(out, collect_tables(tasks, asked.workers, asked.progress))
+
+
+def worth(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per motion and sensor: median error in each outage, m, and over that without it."""
+    medians = rows.pivot_table(
+        "error", ["motion", "sensor"], "outage", aggfunc="median", sort=False
+    )
+    without = medians.xs(NONE, level="sensor").reindex(medians.index.get_level_values("motion"))
+    ratios = medians / without.to_numpy()
+    table = pd.DataFrame(
+        {
+            "runs": rows.groupby(["motion", "sensor"], sort=False)["seed"].nunique(),
+            **{f"{seconds:.0f} s, m": medians[seconds] for seconds in medians},
+            **{f"{seconds:.0f} s, over none": ratios[seconds] for seconds in medians},
+        }
+    )
+    return table.reset_index()
+
+
+def figures(found: StudyTables) -> dict[str, float]:
+    """{name of a target: figure}."""
+    table = worth(found[RUNS])
+    ratios = table.loc[table["sensor"] != NONE].filter(like="over none")
+    return {"worst": float(np.nanmax(ratios.to_numpy()))}
+
+
+def tables(found: StudyTables) -> Tables:
+    """{name: (caption, DataFrame)}."""
+    return {"worth": ("Largest horizontal error in an outage", worth(found[RUNS]))}
+
+
+STUDY = ReproducedStudy(
+    "What a sensor is worth in an outage", INTRODUCTION, held_against(TARGETS, figures), tables
+)
