@@ -21,7 +21,7 @@ SAID_AS = {"name": ("aircraft", "imu", "receiver", "scenario")}
 """{argument: words that name it, where a line does not have the argument's own}."""
 FITS = {("simulate", "duration"), ("trim", "airspeed"), ("geomagnetic_field", "*")}
 """Functions and arguments that a number fits."""
-NO_ARGUMENTS = {"examples", "reading_limits", "register", "scenarios"}
+NO_ARGUMENTS = {"examples", "reading_limits", "register", "scenarios", "vehicle_kits"}
 """Functions whose arguments have no places, and which have tests of their own."""
 
 

@@ -79,5 +79,5 @@ def test_sensors_of_a_kit_are_described_as_they_are_read(name, tmp_path):
 
 def test_every_kit_is_listed():
     assert sd.vehicle_kits() == sorted(KINDS)
-    with pytest.raises(DataError, match=r"vehicle kit is 'cra'.*car"):
+    with pytest.raises(DataError, match=r"name of a vehicle kit is 'cra'.*car"):
         sd.vehicle_kit("cra")

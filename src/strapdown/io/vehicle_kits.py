@@ -1,7 +1,10 @@
 """Kits of vehicles: sections of `recording.toml` with what constrains one, each number with its reason, to be
 read and changed."""
 
+from importlib.resources import as_file
+
 from ..checks import check_choice
+from ..fileio.file_access import settings_text
 from ..fileio.files import shipped_files
 
 
@@ -47,5 +50,6 @@ def vehicle_kit(name: str) -> str:
     # A fixed wing: append to recording.toml, and set at its top: vehicle = "aircraft"
     """
     found = shipped_files("kits", "strapdown.io")
-    check_choice(name, "vehicle kit", found)
-    return found[name].read_text(encoding="utf-8")
+    check_choice(name, "name of a vehicle kit", found)
+    with as_file(found[name]) as path:
+        return settings_text(path)
