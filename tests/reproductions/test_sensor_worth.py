@@ -20,7 +20,7 @@ def test_the_table_is_the_medians_and_their_ratios():
             for seed, error in enumerate(scale * share * outage * np.array([0.5, 1.0, 9.0]))
         ]
     )
-    table = main.worth(rows).set_index(["motion", "sensor"])
+    table = main.worth_table(rows).set_index(["motion", "sensor"])
     assert table.loc[("ship", "odometer"), "120 s, m"] == 300.0
     assert table.loc[("car", main.NONE), "30 s, m"] == 30.0
     assert (table.xs("odometer", level="sensor").filter(like="over none") == 0.25).all(axis=None)

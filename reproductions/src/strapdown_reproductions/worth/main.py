@@ -40,7 +40,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     return STUDY.write(out, collect_tables(tasks, asked.workers, asked.progress))
 
 
-def worth(rows: pd.DataFrame) -> pd.DataFrame:
+def worth_table(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per motion and sensor: median error in each outage, m, and over that without it."""
     medians = rows.pivot_table(
         "error", ["motion", "sensor"], "outage", aggfunc="median", sort=False
@@ -59,14 +59,14 @@ def worth(rows: pd.DataFrame) -> pd.DataFrame:
 
 def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}."""
-    table = worth(found[RUNS])
+    table = worth_table(found[RUNS])
     ratios = table.loc[table["sensor"] != NONE].filter(like="over none")
     return {"worst": float(np.nanmax(ratios.to_numpy()))}
 
 
 def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)}."""
-    return {"worth": ("Largest horizontal error in an outage", worth(found[RUNS]))}
+    return {"worth": ("Largest horizontal error in an outage", worth_table(found[RUNS]))}
 
 
 STUDY = ReproducedStudy(

@@ -99,7 +99,7 @@ def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
     """A row per seed, sensor and outage: how far off the horizontal position is at most, m."""
     case = MOTIONS[name]
     for seed in seeds:
-        whole = recorded(case, seed)
+        whole = record_motion(case, seed)
         for sensor, kinds in case.uses.items():
             for seconds in OUTAGES:
                 window = [(case.lost, case.lost + seconds)]
@@ -114,16 +114,16 @@ def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
                 }
 
 
-def recorded(case: SensorMotion, seed: int) -> Recording:
+def record_motion(case: SensorMotion, seed: int) -> Recording:
     """A run of the motion with all its sensors."""
     made, _ = simulator(case.motion).run(case.motion.imu, np.random.SeedSequence(seed))
     if case.motion.constrained:
         rng = np.random.default_rng([seed, 1])
         made = replace(made, sources=(*made.sources, *constraints(made, rng)))
-    return replace(made, sources=tuple(map(_estimated, made.sources)))
+    return replace(made, sources=tuple(map(_with_estimates, made.sources)))
 
 
-def _estimated(a: Source) -> Source:
+def _with_estimates(a: Source) -> Source:
     """The source with what a user would estimate of it."""
     estimate = {"magnetic-field": {"hard-iron": (50e-6,) * 3}, "speed": {"scale": (0.02,)}}
     return replace(a, estimate=estimate.get(a.kind, {}))
