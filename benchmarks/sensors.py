@@ -1,5 +1,6 @@
 """Sensors that need no calibration run: their worth on recordings."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,8 @@ IRON = [
     "magnetometer without a file, outages over none",
     "magnetometer without a file, iron against the file",
 ]
-FILE_IRON = np.array([38.6663666733, -16.2960200674, 37.96091161])
-"""uT, body: of examples/recordings/thor75-magnetometer.toml."""
+TO_BODY = np.array([1.0, -1.0, -1.0])
+"""From the columns of the magnetometer: axes = "+x -y -z"."""
 THOR = "30@240:575/5"
 BEGIN, END = 240.0, 575.0
 
@@ -40,12 +41,14 @@ def iron():
         float(made.scores["horizontal_rmse_m"].median())
         for made in (sd.compare(each, ["closed-loop"], outages=THOR) for each in (raw, without))
     ]
+    file = tomllib.loads((DESCRIPTIONS / "thor75-magnetometer.toml").read_text())
+    of_file = 1e6 * TO_BODY * file["magnetometer"]["bias"]
     states = [each for each in solution.installation.parameters if each.parameter == "hard-iron"]
-    off = [abs(each.change - given) / each.std for each, given in zip(states, FILE_IRON)]
+    off = [abs(each.change - given) / each.std for each, given in zip(states, of_file)]
     seen = ", ".join(f"{each.change:.2f} ± {each.std:.2f}" for each in states)
     return [
         (heading, f"{heading:.3g} deg; by GPS alone {alone:.3g} deg"),
         (heading / alone, f"{heading:.3g} against {alone:.3g} deg"),
         (drift[0] / drift[1], f"median of 62 outages {drift[0]:.3g} against {drift[1]:.3g} m"),
-        (max(off), f"{seen} uT; the file has {FILE_IRON.round(2).tolist()}"),
+        (max(off), f"{seen} uT; the file has {of_file.round(2).tolist()}"),
     ]

@@ -69,33 +69,28 @@ def test_the_measurement_is_the_plain_one(angles):
     np.testing.assert_allclose(observed(C, own, y + [1, 2, 3])[0], [1, 2, 3], atol=1e-9)
 
 
+def derivative(by, step=1e-6):
+    """The central difference of what it reads, by one number."""
+    return (by(step) - by(-step)) / (2 * step)
+
+
 @pytest.mark.short
 @pytest.mark.parametrize("angles", ATTITUDES)
-def test_columns_are_the_derivatives(angles):
-    """At no soft iron and no error of the field, where its columns are taken."""
+@pytest.mark.parametrize("declination", [0.0, 0.2])
+def test_columns_are_the_derivatives(angles, declination):
+    """At no soft iron and no error of the field; columns of these two are those at no declination."""
     C = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-    own, step = np.r_[30.0, -10.0, 5.0, np.zeros(9), 0.2], 1e-6
+    own = np.r_[30.0, -10.0, 5.0, np.zeros(9), declination]
+    unturned, unit = np.r_[own[:12], 0.0], np.eye(13)
     _, H = observed(C, own, measured(C, own))
     for k in range(3):
-        turn = np.eye(3)[k] * step
-        ahead, back = (Rotation.from_rotvec(sign * turn).as_matrix() @ C for sign in (1, -1))
-        column = (measured(ahead, own) - measured(back, own)) / (2 * step)
+        turned = lambda size: Rotation.from_rotvec(size * np.eye(3)[k]).as_matrix() @ C
+        column = derivative(lambda size: measured(turned(size), own))
         np.testing.assert_allclose(H[:, 6 + k], column, atol=1e-6)
     for k in range(13):
-        if 9 <= k < 12:  # taken at no declination either
-            continue
-        change = np.eye(13)[k] * step
-        column = (measured(C, own + change) - measured(C, own - change)) / (2 * step)
-        at = (
-            H[:, 15 + k]
-            if not 3 <= k < 9
-            else observed(C, own * ([1.0] * 12 + [0.0]), FIELD)[1][:, 15 + k]
-        )
-        if 3 <= k < 9:
-            plain = own * ([1.0] * 12 + [0.0])
-            column = (measured(C, plain + change) - measured(C, plain - change)) / (2 * step)
-        np.testing.assert_allclose(at, column, atol=1e-6)
-    np.testing.assert_allclose(H[:, OFF], C.T)
+        at = unturned if 3 <= k < 12 else own
+        column = derivative(lambda size: measured(C, at + size * unit[k]))
+        np.testing.assert_allclose(H[:, 15 + k], column, atol=1e-6)
     assert not H[:, :6].any() and not H[:, 9:15].any()
 
 

@@ -29,10 +29,9 @@ from ..core.mathematics.rotation import wrap
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from .augmented import Three, cross, dot, error
-from .pressure import LAPSE, P_0, T_0, TROPOPAUSE
+from .pressure import GAS, LAPSE, P_0, T_0, TROPOPAUSE
 
 MIN_AIRSPEED = 5.0  # m/s
-GAS = 287.05287  # of dry air, J/(kg K)
 DENSITY = P_0 / (GAS * T_0)  # kg/m^3 at mean sea level, to which airspeed indicators are made
 THINNING = STANDARD_GRAVITY / (GAS * LAPSE) - 1  # exponent of the density in the troposphere
 

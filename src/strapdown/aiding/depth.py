@@ -18,9 +18,8 @@ from ..core.loop.contract import (
 from ..core.mathematics.earth import gravity, sine_of_latitude
 from ..typing import Array
 from .altitude import height
+from .pressure import P_0
 
-AIR = 101325.0
-"""Pressure at the surface, Pa."""
 SEAWATER = 1025.0
 """Density, kg/m^3."""
 
@@ -47,7 +46,7 @@ def observe_pressure(
 ) -> int:
     """One row from y = absolute pressure, Pa."""
     g = gravity(sine_of_latitude(belief.lla[0]), 0.0)
-    return biased_depth(belief, (y[0] - AIR) / (SEAWATER * g), source, innovation, H)
+    return biased_depth(belief, (y[0] - P_0) / (SEAWATER * g), source, innovation, H)
 
 
 # the geoid is 30 m off the ellipsoid in the mean of the Earth; the walk: 1.2 m of tide an hour

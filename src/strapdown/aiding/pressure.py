@@ -22,13 +22,14 @@ from ..units.constants import STANDARD_GRAVITY
 from .altitude import height
 
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level
-EXPONENT = 287.05287 * LAPSE / STANDARD_GRAVITY  # of p / p_0 in the troposphere
+GAS = 287.05287  # of dry air, J/(kg K)
+EXPONENT = GAS * LAPSE / STANDARD_GRAVITY  # of p / p_0 in the troposphere
 # tropopause, m and Pa
 TROPOPAUSE, P_TOP = (
     11000.0,
     P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT),
 )
-SCALE_TOP = 287.05287 * (T_0 - LAPSE * TROPOPAUSE) / STANDARD_GRAVITY  # scale height above it, m
+SCALE_TOP = GAS * (T_0 - LAPSE * TROPOPAUSE) / STANDARD_GRAVITY  # scale height above it, m
 
 
 @helper
