@@ -51,8 +51,8 @@ class System(NamedTuple):
     on: tuple = ()  # cases that it is run on, where a sample takes milliseconds; else all
 
 
-FEW = ("thor75", "demo, tactical", "demo, consumer")
-SLOW = (*(f"{motion}, tactical" for motion in cases.SCENARIOS), *cases.RECORDINGS)
+FEW = ("thor75", "demo, consumer")
+SLOW = ("car, tactical", "ship, tactical", *cases.RECORDINGS)
 RECORDED = (*FEW, "drive0708", "walk0827", "BROAD 02", "BROAD 15")
 OWN, OWN_SMOOTHER = "strapdown closed-loop", "strapdown smooth"
 SYSTEMS = (
@@ -163,9 +163,16 @@ def joined(runs):
     return {"us": float(np.median([run["us"] for run in runs])), "scores": merged}
 
 
+def warm():
+    """Compile strapdown's kernels, so that the processes of the runs find them."""
+    for run in (own.closed_loop, own.smoothed):
+        run(cases.simulated("demo", "tactical", 0).workload.first(2 * PIECE))
+
+
 def results(names=()):
     """{case: {system: scores}} of all, or of what has one of `names` in its title."""
     found = {}
+    warm()
     for name, seeds in all_cases().items():
         seeds = [functools.cache(make) for make in seeds]
         for system in SYSTEMS:
