@@ -67,11 +67,19 @@ RELPOSNED.names = (
 ).split()
 
 
-def relposned(gps_ms, vectors, flags=0x137, acc=60):
+FIRST_RELPOSNED = np.dtype("u1,u1,<u2,<u4,<i4,<i4,<i4,i1,i1,i1,u1,<u4,<u4,<u4,<u4")
+FIRST_RELPOSNED.names = (
+    "version reserved0 refStationId iTOW relPosN relPosE relPosD relPosHPN relPosHPE relPosHPD reserved1 "
+    "accN accE accD flags"
+).split()
+
+
+def relposned(gps_ms, vectors, flags=0x137, acc=60, version=1):
     """NAV-RELPOSNED of vectors (n, 3) in 0.1 mm with an accuracy in 0.1 mm: carrier solution fixed, base
     moving, where `flags` do not say otherwise."""
-    records = np.zeros(len(gps_ms), RELPOSNED)
-    records["version"], records["iTOW"], records["flags"] = 1, np.asarray(gps_ms) % WEEK, flags
+    records = np.zeros(len(gps_ms), RELPOSNED if version else FIRST_RELPOSNED)
+    records["version"], records["flags"] = version, flags
+    records["iTOW"] = np.asarray(gps_ms) % WEEK
     for axis, values in zip("NED", np.asarray(vectors).T):
         records[f"relPos{axis}"] = np.trunc(values / 100)
         records[f"relPosHP{axis}"] = values - 100 * records[f"relPos{axis}"]

@@ -75,6 +75,10 @@ MAX_OF_START = {
 """Generous bounds on the components of a start, and what is probably wrong beyond them."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
+REMEDIES = {
+    "baseline": "run closed-loop, or give the angle between the antennas as a source of kind heading"
+}
+"""What to do where a filter does not use a kind that shows what nothing else of the recording may show."""
 OF_STATES = ("states", "state_std", "state_walk")
 """Fields of a MeasurementModel in which kinds that share states agree."""
 MAX_SLIP = 0.1
@@ -265,8 +269,7 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     """(the sources that `filter` can use, notes about the others and about having none)."""
     sources, widened = with_correlated_errors(filter, sources)
     fits = [filter.uses is None or a.kind in filter.uses for a in sources]
-    others = dict.fromkeys(a.name or a.kind for a, fit in zip(sources, fits) if not fit)
-    notes = [f"{filter.name} does not use {', '.join(others)}"] if others else []
+    notes = _of_unused(filter, [a for a, fit in zip(sources, fits) if not fit])
     sources, said = weighable(filter, sources)
     notes += widened + said
     checked = [without_wrong_lengths(a) for a in sources]
@@ -275,6 +278,15 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     return tuple(a for a, fit in zip(sources, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
+
+
+def _of_unused(filter: Filter, sources: Sequence[Source]) -> list[str]:
+    """A note on the sources that `filter` cannot use, with the remedy where there is one; [] without
+    any."""
+    names = dict.fromkeys(a.name or a.kind for a in sources)
+    remedies = dict.fromkeys(REMEDIES[a.kind] for a in sources if a.kind in REMEDIES)
+    said = "; ".join([f"{filter.name} does not use {', '.join(names)}", *remedies])
+    return [said] if sources else []
 
 
 def check_needs(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ....typing import Array, Ints
 from .cyclic_times import CyclicClock, in_order, same_time
-from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
+from .ubx_frames import FIRST_RELATIVE, LAYOUTS, UbxFrames, UbxMessage
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
@@ -50,12 +50,12 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
 def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
     """NAV-RELPOSNED of a base that moves with the vehicle, in m: vectors from its antenna to that of
     this receiver, in the order of time. Rows without a carrier solution are left out."""
-    place, records = frames.records(UbxMessage.NAV_RELPOSNED, LAYOUTS[UbxMessage.NAV_RELPOSNED])
+    row, place, records = _relative(frames)
     flags = records["flags"]
-    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0) & (records["version"] == 1)
-    place, records = place[good], records[good]
+    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0)
+    row, place, records = row[good], place[good], records[good]
     found: Columns = {
-        "row": np.flatnonzero(good),
+        "row": row,
         "t": clock.ms(place, records["iTOW"]),
         "carrier": carrier_of(records["flags"]),
     }
@@ -65,6 +65,17 @@ def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
         found[f"acc{axis}"] = np.maximum(records[f"acc{axis}"] / 1e4, MIN_STD)
     order, _, _ = in_order(found["t"])
     return {name: values[order] for name, values in found.items()}
+
+
+def _relative(frames: UbxFrames) -> tuple[Ints, Ints, NDArray[Any]]:
+    """(rows among all of them, places, records) of NAV-RELPOSNED of either version; a file has one."""
+    key = UbxMessage.NAV_RELPOSNED
+    for version, layout in enumerate((FIRST_RELATIVE, LAYOUTS[key])):
+        place, records = frames.records(key, layout)
+        row = np.flatnonzero(records["version"] == version)
+        if len(row) or version:
+            break
+    return row, place[row], records[row]
 
 
 def carrier_of(flags: NDArray[Any]) -> NDArray[Any]:

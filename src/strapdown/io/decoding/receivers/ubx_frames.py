@@ -147,6 +147,19 @@ def _solution(at: int) -> dict[str, tuple[int, str]]:
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
 
 
+def _relative(finer: int, accuracy: int, flags: int) -> dict[str, tuple[int, str]]:
+    """The fields of a NAV-RELPOSNED whose high-precision parts, accuracies and flags begin at these
+    offsets."""
+    found = {"version": (0, "u1"), "iTOW": (4, "u4"), "flags": (flags, "u4")}
+    for i, axis in enumerate("NED"):
+        found |= {
+            f"relPos{axis}": (8 + 4 * i, "i4"),
+            f"relPosHP{axis}": (finer + i, "i1"),
+            f"acc{axis}": (accuracy + 4 * i, "u4"),
+        }
+    return found
+
+
 LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     UbxMessage.NAV_PVT: _layout(
         iTOW=(0, "u4"),
@@ -198,26 +211,15 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     ),
     UbxMessage.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
     UbxMessage.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
-    UbxMessage.NAV_RELPOSNED: _layout(
-        version=(0, "u1"),
-        iTOW=(4, "u4"),
-        relPosN=(8, "i4"),
-        relPosE=(12, "i4"),
-        relPosD=(16, "i4"),
-        relPosHPN=(32, "i1"),
-        relPosHPE=(33, "i1"),
-        relPosHPD=(34, "i1"),
-        accN=(36, "u4"),
-        accE=(40, "u4"),
-        accD=(44, "u4"),
-        flags=(60, "u4"),
-    ),
+    UbxMessage.NAV_RELPOSNED: _layout(**_relative(32, 36, 60)),
     UbxMessage.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
     ),
 }
 """From the interface descriptions of u-blox 6, M8 and F9 (UBX-NAV, UBX-ESF). A layout ends with the
 last necessary field, because newer receivers append fields."""
+FIRST_RELATIVE = _layout(**_relative(20, 24, 36))
+"""NAV-RELPOSNED of version 0, of the M8P."""
 
 
 # ---- moments
