@@ -128,7 +128,9 @@ def test_errors_that_last_are_told_with_their_time(flight):
         return replace(a, y=a.y + noise[:, None])
 
     (fact,) = bent(flight, gusts).facts
-    size, seconds = (float(fact.split(word)[1].split()[0]) for word in ("errors of ", "correlated over "))
+    size, seconds = (
+        float(fact.split(word)[1].split()[0]) for word in ("errors of ", "correlated over ")
+    )
     assert abs(size - np.hypot(2.0, 1.0)) < 0.4 and 1.0 < seconds < 3.0
 
 

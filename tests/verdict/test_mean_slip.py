@@ -9,8 +9,8 @@ import strapdown as sd
 from strapdown.aiding.air_data import LATERAL
 from strapdown.data.solution import Source
 from strapdown.preprocessing.axes import rotation_matrix
-from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.any_sensor import Simulated
+from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.motions import flight
 from strapdown.sim.scenario import Scenario
 from strapdown.verdict.mean_slip import mean_slip
@@ -19,7 +19,9 @@ pytestmark = pytest.mark.short
 
 
 LEGS = [
-    leg for k in range(4) for leg in ({"duration": 10.0}, {"duration": 30.0, "turn": (-1) ** k * 3.0})
+    leg
+    for k in range(4)
+    for leg in ({"duration": 10.0}, {"duration": 30.0, "turn": (-1) ** k * 3.0})
 ]
 CIRCLES = Scenario(
     "circles",

@@ -191,7 +191,18 @@ def _fit(source: Source, thinning: Array, fixes: Moved) -> Fit | None:
     expected = np.linalg.norm(fixes.v - np.r_[x[1:], 0.0], axis=1)
     scatter = float(np.sqrt(np.mean(left**2)))
     return Fit(
-        fixes.t, reading, moves, flies, thinning, expected, x[0], std[0], step[3], std[3], x[1:], scatter
+        fixes.t,
+        reading,
+        moves,
+        flies,
+        thinning,
+        expected,
+        x[0],
+        std[0],
+        step[3],
+        std[3],
+        x[1:],
+        scatter,
     )
 
 
