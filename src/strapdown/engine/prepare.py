@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding, filters
+from ..aiding.air_data import WIND
 from ..aiding.more_parameters import check_more_parameters
 from ..alignment.missing_fields import MAX_HEADING, PARTS
 from ..checks import DataError, brief, check_number, one_line_repr
@@ -343,7 +344,9 @@ def new_cursor(
     cursor.axes["step"] = np.inf
     books["floor"] = floors(sources)
     books["last"] = books["last_used"] = books["followed_at"] = float(t)
-    books["tested"] = books["level_at"] = -np.inf
+    books["tested"] = books["level_at"] = books["contradicted_at"] = -np.inf
+    kinds = [aiding.find(a.kind) for a in sources]
+    books["through_air"] = [each.state_std * (each.shared == WIND["shared"]) for each in kinds]
     books["factor"] = 1.0
     books["power"] = 1.0
     return cursor

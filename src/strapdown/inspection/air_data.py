@@ -18,6 +18,7 @@ from ..aiding.pressure import LAPSE, T_0
 from ..data.solution import Source
 from ..data.verdict import Reason
 from ..typing import Array, Mask
+from ..units.constants import FROZEN_ROWS, FROZEN_TIME, LIVELY
 from .finding import MIN_FIXES, Checked, clustered_least_squares, label
 from .motion import InspectedRecording, Moved, source_velocity
 from .position_velocity import FACTORS
@@ -39,9 +40,8 @@ BLOCKED = 0.1
 """Share of the median speed over ground below which a pitot tube reads nothing."""
 UNIT = 0.15
 """Share within which a factor is that of a unit."""
-FROZEN_TIME, FROZEN_ROWS, FROZEN_CHANGE, LIVELY = 5.0, 10, 3.0, 0.5
-"""A reading is frozen that holds for so many seconds and rows in flight, while it should change by so many
-m/s or where so large a share of the others differs from the one before."""
+FROZEN_CHANGE = 3.0
+"""m/s by which a reading should change meanwhile that is frozen although it seldom changes."""
 
 
 LAGS, LASTING = 8.0, 2.0
