@@ -188,7 +188,6 @@ TRUE = MeasurementModel(
     ("speed",),
     calibration_parameters=("scale",),
     reference="Beard & McLain (2012) section 2.4",
-    lanes=True,
     **WIND,
 )
 INDICATED = MeasurementModel(
@@ -198,7 +197,6 @@ INDICATED = MeasurementModel(
     parameters="atmosphere",
     calibration_parameters=("scale",),
     reference="incompressible: Beard & McLain (2012) section 7.2; ICAO Doc 7488",
-    lanes=True,
     **WIND,
 )
 SIDE_SLIP = MeasurementModel(
@@ -206,7 +204,6 @@ SIDE_SLIP = MeasurementModel(
     observe_side_slip,
     ("angle",),
     reference="Beard & McLain (2012) section 2.3, of a vane",
-    lanes=True,
     **WIND,
 )
 ANGLE_OF_ATTACK = MeasurementModel(
@@ -214,7 +211,6 @@ ANGLE_OF_ATTACK = MeasurementModel(
     observe_angle_of_attack,
     ("angle",),
     reference="Beard & McLain (2012) section 2.3",
-    lanes=True,
     **WIND,
 )
 LATERAL = MeasurementModel(
@@ -223,6 +219,5 @@ LATERAL = MeasurementModel(
     ("speed",),
     recorded=False,
     reference="lateral air velocity of a fixed wing",
-    lanes=True,
     **WIND,
 )

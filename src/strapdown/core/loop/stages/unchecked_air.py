@@ -15,8 +15,9 @@ import numpy as np
 from ....typing import Array
 from ....units.constants import FROZEN_ROWS, FROZEN_TIME, LIVELY
 from ...compile.jit import helper, kernel
-from ...mathematics.belief import STATES, FilterState
+from ...mathematics.belief import FilterState
 from ...mathematics.source import Kind, SourceRow
+from ...mathematics.time_correlated import forget_states
 from ..cursor import Books, Cursor
 from ..integrity import fails, forget
 from ..kernels import STAGE, Kernels
@@ -50,7 +51,7 @@ def exclude_unchecked_air(
     elif agreed <= (REMEMBERED if checked else 2 * REMEMBERED):
         _exclude(Code.UNCHECKED, s, t, t - books.contradicted_at, cursor)
     elif books.suspected > 0:
-        _try_again(belief.P, belief.augmented, fixes.sources[s], cursor)
+        _try_again(belief, fixes.sources[s], cursor, record)
     return 0
 
 
@@ -105,16 +106,16 @@ def _suspect(cursor: Cursor, t: float) -> None:
 
 
 @helper
-def _try_again(P: Array, augmented: Array, source: SourceRow, cursor: Cursor) -> None:
-    """Use the velocities through the air again. The wind is as unknown as it was, about where they left
-    it."""
-    unknown = 0.0
+def _try_again(belief: FilterState, source: SourceRow, cursor: Cursor, record: Array) -> None:
+    """Use the velocities through the air again, with a wind that is as unknown as at the start: a call of
+    its own to the smoother."""
+    std = 0.0
     for s in range(cursor.books.size):
         cursor.books[s].suspected = 0
-        unknown = max(unknown, cursor.books[s].through_air)
-    for i in range(source.first_state, source.first_state + source.states):
-        left = augmented[i - STATES]
-        P[i, i] += unknown * unknown + left * left
+        std = max(std, cursor.books[s].through_air)
+    first, count = source.first_state, source.states
+    forget_states(belief.P, belief.augmented, first, count, std, record)
+    cursor.state[0].recorded += 1
 
 
 @helper
