@@ -34,7 +34,7 @@ def test_airspeed_and_side_slip(build):
         airspeed.y[:, 0], (40.0 + 0.01 * tables()[1].t) * 0.514444, rtol=1e-6
     )
     np.testing.assert_allclose(airspeed.std, 2.0 * 0.514444, rtol=1e-6)
-    np.testing.assert_allclose(airspeed.parameters, (98700.0, 304.15, 250.0))
+    np.testing.assert_allclose(airspeed.parameters, (0, 0, 0, 98700.0, 304.15, 250.0))
     assert airspeed.estimate == {"scale": (0.05,)}
     assert not slip.y.any() and (slip.std == 4.0).all()
     np.testing.assert_allclose(np.diff(slip.t), 0.2)
@@ -42,7 +42,7 @@ def test_airspeed_and_side_slip(build):
 
 def test_without_a_station_the_air_is_left_to_the_filter(build):
     (airspeed,) = sources(build, AIRSPEED)
-    assert airspeed.parameters == ()
+    assert airspeed.parameters == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_what_is_refused(build, section, words):
     assert words in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("parameters", [(987.0, 31.0, 250.0), (98700.0,), (98700.0, 31.0)])
+@pytest.mark.parametrize("parameters", [(0, 0, 0, 987.0, 31.0, 250.0), (98700.0,), (0, 0, 0, 98700.0)])
 def test_air_in_other_units_is_refused_in_arrays_too(parameters):
     t = np.arange(0.0, 20.0, 0.1)
     airspeed = Source(

@@ -45,6 +45,7 @@ from ..core.loop.stages.clock import new_recent
 from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
+from ..data.calibration_parameters import VERTICAL_WIND
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
@@ -80,7 +81,7 @@ REMEDIES = {
     "baseline": "run closed-loop, or give the angle between the antennas as a source of kind heading"
 }
 """What to do where a filter does not use a kind that shows what nothing else of the recording may show."""
-OF_STATES = ("states", "state_std", "state_walk")
+OF_STATES = ("states", "more_states", "state_std", "state_walk")
 """Fields of a MeasurementModel in which kinds that share states agree."""
 MAX_SLIP = 0.1
 """rad per m/s^2: tyres on ice have less."""
@@ -165,9 +166,9 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:
-            row.walk, row.states = sensor.state_walk, len(sensor.states)
+            row.walk, row.states = sensor.state_walk, len(_own_states(sensor, sources))
             row.first_state = shared.setdefault(sensor.shared or s, states)
-            states += len(sensor.states) if row.first_state == states else 0
+            states += row.states if row.first_state == states else 0
         row.slip = checked_slip(a, sensor)
         states += place_noise(row, a, states)
     installation.place(table, installation.parameters(sources, of_imu or {}), states)
@@ -234,7 +235,7 @@ def augmented_states(
         if (sensor.shared or s) not in shared:
             owner = sensor.shared or name
             states += [
-                AugmentedState(f"{owner} {each}", sensor.state_std) for each in sensor.states
+                AugmentedState(f"{owner} {each}", std) for each, std in _own_states(sensor, sources)
             ]
         _check_shared(sensor, shared.setdefault(sensor.shared or s, sensor))
         states += [
@@ -255,6 +256,16 @@ def augmented_states(
             "out, or estimate less"
         )
     return states
+
+
+def _own_states(
+    sensor: MeasurementModel, sources: Sequence[Source]
+) -> list[tuple[str, float]]:
+    """Names and initial standard deviations of the states that sources of a kind bring along. A vertical
+    wind is one of all, with the largest prior, where one of them asks for it."""
+    states = [(each, sensor.state_std) for each in sensor.states]
+    asked = [a.estimate[VERTICAL_WIND.name] for a in sources if VERTICAL_WIND.name in a.estimate]
+    return states + [(each, max(max(prior) for prior in asked)) for each in sensor.more_states if asked]
 
 
 def _check_shared(sensor: MeasurementModel, first: MeasurementModel) -> None:

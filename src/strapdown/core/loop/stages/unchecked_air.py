@@ -113,7 +113,7 @@ def _try_again(belief: FilterState, source: SourceRow, cursor: Cursor, record: A
     for s in range(cursor.books.size):
         cursor.books[s].suspected = 0
         std = max(std, cursor.books[s].through_air)
-    first, count = source.first_state, source.states
+    first, count = source.first_state, min(source.states, 2)  # a vertical wind is no way out
     forget_states(belief.P, belief.augmented, first, count, std, record)
     cursor.state[0].recorded += 1
 
