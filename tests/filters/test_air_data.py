@@ -364,3 +364,29 @@ def test_a_wind_that_is_learned_anew_is_smoothed(simulator):
     across = (smoothed.t > 55.0) & (smoothed.t < 70.0)
     e = sd.errors(smoothed, recording.reference).velocity[across]
     assert (np.abs(e) < 4 * smoothed.trajectory.std[across, 3:6]).all()
+
+
+def test_a_vertical_wind_is_found_and_smoothed_where_it_is_asked_for(simulator):
+    """By an airspeed and an angle of attack, in air that sinks by 2 m/s; without the state the error is in
+    the angle, of 2 deg. One state of both, whoever asks."""
+    recording, start = simulator.run("industrial", 3)
+    truth, rng = recording.reference, np.random.default_rng(3)
+    air = Rotation.from_wxyz(truth.q_nb).inv().apply(truth.v_n - [3.0, -2.0, 2.0])
+    rows = slice(5, None, 5)
+    made = []
+    for kind, y, std in (
+        ("true-airspeed", np.linalg.norm(air, axis=1), 1.0),
+        ("angle-of-attack", np.arctan2(air[:, 2], air[:, 0]), 0.01),
+    ):
+        y = y[rows, None] + std * rng.standard_normal((len(truth.t[rows]), 1))
+        made.append(Source(kind, truth.t[rows], y, np.full(y.shape, std), gate=np.inf))
+    asked = [made[0], replace(made[1], estimate={"vertical-wind": (3.0,)})]
+    every = replace(recording, sources=(*recording.sources, *asked))
+    assert [each.name for each in augmented_states(asked)] == [*NAMES, "wind down [m/s]"]
+    assert merge(asked).sources["states"].tolist() == [3, 3]
+    assert merge(made).sources["states"].tolist() == [2, 2]
+    for run in (sd.fuse, sd.smooth):
+        solution = run(every, start=start)
+        std = solution.columns["std of wind down [m/s]"][-1]
+        assert std < 0.6 and abs(solution.columns["wind down [m/s]"][-1] - 2.0) < 4 * std
+    assert "wind down [m/s]" not in sd.fuse(replace(every, sources=(*recording.sources, *made)), start=start).columns
