@@ -389,4 +389,7 @@ def test_a_vertical_wind_is_found_and_smoothed_where_it_is_asked_for(simulator):
         solution = run(every, start=start)
         std = solution.columns["std of wind down [m/s]"][-1]
         assert std < 0.6 and abs(solution.columns["wind down [m/s]"][-1] - 2.0) < 4 * std
-    assert "wind down [m/s]" not in sd.fuse(replace(every, sources=(*recording.sources, *made)), start=start).columns
+    assert (
+        "wind down [m/s]"
+        not in sd.fuse(replace(every, sources=(*recording.sources, *made)), start=start).columns
+    )

@@ -44,10 +44,18 @@ def flown(seed, given=K, speed=6.0, estimate=None):
     recording, start = Simulator(scenario).run("consumer", seed)
     imu, every = recording.imu, 5
     rows = slice(0, len(imu.t) // every * every)
-    sums = imu.dv[rows].reshape(-1, every, 3).sum(axis=1) / imu.dt[rows].reshape(-1, every).sum(1)[:, None]
+    sums = (
+        imu.dv[rows].reshape(-1, every, 3).sum(axis=1)
+        / imu.dt[rows].reshape(-1, every).sum(1)[:, None]
+    )
     t = imu.t[rows][every - 1 :: every]
     drag = Source(
-        DRAG.name, t, sums[:, :2], np.full((len(t), 2), 0.3), (given, given, 0.0), estimate=estimate or {}
+        DRAG.name,
+        t,
+        sums[:, :2],
+        np.full((len(t), 2), 0.3),
+        (given, given, 0.0),
+        estimate=estimate or {},
     )
     return start, recording, replace(recording, sources=(*recording.sources, drag))
 

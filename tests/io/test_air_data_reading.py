@@ -91,7 +91,9 @@ def test_what_is_refused(build, section, words):
     assert words in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("parameters", [(0, 0, 0, 987.0, 31.0, 250.0), (98700.0,), (0, 0, 0, 98700.0)])
+@pytest.mark.parametrize(
+    "parameters", [(0, 0, 0, 987.0, 31.0, 250.0), (98700.0,), (0, 0, 0, 98700.0)]
+)
 def test_air_in_other_units_is_refused_in_arrays_too(parameters):
     t = np.arange(0.0, 20.0, 0.1)
     airspeed = Source(

@@ -87,6 +87,23 @@ def relposned(gps_ms, vectors, flags=0x137, acc=60, version=1):
     return frames(0x013C, rows(records))
 
 
+PROTECTION = np.dtype("u1,u1,i1,u1,u1,u1,u1,u1,<u4,<u4,<u4,<u4,<u4,<u4,<u4,<u4,<u2,<u2,<u4,<u4")
+PROTECTION.names = (
+    "version tmirCoeff tmirExp plPosValid plPosFrame plVelValid plVelFrame plTimeValid reserved iTOW plPos1 "
+    "plPos2 plPos3 plVel1 plVel2 plVel3 plPosHorizOrient plVelHorizOrient plTime reserved2"
+).split()
+
+
+def protection(gps_ms, levels, valid=1):
+    """NAV-PL of protection levels (n, 3) in m."""
+    records = np.zeros(len(gps_ms), PROTECTION)
+    records["version"], records["plPosValid"], records["plPosFrame"] = 1, valid, 1
+    records["iTOW"] = np.asarray(gps_ms) % WEEK
+    for k in range(3):
+        records[f"plPos{k + 1}"] = np.round(1e3 * np.asarray(levels)[:, k])
+    return frames(0x0162, rows(records))
+
+
 def esf_raw(tag, gyro, accel, samples=1):
     """ESF-RAW of counts gyro (n, 3) and accel (n, 3) at tags (n,), some samples in each frame."""
     kinds = np.array([14, 13, 5, 16, 17, 18])

@@ -76,9 +76,7 @@ def air_velocity(belief: FilterState, arm: Three, source: SourceRow, H: Array) -
 
 
 @helper
-def along(
-    k: int, a: Three, belief: FilterState, arm: Three, source: SourceRow, H: Array
-) -> float:
+def along(k: int, a: Three, belief: FilterState, arm: Three, source: SourceRow, H: Array) -> float:
     """Component k of the velocity through the air, of an IMU whose own is a in n, and its row of H."""
     d = augmented.axis(k)
     if augmented.any_of(belief, source):

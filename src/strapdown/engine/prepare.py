@@ -258,14 +258,14 @@ def augmented_states(
     return states
 
 
-def _own_states(
-    sensor: MeasurementModel, sources: Sequence[Source]
-) -> list[tuple[str, float]]:
+def _own_states(sensor: MeasurementModel, sources: Sequence[Source]) -> list[tuple[str, float]]:
     """Names and initial standard deviations of the states that sources of a kind bring along. A vertical
     wind is one of all, with the largest prior, where one of them asks for it."""
     states = [(each, sensor.state_std) for each in sensor.states]
     asked = [a.estimate[VERTICAL_WIND.name] for a in sources if VERTICAL_WIND.name in a.estimate]
-    return states + [(each, max(max(prior) for prior in asked)) for each in sensor.more_states if asked]
+    return states + [
+        (each, max(max(prior) for prior in asked)) for each in sensor.more_states if asked
+    ]
 
 
 def _check_shared(sensor: MeasurementModel, first: MeasurementModel) -> None:

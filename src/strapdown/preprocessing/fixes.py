@@ -68,7 +68,9 @@ def _check_parameters(source: Source) -> None:
             f"{source.name or source.kind}: parameters are {given}, but the Earth's field north, "
             f"east, down in T is needed; geomagnetic_field returns it"
         )
-    if meaning == DRAG and not (len(given) >= 2 and 0 < min(given[:2]) and max(given[:2]) <= MAX_DRAG):
+    if meaning == DRAG and not (
+        len(given) >= 2 and 0 < min(given[:2]) and max(given[:2]) <= MAX_DRAG
+    ):
         raise DataError(
             f"{source.name or source.kind}: parameters are {given}, where the drag coefficients forward "
             f"and to the right in 1/s are needed, each above 0 and at most {MAX_DRAG:g}"

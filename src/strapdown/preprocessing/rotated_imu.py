@@ -20,7 +20,9 @@ def with_the_imu(a: Source, turn: Rotation) -> Source:
     """A source in axes to which `turn` leads, where it is in those of the IMU."""
     if not is_of_the_imu(a):
         return a
-    if find(a.kind).mean_of == "accel":  # two of three components: rotors carry the weight along the third
+    if (
+        find(a.kind).mean_of == "accel"
+    ):  # two of three components: rotors carry the weight along the third
         weight = np.full(len(a.y), -STANDARD_GRAVITY)
         return replace(a, y=turn.apply(np.c_[a.y, weight])[:, :2])
     if a.kind != "attitude":

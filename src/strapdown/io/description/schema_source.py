@@ -114,7 +114,11 @@ class SourcePart(KeyPart):
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
     atmosphere: AtmospherePart | None = None
-    drag: Annotated[Finite, Field(gt=0, le=MAX_DRAG)] | list[Annotated[Finite, Field(gt=0, le=MAX_DRAG)]] | None = None
+    drag: (
+        Annotated[Finite, Field(gt=0, le=MAX_DRAG)]
+        | list[Annotated[Finite, Field(gt=0, le=MAX_DRAG)]]
+        | None
+    ) = None
     estimate: Any = None
     slip_test: bool = True
     slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
@@ -372,7 +376,11 @@ class SourcePart(KeyPart):
             (
                 (self.drag is None) == (sensor.parameters == DRAG),
                 f"drag: {sensor.name} "
-                + ("takes none" if self.drag else "needs it: of the rotors, 1/s, 0.1 to 0.6 as a rule"),
+                + (
+                    "takes none"
+                    if self.drag
+                    else "needs it: of the rotors, 1/s, 0.1 to 0.6 as a rule"
+                ),
             ),
             (
                 isinstance(self.drag, list) and len(self.drag) != 2,

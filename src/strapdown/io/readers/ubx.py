@@ -124,7 +124,7 @@ def _fixes(
         moving = bool(np.isfinite(columns["velN"]).any())
         pair = _pair(table, moving, time, instance, title, why)
         if "carrSoln" in columns:
-            pair[:1] = by_class(pair[0], columns["carrSoln"], "carrSoln", CARRIER)
+            pair[:1] = by_class(pair[0], columns["carrSoln"], "carrSoln", CARRIER, "numSV")
         sections += pair
         if late or twice:
             left.append(

@@ -370,7 +370,13 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
         ({**moved, **std_of_velocity.key}, std_of_velocity.assumed),
         left,
     )
-    classes = by_class(of_position_alone, fixes["fix_type"], "fix_type", CARRIER)
+    classes = by_class(
+        of_position_alone,
+        fixes["fix_type"],
+        "fix_type",
+        CARRIER,
+        "satellites_used" if "satellites_used" in fixes else "",
+    )
     return [*classes, of_velocity]
 
 

@@ -31,6 +31,7 @@ class UbxMessage(IntEnum):
     NAV_PVAT = 0x0117
     NAV_TIMEGPS = 0x0120
     NAV_RELPOSNED = 0x013C
+    NAV_PL = 0x0162
     ESF_MEAS = 0x1002
     ESF_RAW = 0x1003
     ESF_ALG = 0x1014
@@ -167,6 +168,7 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
         valid=(11, "u1"),
         fixType=(20, "u1"),
         flags=(21, "u1"),
+        numSV=(23, "u1"),
         **_solution(24),
         sAcc=(68, "u4"),
         flags3=(78, "u2"),
@@ -212,6 +214,13 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     UbxMessage.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
     UbxMessage.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
     UbxMessage.NAV_RELPOSNED: _layout(**_relative(32, 36, 60)),
+    UbxMessage.NAV_PL: _layout(
+        plPosValid=(3, "u1"),
+        iTOW=(12, "u4"),
+        plPos1=(16, "u4"),
+        plPos2=(20, "u4"),
+        plPos3=(24, "u4"),
+    ),
     UbxMessage.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
     ),
