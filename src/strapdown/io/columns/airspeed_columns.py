@@ -16,8 +16,9 @@ INDICATED = (
 )
 STD, READINGS = 1.4, 5.0
 """m/s of a reading, the default of PX4's and ArduPilot's estimators; readings a second that are independent."""
+SCALE = 0.05
+"""Standard deviation of its calibration. Where no state takes that up, a wrong scale spoils outages."""
 REMARKS = (
-    "# estimate = { scale = 0.05 }     # that of its calibration becomes a state",
     "# correlated = { std = 1.06, time = 15.0 }    # gusts near the ground, over 260 m of way",
 )
 
@@ -58,7 +59,8 @@ def airspeed_section(
         "unit": unit,
         "std": float(f"{STD * weight / UNITS['speed'][unit]:.2g}"),
     }
-    assumed = {"std": f"{STD:g} m/s, {READINGS:g} readings a second having the weight of one each"}
+    keys["estimate"] = {"scale": SCALE}
+    assumed = {"estimate": "the calibration of a pitot tube is as uncertain as that", "std": f"{STD:g} m/s, {READINGS:g} readings a second having the weight of one each"}
     if not named:
         assumed["unit"] = "the usual one; inspect compares it with the speed over ground"
     fact = f"airspeed: {name} in {unit}{'' if named else ' (a guess)'}, {kind.partition('-')[0]}"
