@@ -80,7 +80,7 @@ HEIGHTS = ("position", "altitude")
 REMEDIES = {
     "baseline": "run closed-loop, or give the angle between the antennas as a source of kind heading"
 }
-"""What to do where a filter does not use a kind that shows what nothing else of the recording may show."""
+"""Remedy where a filter does not use a kind that shows what nothing else of the recording may show."""
 OF_STATES = ("states", "more_states", "state_std", "state_walk")
 """Fields of a MeasurementModel in which kinds that share states agree."""
 MAX_SLIP = 0.1

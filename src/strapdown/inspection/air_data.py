@@ -83,7 +83,7 @@ def check(subject: InspectedRecording) -> Checked:
         if fit is None:
             found.add(Checked.with_unknown(what, "it hardly turns in flight, or flies too little"))
             continue
-        found.facts.append(_fact(what, fit) + _lasting(source, fixes, fit))
+        found.facts.append(_fact(what, fit) + _words_on_lasting_errors(source, fixes, fit))
         found.reasons.extend(_reasons(source, fit))
         found.reasons.extend(_frozen_reasons(source, fit))
     return found
@@ -206,14 +206,14 @@ def _fit(source: Source, thinning: Array, fixes: Moved) -> Fit | None:
     )
 
 
-def _lasting(source: Source, fixes: Moved, fit: Fit) -> str:
+def _words_on_lasting_errors(source: Source, fixes: Moved, fit: Fit) -> str:
     """Words on errors that outlast several rows, such as gusts: how large they are and until when their
     correlation falls below 1 / e; "" where they do not."""
     t, error = _errors(source, fixes, fit)
     step = float(np.median(np.diff(t))) if len(t) > MIN_FIXES else LAGS
     for lag in range(1, int(LAGS / step) + 1):
         follows = t[lag:] - t[:-lag] < (lag + 0.5) * step
-        if np.mean((error[lag:] * error[:-lag])[follows]) < np.var(error) / np.e:
+        if np.mean((error[lag:] * error[:-lag])[follows]) < np.exp(-1.0) * np.var(error):
             break
     else:
         return ""

@@ -89,8 +89,8 @@ class Gnss(NamedTuple):
         self.check()
         rows = self._measured_rows(fix_times(trajectory, self.interval), trajectory.t[-1])
         kept = Kept(rows, self.latency, gate, self.stated)
-        position, velocity = None, None
-        classes: tuple[PositionPlan, ...] = ()
+        position = velocity = None
+        classes: list[PositionPlan] = []
         if self.position_std is not None:
             position, *classes = self._positions(trajectory, kept)
         if self.velocity_std is not None:

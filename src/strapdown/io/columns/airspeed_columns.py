@@ -60,7 +60,10 @@ def airspeed_section(
         "std": float(f"{STD * weight / UNITS['speed'][unit]:.2g}"),
     }
     keys["estimate"] = {"scale": SCALE}
-    assumed = {"estimate": "the calibration of a pitot tube is as uncertain as that", "std": f"{STD:g} m/s, {READINGS:g} readings a second having the weight of one each"}
+    assumed = {
+        "estimate": "the calibration of a pitot tube is as uncertain as that",
+        "std": f"{STD:g} m/s, {READINGS:g} readings a second having the weight of one each",
+    }
     if not named:
         assumed["unit"] = "the usual one; inspect compares it with the speed over ground"
     fact = f"airspeed: {name} in {unit}{'' if named else ' (a guess)'}, {kind.partition('-')[0]}"
