@@ -27,7 +27,7 @@ def test_the_librarys_own_pass(name):
         ("quantities", ("lenght",), "did you mean 'length'"),
         ("parameters", "antena", "parameters"),
         ("vector", "e", "vector"),
-        ("when", "moving", "when"),
+        ("when", "flying", "when"),
         ("mean_of", "accel", "mean_of"),
         ("states", "bias", "states is 'bias'; it must be a tuple of texts"),
         ("states", ("a [m]", "b [m]", "a [m]"), "two of its states have one name"),
