@@ -28,7 +28,7 @@ def test_the_librarys_own_pass(name):
         ("parameters", "antena", "parameters"),
         ("vector", "e", "vector"),
         ("when", "flying", "when"),
-        ("mean_of", "accel", "mean_of"),
+        ("mean_of", "magnet", "mean_of"),
         ("states", "bias", "states is 'bias'; it must be a tuple of texts"),
         ("states", ("a [m]", "b [m]", "a [m]"), "two of its states have one name"),
         ("state_walk", -1e-9, "state_walk"),
