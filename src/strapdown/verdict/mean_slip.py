@@ -15,7 +15,7 @@ from ..units.constants import SETTLING
 
 BLOCK, BLOCKS = 30.0, 5
 """s within which slips hang together; the fewest such stretches."""
-SURE, SMALLEST = 2.0, 1.0
+SURE, MIN_SLIP = 2.0, 1.0
 """Standard deviations and deg from which a mean is one."""
 LARGE = 10.0
 """deg from which it makes a solution doubtful: the side slip that ArduPilot's constraint allows for."""
@@ -42,7 +42,7 @@ def mean_slip(solution: Solution) -> Iterator[Reason]:
         return
     means = np.bincount(block, slip) / np.bincount(block)
     mean, std = float(means.mean()), float(np.hypot(means.std() / len(means) ** 0.5, known))
-    if abs(mean) < max(SMALLEST, SURE * std):
+    if abs(mean) < max(MIN_SLIP, SURE * std):
         return
     yield Reason(
         "mounting",
