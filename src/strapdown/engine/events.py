@@ -338,6 +338,15 @@ WORDS: dict[int, Words] = {
         f"{e.name(s)}: {_event_count(row, 'field')} left out{_till(row)}: its hard iron is estimated once "
         f"the heading is known to {np.degrees(KNOWN_HEADING):.0f} deg; accelerate, brake or turn"
     ),
+    Code.FROZEN: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'reading')} left out{_till(row)}: frozen at one value for up to "
+        f"{value:.0f} s; a pitot tube is blocked or iced, or its driver stopped"
+    ),
+    Code.UNCHECKED: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'reading')} left out{_till(row)}: with the wind it contradicts "
+        "positions or velocities, and nothing else checks it while they are missing; run `strapdown "
+        "inspect`, and let the filter estimate its `scale`"
+    ),
     Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (
         f"{e.name(s)}: its height agrees with the others again and is used"

@@ -173,6 +173,8 @@ def parameters(
     found: list[StateParameter] = []
     for name, what in calibration_parameters.OF_SOURCE.items():
         done: set[int] = set()
+        if not what.place:  # a state of its sources
+            continue
         for i, a in enumerate(sources):
             if name not in a.estimate or i in done:
                 continue

@@ -16,6 +16,7 @@ from ..plugins import one_line
 from . import evidence
 from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
+from .mean_slip import mean_slip
 from .observability import MIN_TIME, bounds, untested_claims
 from .second_filter import SECOND, run_second_filter
 
@@ -108,7 +109,7 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
         yield from evidence.check_divergence(solution)
         return
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
-    yield from (*biases, *smoother, *evidence.near_pole(solution))
+    yield from (*biases, *smoother, *evidence.near_pole(solution), *mean_slip(solution))
     of_sources, runs = [], solution.rejected
     gaps = np.add(*evidence.long_gaps(solution))
     left_out = {each["source"] for each in solution.meta.get("heights_apart", ())}

@@ -120,6 +120,17 @@ class Books:
     level_at: float
     level_since: float
     suspended: int
+    # of a velocity through the air: initial standard deviation of the wind, m/s, 0 of all others; its value,
+    # since when it is held, s, and for how many more measurements; all of them, and those with a new
+    # value; 1 while they are left out, and when one of them contradicted a position or a velocity, s
+    through_air: float
+    value: float
+    held_since: float
+    held: int
+    values: int
+    changes: int
+    suspected: int
+    contradicted_at: float
 
 
 class Work:
