@@ -48,6 +48,7 @@ class Said(IntEnum):
     AHRS_SILENT = 112
     FIXES_AHEAD = 113
     FIXES_OF_WRONG_LENGTH = 114
+    SAMPLES_OVERLAP = 115
 
 
 LONG_LAG = 60.0
@@ -392,6 +393,11 @@ WORDS: dict[int, Words] = {
     Said.SAMPLES_LATE: lambda e, row, s, value: (
         f"IMU: {_event_count(row, 'late sample')} dropped, up to {value:.3g} s "
         f"behind{_till(row)}: set a longer lag"
+    ),
+    Said.SAMPLES_OVERLAP: lambda e, row, s, value: (
+        f"IMU: {_event_count(row, 'sample')} overlap the one before, by up to {value:.2g} s"
+        f"{_till(row)}: the clock of the IMU stepped back and is now early by an unknown time, or `dt` "
+        "is too long"
     ),
     Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'row')} without time or value dropped{_till(row)}"
