@@ -21,7 +21,7 @@ from ..units import quantities
 from ..units.wording import count_text
 from .rejections import runs
 from .rejections.contradictions import RejectedRun
-from .rejections.sequel import unresolved_spans
+from .rejections.sequel import repeated_spans, unresolved_spans
 from .rejections.texts import rejection_texts
 from .rejections.windows import WindowFixes
 
@@ -70,7 +70,7 @@ class Events:
         self.of_ahrs: tuple[str, ...] = ()  # conditions that an AHRS beside the filter may report
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # found by `look_at`
-        self.unresolved: list[tuple[float, float]] = []  # s: sequels of jumps and drifts
+        self.unresolved: list[tuple[float, float]] = []  # s: sequels of jumps, drifts and repeated failures
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
         self._known = np.full(len(sources), -np.inf)  # s, end of these runs, by source
         self._begin = np.full(len(sources), np.inf)  # s, the first tested fix, by source
@@ -97,7 +97,9 @@ class Events:
         joined = runs.join_runs(self._runs, found)
         self.rejected = rejection_texts(joined, self._sources)
         own = [s for s, a in enumerate(self._sources) if a.kind in ("position", "velocity")]
-        self.unresolved = unresolved_spans(joined, own)
+        off = [row for row in self.rows if row.code == Code.MEAN_OFF]
+        again = repeated_spans((int(row.which) // 3, row.t, row.until) for row in off)
+        self.unresolved = unresolved_spans(joined, own) + again
         kept = [run for run in found if run.start < before]
         self._runs = runs.join_runs(self._runs, kept)
         for run in kept:

@@ -13,7 +13,7 @@ from ..installation import screening
 from ..installation.states import estimated_installation, in_motion
 from ..io.facts import check_parts, own_reasons
 from ..plugins import one_line
-from . import evidence
+from . import accelerating_fixes, alternating_fixes, evidence, height_clock
 from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
 from .observability import MIN_TIME, bounds, untested_claims
@@ -50,6 +50,10 @@ def judge(solution: Solution) -> Verdict:
     unknown += looked.unknown
     shown = attempt("its bounds", lambda: list(bounds(solution, sources))) or []
     shown += looked.bounds
+    for clock in attempt("clock of heights", _height_clocks, solution, sources) or []:
+        bound, less = height_clock.limits(clock)
+        causes += height_clock.reason(clock)
+        unknown, shown = [*unknown, less], [*shown, bound]
     inspected, untested = attempt("the recording", _inspect, solution) or ([], [])
     unknown += untested
     if not sources and not symptoms and not inspected:
@@ -58,8 +62,10 @@ def judge(solution: Solution) -> Verdict:
     found = {each.cause for each in installed.parameters if each.status != "not observable"}
     inspected = [reason for reason in inspected if reason.cause not in found]
     verdict = Verdict.of(_once(inspected, causes), unknown, symptoms, shown)
-    if verdict.trusted and (more := attempt("a second filter", _second, solution)):
-        verdict = Verdict.of(_once(inspected, causes), unknown, more, shown)
+    # what costs a run of its own is asked last
+    for what, check in (("a second filter", _second), ("fixes", accelerating_fixes.check)):
+        if verdict.trusted and (more := attempt(what, check, solution)):
+            verdict = Verdict.of(_once(inspected, causes), unknown, more, shown)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
@@ -69,6 +75,13 @@ def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
         return screening.NOTHING
     looked = screening.look(solution)
     return looked if in_motion(solution) else screening.NOTHING._replace(reasons=looked.reasons)
+
+
+def _height_clocks(
+    solution: Solution, sources: list[JudgedFixes]
+) -> list[height_clock.HeightClock]:
+    each = (height_clock.estimate_clock(solution, source) for source in sources)
+    return [clock for clock in each if clock is not None]
 
 
 def _second(solution: Solution) -> list[Reason]:
@@ -115,6 +128,7 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
     for source in (each for each in sources if each.name not in left_out):
         found = [
             *evidence.noise(source),
+            *alternating_fixes.check(solution, source),
             *(evidence.explain_reason(each, runs) for each in evidence.rejections(source)),
             *(evidence.explain_reason(each, runs) for each in evidence.jumps(source, gaps)),
         ]
