@@ -39,6 +39,12 @@ def with_iron(recording):
     return replace(recording, sources=(replace(field, y=y),))
 
 
+def with_bias(recording):
+    imu = recording.imu
+    drift = 0.02 * imu.t[:, None] / imu.t[-1] * [1.0, 0.0, 0.0]
+    return replace(recording, imu=imu._replace(dtheta=imu.dtheta + drift * imu.dt[:, None]))
+
+
 def with_clock(recording, t):
     return replace(recording, imu=recording.imu._replace(t=t))
 
@@ -54,6 +60,7 @@ def with_clock(recording, t):
             "later than magnetometer steps by +0.1 ",
         ),
         (lambda r: with_clock(r, 1.0008 * r.imu.t), "clock", "drifts by +0.1"),
+        (with_bias, "gyro", "the bias of gyro x against magnetometer drifts by"),
     ],
 )
 def test_each_change_is_a_reason(held, change, cause, seen):

@@ -70,8 +70,19 @@ UNKNOWNS = (
         _Unknown(6e-6, "calibration", f"the hard iron along {axis} of", 1e6, "uT", _IRON)
         for axis in "xyz"
     ),
+    *(
+        _Unknown(
+            np.radians(0.5),
+            "gyro",
+            f"the bias of gyro {axis} against",
+            float(np.degrees(1)),
+            "deg/s",
+            "check the gyro and its temperature; let it warm up",
+        )
+        for axis in "xyz"
+    ),
 )
-"""In the order of `field_fit`. The bias of the gyro is not among them: it may wander."""
+"""In the order of `field_fit`."""
 
 
 class FieldChange(NamedTuple):
@@ -150,7 +161,7 @@ def _changes(blocks: _Blocks, shape: Array, noise: float, t: float) -> Iterator[
     value = score.sum(axis=0) / total
     scatter = ((score - own * value) ** 2).sum(axis=0) * n / max(n - k - 1, 1)
     std = np.sqrt(np.maximum(scatter / total**2, variance / total))
-    for j in range(len(UNKNOWNS)):
+    for j in range(k):
         yield FieldChange(j, float(PRIOR[j] * value[j]), float(PRIOR[j] * std[j]), t)
 
 
