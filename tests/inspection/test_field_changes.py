@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_field_fit import COMPASS, turned
 
 import strapdown as sd
 from strapdown.inspection import field_turns
@@ -11,7 +12,6 @@ from strapdown.inspection.field_changes import EDGE, UNKNOWNS, _Blocks, _changes
 from strapdown.inspection.field_fit import PRIOR
 from strapdown.inspection.motion import InspectedRecording
 from strapdown.sensor_models.magnetometer import Magnetometer
-from test_field_fit import COMPASS, turned
 
 
 @pytest.fixture(scope="module")

@@ -66,7 +66,7 @@ def test_axes_that_change_on_the_way_are_a_reason():
     imu, half = recording.imu, recording.imu.t > 120.0
     flipped = np.where(half[:, None], imu.dtheta * [1, 1, -1], imu.dtheta)
     (reason,) = found(replace(recording, imu=imu._replace(dtheta=flipped))).reasons
-    assert reason.cause == "unknown" and "with any axes" in reason.seen
+    assert reason.cause == "gyro" and "steps by -" in reason.seen
 
 
 def test_what_hardly_turns_tells_nothing():
@@ -83,7 +83,7 @@ def test_right_axes_of_vehicles_are_never_doubted(name):
         assert not said.reasons
 
 
-@pytest.mark.parametrize("name, axis", [("demo", 0), ("ship-heave", 1), ("hand-held", 2)])
+@pytest.mark.parametrize("name, axis", [("demo", 0), ("ship-heave", 0), ("ship-heave", 1)])
 def test_an_accelerometer_axis_of_the_wrong_sign_is_named(name, axis):
     recording = sd.simulate(name, 200.0, "industrial", seed=4)
     own = replace(recording, sources=())

@@ -55,6 +55,8 @@ def test_blocks_that_disagree_lower_the_gain():
     found = _estimate(steady, 0, 1.0)
     assert found.gain == pytest.approx(4.0 * AXES * BLOCKS)
     np.testing.assert_allclose(found.value, 1.0)
-    unsteady = Sums(information, np.resize([[20.0], [-12.0]], (BLOCKS, 1)) + np.zeros((BLOCKS, AXES)))
+    unsteady = Sums(
+        information, np.resize([[20.0], [-12.0]], (BLOCKS, 1)) + np.zeros((BLOCKS, AXES))
+    )
     spread = 16.0 * 4.0 * BLOCKS / (BLOCKS - 1)
     assert _estimate(unsteady, 0, 1.0).gain == pytest.approx(4.0 * AXES * BLOCKS / spread)

@@ -33,7 +33,9 @@ def reasons(recording, way=sd.fuse):
     ]
 
 
-@pytest.mark.parametrize("body, words", [(False, " m off the others north"), (True, "along the body")])
+@pytest.mark.parametrize(
+    "body, words", [(False, " m off the others north"), (True, "along the body")]
+)
 def test_an_offset_of_every_other_fix_is_said(flight, body, words):
     (reason,) = reasons(alternated(flight, body))
     assert reason.source == "GNSS position" and words in reason.seen and reason.weight >= 1

@@ -44,5 +44,7 @@ def test_what_would_not_show_is_in_the_verdict(ship):
 def test_a_filter_of_position_has_none(ship):
     flight = sd.simulate("demo", 60.0, seed=1, sensors=(Simulated("altitude", 0.3, 2.0),))
     solution = sd.fuse(flight)
-    assert all(height_clock.estimate_clock(solution, s) is None for s in evidence.by_source(solution))
+    assert all(
+        height_clock.estimate_clock(solution, s) is None for s in evidence.by_source(solution)
+    )
     assert np.isfinite(solution.std[-1, 2])

@@ -70,7 +70,9 @@ class Events:
         self.of_ahrs: tuple[str, ...] = ()  # conditions that an AHRS beside the filter may report
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # found by `look_at`
-        self.unresolved: list[tuple[float, float]] = []  # s: sequels of jumps, drifts and repeated failures
+        self.unresolved: list[
+            tuple[float, float]
+        ] = []  # s: sequels of jumps, drifts and repeated failures
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
         self._known = np.full(len(sources), -np.inf)  # s, end of these runs, by source
         self._begin = np.full(len(sources), np.inf)  # s, the first tested fix, by source

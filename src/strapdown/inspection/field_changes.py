@@ -117,7 +117,9 @@ def find_change(pairs: FieldPairs, felt: Felt, x: Array) -> FieldChange | None:
         return None
     found = list(_changes(blocks, blocks.t / np.ptp(blocks.t), pairs.noise, np.nan))
     place = np.arange(n)
-    for k in range(EDGE, n - EDGE):  # pairs across the step, in its own block, belong to neither side
+    for k in range(
+        EDGE, n - EDGE
+    ):  # pairs across the step, in its own block, belong to neither side
         rest = place != k
         found += _changes(
             blocks.take(rest), (place[rest] > k).astype(float), pairs.noise, blocks.t[k]

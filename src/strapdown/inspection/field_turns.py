@@ -77,6 +77,10 @@ def _of_field(subject: InspectedRecording, source: Source) -> Checked:
     pairs = _choose_pairs(subject, source)
     if len(pairs.begin) < MIN_FIXES:
         return Checked.with_unknown(what, "the vehicle hardly turns")
+    left, others = _lefts(pairs, subject.felt)
+    best = min(others, key=others.__getitem__)
+    if others[best] <= min(BETTER * left, FITS):  # first: a fit would take a sign for a scale
+        return Checked([], [_reason(label(source), left, best, others[best])], [])
     fit = fit_field(pairs, subject.felt)
     found = NOTHING if fit is None else fit.value
     left = _share_left(pairs, predicted_field(pairs, subject.felt, found))
@@ -86,10 +90,6 @@ def _of_field(subject: InspectedRecording, source: Source) -> Checked:
     if left <= FITS:
         fact = f"{what}: the gyro leaves {100 * left:.0f} % of the change of the field unexplained"
         return Checked([fact], [] if fit is None else reasons_of_fit(fit, source), [])
-    left, others = _lefts(pairs, subject.felt)
-    best = min(others, key=others.__getitem__)
-    if others[best] <= min(BETTER * left, FITS):
-        return Checked([], [_reason(label(source), left, best, others[best])], [])
     if fit is not None and left > UNLIKE:
         return Checked([], [_reason_unlike(source, left)], [])
     return Checked.with_unknown(what, "no axes of the gyro explain the change of the field")

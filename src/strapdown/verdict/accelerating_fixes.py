@@ -19,7 +19,7 @@ from ..data.solution import Solution
 from ..data.verdict import GRAVE, Reason
 from ..engine.options import run_options
 from ..engine.prepare import Run
-from ..engine.sensitivity import BLOCKS, Corrections, Sums, begin_sensitive, sums
+from ..engine.sensitivity import Corrections, Sums, begin_sensitive, sums
 from ..installation.screening import as_found, of_installation, window
 from ..typing import Array
 
@@ -75,7 +75,9 @@ def estimate_acceleration(solution: Solution) -> FixAcceleration:
     asked = run_options(start=start, noise=Noise(**solution.meta["noise"]), estimate=())
     part = replace(part, sources=tuple(of_installation(part.sources)))
     run = begin_sensitive(part, filters.find("closed-loop"), asked)
-    onsets = start.t + np.arange(1, ONSETS + 1) * LAST_ONSET / ONSETS * (run.samples.t[-1] - start.t)
+    onsets = start.t + np.arange(1, ONSETS + 1) * LAST_ONSET / ONSETS * (
+        run.samples.t[-1] - start.t
+    )
     nothing = np.zeros((len(run.belief.P), AXES * ONSETS))
     found = sums(run, lambda at: _moved(run, at, onsets), nothing)
     each = [_estimate(found, j, float(onset)) for j, onset in enumerate(onsets)]
