@@ -101,7 +101,7 @@ class _Blocks(NamedTuple):
     normal: Array  # (n, k, k)
     right: Array  # (n, k)
     squares: Array  # (n,)
-    count: Ints  # (n,)
+    numbers: Ints  # (n,), of residuals
 
     def take(self, rows: Array) -> "_Blocks":
         """Some of them."""
@@ -147,7 +147,7 @@ def _changes(blocks: _Blocks, shape: Array, noise: float, t: float) -> Iterator[
     constants. Standard deviations rest on how the blocks disagree, and are no smaller than those of
     residuals without correlation."""
     n, k = blocks.right.shape
-    variance = max(noise**2, float(blocks.squares.sum() / blocks.count.sum()))
+    variance = max(noise**2, float(blocks.squares.sum() / blocks.numbers.sum()))
     s = (shape - shape.mean())[:, None]
     inverse = np.linalg.inv(blocks.normal.sum(axis=0) + variance * np.eye(k))
     right = blocks.right - blocks.normal @ (inverse @ blocks.right.sum(axis=0))

@@ -129,19 +129,19 @@ def _reason_of_sign(pairs: FieldPairs, felt: Felt) -> Reason | None:
     signs = []
     for axis in range(3):
         slope, std, _ = clustered_least_squares(expected[:, [axis]], seen[:, axis], block)
-        size = np.linalg.norm(expected[:, axis]) * np.linalg.norm(seen[:, axis])
-        alike = float(expected[:, axis] @ seen[:, axis] / max(size, 1e-12))
+        size = float(np.linalg.norm(expected[:, axis]) * np.linalg.norm(seen[:, axis]))
+        alike = float(expected[:, axis] @ seen[:, axis]) / max(size, 1e-12)
         sure = abs(alike) > AGAINST and abs(slope[0]) > SURE_OF_AXES * std[0]
         signs.append(alike if sure else 0.0)
     wrong = [axis for axis in range(3) if signs[axis] < 0]
     if len(wrong) != 1:
         return None
-    axis = "xyz"[wrong[0]]
+    name = "xyz"[wrong[0]]
     return Reason(
         "axes",
-        f"gravity along {axis} of the accelerometer turns against the gyro (correlation "
+        f"gravity along {name} of the accelerometer turns against the gyro (correlation "
         f"{min(signs):.2f})",
-        f"check the sign of accelerometer {axis} against the gyro: `axes` of [imu]",
+        f"check the sign of accelerometer {name} against the gyro: `axes` of [imu]",
         weight=10.0,
     )
 
