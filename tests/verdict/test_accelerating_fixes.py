@@ -7,16 +7,10 @@ import pytest
 from test_second_filter import spoofed
 
 import strapdown as sd
+from strapdown.engine.sensitivity import BLOCKS, Sums
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.verdict import accelerating_fixes
-from strapdown.verdict.accelerating_fixes import (
-    AXES,
-    BLOCKS,
-    MIN_GAIN,
-    Sums,
-    _estimate,
-    estimate_acceleration,
-)
+from strapdown.verdict.accelerating_fixes import AXES, MIN_GAIN, _estimate, estimate_acceleration
 
 
 @pytest.fixture(scope="module")
