@@ -10,7 +10,7 @@ import numpy as np
 from ..data.solution import Source
 from ..data.verdict import Reason
 from ..typing import Array, Ints
-from .field_fit import BLOCK, MIN_BLOCKS, PRIOR, FieldPairs, linearize, thinned
+from .field_fit import BLOCK, MIN_BLOCKS, PRIOR, FieldPairs, linearize, thin_pairs
 from .finding import label
 from .motion import Felt
 
@@ -111,7 +111,7 @@ class _Blocks(NamedTuple):
 def find_change(pairs: FieldPairs, felt: Felt, x: Array) -> FieldChange | None:
     """Return the surest change about the estimate x (11,); None where it is not sure, or too small to
     matter: others are its shadows."""
-    blocks = _blocks(thinned(pairs), felt, x)
+    blocks = _blocks(thin_pairs(pairs), felt, x)
     n = len(blocks.t)
     if n < MIN_BLOCKS:
         return None

@@ -79,7 +79,7 @@ NOTHING = np.zeros(len(PRIOR))
 def fit_field(pairs: FieldPairs, felt: Felt) -> FieldFit | None:
     """Return the least squares estimate of the unknowns (Gauss-Newton), with standard deviations that rest
     on how blocks of time disagree (Liang & Zeger 1986); None where there are too few blocks."""
-    pairs = thinned(pairs)
+    pairs = thin_pairs(pairs)
     block = np.unique(np.floor(np.repeat(pairs.begin, 3) / BLOCK), return_inverse=True)[1]
     blocks = int(block.max(initial=-1)) + 1
     if blocks < MIN_BLOCKS:
@@ -97,7 +97,7 @@ def fit_field(pairs: FieldPairs, felt: Felt) -> FieldFit | None:
     return FieldFit(x, PRIOR * np.sqrt(np.diag(N @ meat @ N)))
 
 
-def thinned(pairs: FieldPairs) -> FieldPairs:
+def thin_pairs(pairs: FieldPairs) -> FieldPairs:
     """At most MAX_PAIRS of them, evenly."""
     return pairs.take(slice(None, None, 1 + len(pairs.begin) // MAX_PAIRS))
 

@@ -24,7 +24,7 @@ from ..installation.screening import as_found, of_installation, window
 from ..typing import Array
 
 ONSETS, LAST_ONSET = 8, 0.7
-"""How many onsets are tried, evenly over the first part of a run, and the share of it that this is:
+"""Number of onsets that are tried, evenly over the first part of a run, and the share of it that this is:
 behind the last a third must show how steady the acceleration is."""
 MIN_GAIN = 25.0
 """Decrease of the sum of squared innovations from which an acceleration is a reason. Two numbers and eight
@@ -34,7 +34,7 @@ MIN_BLOCKS, MIN_INFORMATION = 5, 1e-9
 """Blocks of time that must tell the acceleration, and the share of all information that such a block has
 at least."""
 AXES = 2
-"""Of the acceleration: north and east. A height that moves away is seen by other heights."""
+"""Components of the acceleration: north and east. A height that moves away is seen by other heights."""
 
 
 class FixAcceleration(NamedTuple):
@@ -79,12 +79,12 @@ def estimate_acceleration(solution: Solution) -> FixAcceleration:
         run.samples.t[-1] - start.t
     )
     nothing = np.zeros((len(run.belief.P), AXES * ONSETS))
-    found = sums(run, lambda at: _moved(run, at, onsets), nothing)
+    found = sums(run, lambda at: _derivatives(run, at, onsets), nothing)
     each = [_estimate(found, j, float(onset)) for j, onset in enumerate(onsets)]
     return max(each, key=lambda one: one.gain)
 
 
-def _moved(run: Run, at: Corrections, onsets: Array) -> Array:
+def _derivatives(run: Run, at: Corrections, onsets: Array) -> Array:
     """(k, 3, m) derivatives of these corrections' measurements by the acceleration from each onset."""
     h = np.zeros((len(at.t), 3, AXES * len(onsets)))
     kinds = np.array([a.kind for a in run.recording.sources])[at.source]

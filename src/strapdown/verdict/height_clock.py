@@ -70,7 +70,7 @@ def reason(clock: HeightClock) -> list[Reason]:
 
 
 def limits(clock: HeightClock) -> tuple[SetUpBound, Untested]:
-    """What of the clock would have shown, and that less would not."""
+    """Return the smallest offset that would have shown, and that less would not."""
     what = f"clock of {clock.source}"
     return SetUpBound("clock", what, clock.bound, "s"), Untested(
         f"{what} below {clock.bound:.2g} s",

@@ -206,7 +206,7 @@ def not_showable(rows: pd.DataFrame) -> pd.DataFrame:
                 "; ".join(h.faults),
                 ", ".join(h.families),
                 ", ".join(h.motions) or "all",
-                _shown(rows, h),
+                _median_deflections(rows, h),
                 h.reason,
             )
             for h in NOT_SHOWABLE
@@ -215,7 +215,7 @@ def not_showable(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _shown(rows: pd.DataFrame, hidden: HiddenFault) -> str:
+def _median_deflections(rows: pd.DataFrame, hidden: HiddenFault) -> str:
     """The median `deflection` of each fault that is hidden from some filters; empty without a run."""
     families = rows["filter"].map(lambda name: family(filters.find(name)))
     own = rows[families.isin(hidden.families) & rows["motion"].isin(hidden.motions)]
