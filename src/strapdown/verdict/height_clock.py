@@ -1,6 +1,7 @@
 """The clock of heights against that of the IMU, for filters of heave: where heights are late, their
 innovations follow the vertical velocity. And by how much they may be late without showing it."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from ..core.loop.contract import VEL
 from ..data.solution import Solution
 from ..data.verdict import HEIGHT, VELOCITY, Reason, SetUpBound, Untested
-from ..installation.screening import DETECTED
+from ..installation.screening import DETECTED, Looked
 from ..units.constants import SETTLING
 from .evidence import GATED, JudgedFixes
 
@@ -29,6 +30,17 @@ class HeightClock(NamedTuple):
     def bound(self) -> float:
         """The smallest offset, s, that would have shown in 95 of 100 recordings like this."""
         return max(SURE * self.std, MIN_OFFSET) + DETECTED * self.std
+
+
+def look(solution: Solution, sources: Iterable[JudgedFixes]) -> Looked:
+    """Return the reasons and limits of the clocks of all heights."""
+    found = Looked([], [], [])
+    for clock in filter(None, (estimate_clock(solution, source) for source in sources)):
+        bound, less = limits(clock)
+        found.reasons.extend(reason(clock))
+        found.unknown.append(less)
+        found.bounds.append(bound)
+    return found
 
 
 def estimate_clock(solution: Solution, source: JudgedFixes) -> HeightClock | None:

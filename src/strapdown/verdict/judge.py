@@ -50,10 +50,6 @@ def judge(solution: Solution) -> Verdict:
     unknown += looked.unknown
     shown = attempt("its bounds", lambda: list(bounds(solution, sources))) or []
     shown += looked.bounds
-    for clock in attempt("clock of heights", _height_clocks, solution, sources) or []:
-        bound, less = height_clock.limits(clock)
-        causes += height_clock.reason(clock)
-        unknown, shown = [*unknown, less], [*shown, bound]
     inspected, untested = attempt("the recording", _inspect, solution) or ([], [])
     unknown += untested
     if not sources and not symptoms and not inspected:
@@ -62,26 +58,26 @@ def judge(solution: Solution) -> Verdict:
     found = {each.cause for each in installed.parameters if each.status != "not observable"}
     inspected = [reason for reason in inspected if reason.cause not in found]
     verdict = Verdict.of(_once(inspected, causes), unknown, symptoms, shown)
-    # what costs a run of its own is asked last
-    for what, check in (("a second filter", _second), ("fixes", accelerating_fixes.check)):
-        if verdict.trusted and (more := attempt(what, check, solution)):
-            verdict = Verdict.of(_once(inspected, causes), unknown, more, shown)
+    if verdict.trusted and (more := _ask_last(attempt, solution)):
+        verdict = Verdict.of(_once(inspected, causes), unknown, more, shown)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
 def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
-    """Findings of a quick look at the installation; without motion the reasons alone."""
+    """Findings of a quick look at the installation; without motion the reasons alone, without positions
+    those on the clocks of heights."""
     if not any(source.kind == "position" for source in sources):
-        return screening.NOTHING
+        return height_clock.look(solution, sources)
     looked = screening.look(solution)
     return looked if in_motion(solution) else screening.NOTHING._replace(reasons=looked.reasons)
 
 
-def _height_clocks(
-    solution: Solution, sources: list[JudgedFixes]
-) -> list[height_clock.HeightClock]:
-    each = (height_clock.estimate_clock(solution, source) for source in sources)
-    return [clock for clock in each if clock is not None]
+def _ask_last(attempt: Callable[..., Any], solution: Solution) -> list[Reason]:
+    """Return the reasons of the first check that has any, of those that cost a run of their own."""
+    for what, check in (("a second filter", _second), ("fixes", accelerating_fixes.check)):
+        if more := attempt(what, check, solution):
+            return list(more)
+    return []
 
 
 def _second(solution: Solution) -> list[Reason]:
