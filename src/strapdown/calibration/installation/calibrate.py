@@ -41,8 +41,8 @@ def calibrate_installation(
     progress: Progress | bool | None = None,
     **set_up: Unpack[SetUpOptions],
 ) -> Installation:
-    """Find the installation of a recording: clock offset of each GNSS source, lever arm of its
-    antenna, mounting of the IMU, scale of the odometer.
+    """Find the installation of a recording: clock offset of each GNSS source and of the odometer,
+    lever arm of the antenna, mounting of the IMU, scale of the odometer.
 
     `diagnose` runs on its own result until it finds nothing wrong. The smoother, with the same
     parameters as states about that result, gives a second estimate. A parameter counts as found if
@@ -165,7 +165,7 @@ def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
 def _check_imu_clock(recording: Recording, parameters: tuple[CalibratedParameter, ...]) -> None:
     """Refuse to blame the clock of the IMU where not all sources share the offset."""
     clocks = [each for each in parameters if each.of is CLOCK]
-    if len(clocks) > 1:
+    if len(clocks) > 1 and any(each.status == FOUND for each in clocks):
         values = ", ".join(f"{each.name} {each.seen}" for each in clocks)
         raise DataError(
             f"--imu-clock: the sources do not share one offset ({values}); leave the option out, "
