@@ -81,7 +81,7 @@ MOTIONS = {
 def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
     """A row per seed, second and group of states: its NEES."""
     for seed in seeds:
-        recording, start, true, estimated = drawn(MOTIONS[name], seed)
+        recording, start, true, estimated = draw_run(MOTIONS[name], seed)
         every = round(1 / float(np.median(recording.imu.dt)))
         asked: dict[str, Any] = {"every": every, "covariance": True}
         solution = fuse(recording, start=start, estimate=estimated, **asked)
@@ -121,7 +121,7 @@ def groups(columns: list[str]) -> dict[str, list[int]]:
 COMPONENTS = ("north", "east", "down", "forward", "right", "pitch", "heading")
 
 
-def drawn(
+def draw_run(
     case: OwnStates, seed: int
 ) -> tuple[Recording, Any, dict[str, Callable[[Array], Array]], Installation]:
     """(recording, InitialState, {column: true value at times}, what is estimated) of a run."""
