@@ -208,7 +208,8 @@ def followed_back(belief: FilterState, source: SourceRow, cursor: Cursor) -> boo
     source.clock, source.age = clock, age
     _at_rest(belief, source, cursor.work[0].raw)
     _since(cursor.recent, cursor.state[0].latest, age, belief, source)
-    _nonlinearity_std(cursor.recent, cursor.state[0].latest, age, belief, source)
+    if source.kind == Kind.POSITION or source.kind == Kind.VELOCITY:
+        _nonlinearity_std(cursor.recent, cursor.state[0].latest, age, belief, source)
     for i in range(3):
         source.bias_then[i] = belief.b_a[i]
     return age == source.delay - clock
