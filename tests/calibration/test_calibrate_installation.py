@@ -127,7 +127,7 @@ def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatc
     ]
     monkeypatch.setattr(module, "settle", None)
     with pytest.raises(
-        DataError, match="there are 31 states in addition to the filter's own.*at most 30"
+        DataError, match="there are 32 states in addition to the filter's own.*at most 30"
     ):
         sd.calibrate_installation(replace(right, sources=(*right.sources, *others)))
 
@@ -226,14 +226,18 @@ def test_the_clock_of_the_imu_is_the_other_way_round():
     assert source is None and what is CLOCK and value == pytest.approx(-0.2, abs=0.02)
     assert deviation == of(made, "clock").std
     assert made.changes == (f"[imu] time: add {value:+.3f} s to offset",)
-    with pytest.raises(DataError, match="--imu-clock: no offset was estimated for speed"):
-        sd.calibrate_installation(wrong(car(1070), "clock", 0.2), imu_clock=True)
+    late = wrong(car(1070), "clock", 0.2)
+    with pytest.raises(DataError, match="--imu-clock: the sources do not share one offset"):
+        sd.calibrate_installation(late, imu_clock=True)
+    made = sd.calibrate_installation(wrong(late, "clock", 0.2, of="speed"), imu_clock=True)
+    (source, _, (value,), _) = made.edits[0]
+    assert len(made.edits) == 1 and source is None and value == pytest.approx(-0.2, abs=0.02)
 
 
 def test_two_clocks_that_trade_off_are_said():
     recording = car(1072, 60.0)
     diagnosis = sd.diagnose(recording)
-    (clock,) = [each for each in diagnosis.parameters if each.cause == "clock"]
+    clock = next(each for each in diagnosis.parameters if each.cause == "clock")
     clocks = tuple(
         CalibratedParameter(
             **vars(clock)

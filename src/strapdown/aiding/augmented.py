@@ -10,7 +10,7 @@ is left out.
 import math
 
 from ..core.loop.contract import STATES, FilterState, SourceRow, helper
-from ..core.mathematics.rotation import rotate_vector
+from ..core.mathematics.rotation import axis, rotate_vector
 from ..typing import Array, Ints
 
 Three = tuple[float, float, float]
@@ -81,16 +81,6 @@ def arm_of_body(belief: FilterState, source: SourceRow) -> Three:
     l = arm_of_vehicle(belief, source)
     by = cross(errors(belief, source.mounting_state), l)
     return l[0] - by[0], l[1] - by[1], l[2] - by[2]
-
-
-@helper
-def axis(k: int) -> Three:
-    """The unit vector along axis 0, 1 or 2."""
-    return (
-        1.0 if k == 0 else 0.0,
-        1.0 if k == 1 else 0.0,
-        1.0 if k == 2 else 0.0,
-    )
 
 
 @helper

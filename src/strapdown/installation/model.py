@@ -1,5 +1,5 @@
-"""The constants of an installation that a filter does not know: clock offset of each GNSS source,
-lever arm of the antenna, mounting of the IMU, scale of the odometer. What each does to the
+"""The constants of an installation that a filter does not know: clock offset of each GNSS source and
+of an odometer, lever arm of the antenna, mounting of the IMU, scale of the odometer. What each does to the
 measurements, and a recording with them changed.
 
 A constant is true less assumed: clock, s to add to the time stamps of a source; lever arm, m forward, right, down;
@@ -66,7 +66,8 @@ def constants(sources: Sequence[Source]) -> tuple[Constant, ...]:
         for axis, shown_by in SHOWN_BY.items()
         if shown_by in kinds
     ]
-    found += [Constant(SCALE, (i,)) for i, kind in enumerate(kinds) if kind == "speed"]
+    odometers = [i for i, kind in enumerate(kinds) if kind == "speed"]
+    found += [Constant(of, (i,)) for i in odometers for of in (CLOCK, SCALE)]
     return tuple(found)
 
 
@@ -142,12 +143,11 @@ class InstallationModel:
         h, all_kinds = np.zeros((len(at.t), 3, len(self.found))), list(self.kinds)
         for s in np.unique(at.source):
             rows = np.flatnonzero(at.source == s)
-            kind, arm, C = all_kinds[s], self.arms[s], at.C[rows]
+            kind, C = all_kinds[s], at.C[rows]
             if kind in GNSS:
                 h[rows] = self._of_antenna(at, rows, s)
             elif kind in CONSTRAINED:
-                body = rotate_stack(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
-                h[rows, 0] = self._of_body(body, CONSTRAINED[kind], s)
+                h[rows, 0] = self._of_body(at, rows, CONSTRAINED[kind], s)
             elif kind == HEADING:
                 h[rows, 0] = self._of_heading(C, s)
         return h
@@ -165,10 +165,17 @@ class InstallationModel:
         by = {CLOCK: by_time[:, :, None], LEVER_ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
         return self._columns(by, s)
 
-    def _of_body(self, body: Array, axis: int, s: int) -> Array:
-        """Return the derivatives of a velocity along a body axis, of the source s; `body` (k, 3) is
-        the velocity of the vehicle in body axes."""
-        by = {SCALE: body[:, None, :1], MOUNTING: cross(body, np.eye(3)[axis])[:, None]}
+    def _of_body(self, at: Corrections, rows: Ints, axis: int, s: int) -> Array:
+        """Return the derivatives of a velocity of the vehicle along a body axis, of the source s."""
+        to_body, omega = at.C[rows].transpose(0, 2, 1), at.omega[rows]
+        of_imu = rotate_stack(to_body, at.v[rows])
+        body = of_imu + cross(omega, self.arms[s])
+        by_time = at.f[rows] + rotate_stack(to_body, self.g) - cross(omega, of_imu)
+        by = {
+            CLOCK: by_time[:, axis, None, None],
+            SCALE: body[:, None, :1],
+            MOUNTING: cross(body, np.eye(3)[axis])[:, None],
+        }
         return self._columns(by, s)[:, 0]
 
     def _of_heading(self, C: Array, s: int) -> Array:
@@ -192,8 +199,9 @@ class InstallationModel:
 
 
 def rotate_stack(C: Array, vectors: Array) -> Array:
-    """(k, 3) C (k, 3, 3) times vectors (k, 3)."""
-    return np.einsum("kij,kj->ki", C, vectors)
+    """(k, 3) C (k, 3, 3) times vectors (k, 3) or (3,)."""
+    rotated: Array = (C @ vectors[..., None])[..., 0]
+    return rotated
 
 
 def cross(a: Array, b: Array) -> Array:
