@@ -94,6 +94,7 @@ class Books:
     floor: Annotated[Array, 3]  # least standard deviations
     rejecting: int  # 1: rejected so long that the gate was or must be lifted; -1: left out
     lifted_at: int  # rejections in a row when the gate was opened last, 0 since one passed
+    contradicts: int  # 1: left out, because it contradicts positions and velocities in use
     # tests of its innovations: cumulative sum, its terms, 1 where it fails; sums and counts of the
     # present second and when the last one ended, s
     sums: Annotated[Array, 7]

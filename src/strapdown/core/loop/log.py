@@ -37,6 +37,8 @@ class Code(IntEnum):
     HEIGHT_AGAIN = 22
     DISTURBED = 23
     IRON_WAITS = 24
+    CONTRADICTS = 25
+    AGREES_AGAIN = 26
 
 
 class LogRow:
