@@ -51,8 +51,8 @@ NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
 """The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
 MAX_NIS = 8.0  # of one second over its expectation
 MAX_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
-ROOM = 4.0
-"""Growth of P where a sensor is left out that the filter has used: twice the standard deviations."""
+ROOM = 9.0
+"""Growth of P where a sensor is left out that the filter has used, as where a gate is opened."""
 NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
 NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
@@ -101,16 +101,34 @@ def gnss_is_used(fixes: Fixes, t: float, cursor: Cursor) -> bool:
 
 
 @helper
-def exclude_contradicting(P: Array, s: int, t: float, cursor: Cursor) -> None:
+def gnss_contradicts(fixes: Fixes, t: float, cursor: Cursor) -> bool:
+    """True where the tests of positions and those of velocities fail together: the two do not depend on
+    each other, so that the belief is wrong."""
+    position, velocity = False, False
+    for s in range(fixes.sources.size):
+        if is_gnss(fixes.sources[s].kind) and t - cursor.books[s].tested <= HEARD:
+            if fails(cursor.books[s]):
+                position |= fixes.sources[s].kind == Kind.POSITION
+                velocity |= fixes.sources[s].kind == Kind.VELOCITY
+    return position and velocity
+
+
+@helper
+def exclude_contradicting(s: int, t: float, cursor: Cursor) -> None:
     """Leave out source `s`, which contradicts positions and velocities, until the sum of its NIS has
-    fallen again; what it has done to the belief may be undone."""
+    fallen again."""
     books = cursor.books[s]
     books.contradicts, books.rejecting = 1, 0
     books.fails[6], books.sums[6] = 1.0, MAX_OF_BOUND * NIS_ALARM
+    notify(cursor, Code.CONTRADICTS, s, t, 0.0)
+
+
+@helper
+def make_room_for_gnss(P: Array) -> None:
+    """Let P grow as a whole: what a sensor that is left out has done to the belief shall be undone."""
     for i in range(P.shape[0]):
         for j in range(P.shape[0]):
             P[i, j] *= ROOM
-    notify(cursor, Code.CONTRADICTS, s, t, 0.0)
 
 
 @helper

@@ -32,6 +32,7 @@ from .integrity import (
     gnss_is_used,
     is_plausible,
     length,
+    make_room_for_gnss,
     reachable,
     test,
 )
@@ -121,7 +122,8 @@ def _ask(
     work.nis = _correct(kernels, belief, fixes, k, cursor, gate)
     lift = work.nis > max(gate, source.gate) and _is_due(cursor.books[s], work.alone, t)
     if lift and source.beside_gnss > 0 and gnss_is_used(fixes, t, cursor):
-        exclude_contradicting(belief.P, s, t, cursor)
+        exclude_contradicting(s, t, cursor)
+        make_room_for_gnss(belief.P)
         lift = False
     if weighed and not lift and work.nis > gate:
         call_stage(kernels.weigh, kernels, belief, fixes, k, cursor, out.record)

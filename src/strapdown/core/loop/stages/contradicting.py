@@ -4,8 +4,10 @@ agreed with it for some time.
 While positions and velocities are used, a filter that were wrong would contradict these too. So a
 sensor that fails the running tests of its innovations then (core/loop/integrity.py), or whose fixes are
 rejected for so long that their gate would be opened, is the one that errs: its unit, sign, scale or
-clock is wrong, it is stuck, or what it looks at is disturbed. What it has done to the belief before
-it was found is made good by the growth of P.
+clock is wrong, it is stuck, or what it looks at is disturbed. One that is more precise than GNSS draws
+the belief to itself, and then position and velocity fail their tests together: all such sensors that
+were used are left out, and come back by themselves where they are right. P grows, so that what the
+sensor has done to the belief is undone.
 """
 
 from typing import Any
@@ -13,10 +15,18 @@ from typing import Any
 import numpy as np
 
 from ....typing import Array
-from ...compile.jit import kernel
+from ...compile.jit import helper, kernel
 from ...mathematics.belief import FilterState
 from ..cursor import Cursor
-from ..integrity import exclude_contradicting, fails, gnss_is_used
+from ..integrity import (
+    HEARD,
+    exclude_contradicting,
+    fails,
+    gnss_contradicts,
+    gnss_is_used,
+    is_gnss,
+    make_room_for_gnss,
+)
 from ..kernels import STAGE, Kernels
 from ..log import Code, notify
 from ..tables import Fixes
@@ -32,17 +42,36 @@ def judge_beside_gnss(
     """Let the filter be asked of a measurement, and not corrected by it, while its source is left out."""
     s, t, work = fixes.source[k], fixes.t[k], cursor.work[0]
     books = cursor.books[s]
-    if not work.believable or fixes.sources[s].beside_gnss == 0:
+    if not work.believable:
+        return 0
+    if is_gnss(fixes.sources[s].kind) and gnss_contradicts(fixes, t, cursor):
+        _exclude_used(belief.P, fixes, t, cursor)
+    if fixes.sources[s].beside_gnss == 0:
         return 0
     if gnss_is_used(fixes, t, cursor):
         if books.contradicts == 0 and fails(books):
-            exclude_contradicting(belief.P, s, t, cursor)
+            exclude_contradicting(s, t, cursor)
+            make_room_for_gnss(belief.P)
         elif books.contradicts > 0 and not fails(books):
             books.contradicts = 0
             notify(cursor, Code.AGREES_AGAIN, s, t, 0.0)
     if books.contradicts > 0:
         work.gate = ASK_FIRST
     return 0
+
+
+@helper
+def _exclude_used(P: Array, fixes: Fixes, t: float, cursor: Cursor) -> None:
+    """Leave out all sensors beside GNSS that were used lately."""
+    found = False
+    for s in range(fixes.sources.size):
+        books = cursor.books[s]
+        if fixes.sources[s].beside_gnss > 0 and books.contradicts == 0:
+            if t - books.last_used <= HEARD and books.accepted > 0:
+                exclude_contradicting(s, t, cursor)
+                found = True
+    if found:
+        make_room_for_gnss(P)
 
 
 def is_needed(sources: Any, cursor: Cursor) -> bool:
