@@ -51,8 +51,10 @@ NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
 """The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
 MAX_NIS = 8.0  # of one second over its expectation
 MAX_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
-ROOM = 9.0
-"""Growth of P where a sensor is left out that the filter has used, as where a gate is opened."""
+ROOM = 4.0
+"""Growth of P where a sensor is left out that the filter has used: twice the standard deviations."""
+BARRED = 60.0
+"""s for which a sensor is left out at least; each time again twice as long."""
 NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
 NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
@@ -119,8 +121,16 @@ def exclude_contradicting(s: int, t: float, cursor: Cursor) -> None:
     fallen again."""
     books = cursor.books[s]
     books.contradicts, books.rejecting = 1, 0
+    books.barred = t + BARRED * 2.0 ** min(books.exclusions, 10)
+    books.exclusions += 1
     books.fails[6], books.sums[6] = 1.0, MAX_OF_BOUND * NIS_ALARM
     notify(cursor, Code.CONTRADICTS, s, t, 0.0)
+
+
+@helper
+def was_used(books: Books, t: float) -> bool:
+    """True where the filter used a source lately."""
+    return books.accepted > 0 and t - books.last_used <= HEARD
 
 
 @helper

@@ -35,6 +35,7 @@ from .integrity import (
     make_room_for_gnss,
     reachable,
     test,
+    was_used,
 )
 from .kernels import Kernels, correct_at, observe_at
 from .log import Code, notify
@@ -123,7 +124,8 @@ def _ask(
     lift = work.nis > max(gate, source.gate) and _is_due(cursor.books[s], work.alone, t)
     if lift and source.beside_gnss > 0 and gnss_is_used(fixes, t, cursor):
         exclude_contradicting(s, t, cursor)
-        make_room_for_gnss(belief.P)
+        if was_used(cursor.books[s], t):
+            make_room_for_gnss(belief.P)
         lift = False
     if weighed and not lift and work.nis > gate:
         call_stage(kernels.weigh, kernels, belief, fixes, k, cursor, out.record)

@@ -19,13 +19,13 @@ from ...compile.jit import helper, kernel
 from ...mathematics.belief import FilterState
 from ..cursor import Cursor
 from ..integrity import (
-    HEARD,
     exclude_contradicting,
     fails,
     gnss_contradicts,
     gnss_is_used,
     is_gnss,
     make_room_for_gnss,
+    was_used,
 )
 from ..kernels import STAGE, Kernels
 from ..log import Code, notify
@@ -51,8 +51,9 @@ def judge_beside_gnss(
     if gnss_is_used(fixes, t, cursor):
         if books.contradicts == 0 and fails(books):
             exclude_contradicting(s, t, cursor)
-            make_room_for_gnss(belief.P)
-        elif books.contradicts > 0 and not fails(books):
+            if was_used(books, t):
+                make_room_for_gnss(belief.P)
+        elif books.contradicts > 0 and not fails(books) and t > books.barred:
             books.contradicts = 0
             notify(cursor, Code.AGREES_AGAIN, s, t, 0.0)
     if books.contradicts > 0:
@@ -66,10 +67,9 @@ def _exclude_used(P: Array, fixes: Fixes, t: float, cursor: Cursor) -> None:
     found = False
     for s in range(fixes.sources.size):
         books = cursor.books[s]
-        if fixes.sources[s].beside_gnss > 0 and books.contradicts == 0:
-            if t - books.last_used <= HEARD and books.accepted > 0:
-                exclude_contradicting(s, t, cursor)
-                found = True
+        if fixes.sources[s].beside_gnss > 0 and books.contradicts == 0 and was_used(books, t):
+            exclude_contradicting(s, t, cursor)
+            found = True
     if found:
         make_room_for_gnss(P)
 
