@@ -105,6 +105,9 @@ MOTIONS = {
         400.0,
         ALL | AT_SEA,
     ),
+}
+"""By name."""
+WITH_DIVE = MOTIONS | {
     "underwater": SensorMotion(
         StudyMotion(
             "underwater",
@@ -123,7 +126,7 @@ MOTIONS = {
         {NONE: (), "magnetometer": ("magnetic-field",)} | UNDER_WATER,
     ),
 }
-"""By name."""
+"""The same with an underwater vehicle, whose fixes come from a buoy above it."""
 OUTAGES = (30.0, 120.0)
 """s."""
 

@@ -17,10 +17,12 @@ from strapdown.io.facts import recording_facts
 from strapdown.typing import Array
 
 from .mistakes import MISTAKES, SensorMistake
-from .sensors import GNSS, MOTIONS, SensorMotion, record_motion, with_kinds
+from .sensors import GNSS, WITH_DIVE, SensorMotion, record_motion, with_kinds
 
 RIGHT = "none"
 """Name of the mistake of a right sensor."""
+REFUSED = "refused"
+"""Word of a run that ended in a DataError: the sensor cannot do harm."""
 SKIPPED = 0.2
 """Part of a recording at its beginning that is not scored: the filter settles."""
 OUTAGE = 30.0  # s
@@ -36,7 +38,7 @@ class WrongSensorScore(NamedTuple):
 def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
     """A row per seed, sensor and mistake of a motion: what is said, and the errors over those without
     the sensor."""
-    case = MOTIONS[name]
+    case = WITH_DIVE[name]
     for seed in seeds:
         whole = record_motion(case, seed)
         without, _ = _score(case, with_kinds(whole, ()))
@@ -65,20 +67,19 @@ def _cell(
         inspected = recording_facts(made).reasons
         score, solution = _score(case, made)
     except DataError as error:  # one line that refuses
-        return {"word": "refused", "said": True, "named": True, "text": str(error)}
+        return {"word": REFUSED, "said": True, "named": True, "text": str(error)}
     verdict = solution.verdict
     against = [reason for reason in verdict.reasons if reason.weight >= 1.0]
-    first = [*inspected, *against]
+    told = [*inspected, *against]
     causes = mistake.causes if mistake else ()
-    named = [reason for reason in first if reason.source in names and reason.cause in causes]
+    named = [reason for reason in told if reason.source in names and reason.cause in causes]
     return {
         "word": verdict.word,
         "said": bool(inspected) or verdict.word != TRUSTED,
         "named": bool(named),
-        "first": bool(named) and any(each in named for each in (inspected[:1] + against[:1])),
         "worse": float((score.rms / without.rms).max()),
         "worse_in_outage": score.outage / without.outage,
-        "text": " | ".join(_text(reason) for reason in first[:3]),
+        "text": " | ".join(_text(reason) for reason in told[:3]),
     }
 
 
