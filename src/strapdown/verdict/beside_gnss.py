@@ -13,6 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..aiding.depth import SEAWATER
+from ..aiding.pressure import P_0
+from ..core.loop.contract import ATT
 from ..core.loop.integrity import HEARD
 from ..data.solution import Innovations, Solution, Source
 from ..data.verdict import Reason
@@ -21,6 +24,7 @@ from ..geometry.rotations import Rotation
 from ..inspection.finding import clustered_least_squares, label
 from ..inspection.position_velocity import FACTORS
 from ..typing import Array, Mask
+from ..units.constants import STANDARD_GRAVITY
 
 GNSS = ("position", "velocity")
 LENGTHS = {1 / 0.3048: "feet read as m", 0.3048: "m read as feet"}
@@ -53,6 +57,8 @@ MAX_FIELD, PART = 0.1, 0.1
 """Share of the strength by which a field may be off, and the share of time in which it may be more."""
 FAR = 10.0
 """m by which a beacon must be off."""
+KNOWN_HEADING = np.radians(3.0)
+"""rad: standard deviation of a heading from which no field is compared."""
 
 
 class ExpectedReadings(NamedTuple):
@@ -64,14 +70,6 @@ class ExpectedReadings(NamedTuple):
     h: Array  # (n, k)
     std: Array  # (n, k) of y - h, as stated
     towards: Array  # (n, 3) of a range: by what it grows with each metre of the beacon's place, NED
-
-    @property
-    def scaled(self) -> Array:
-        """(n,) mean square of y - h over its variance, without a constant where there is one."""
-        off = (self.y - self.h) / self.std
-        if self.source.kind in BIASED:
-            off = off - np.median(off, axis=0)
-        return np.asarray((off**2).mean(axis=1))
 
 
 class ReadingFit(NamedTuple):
@@ -108,6 +106,8 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
         found = place[0]
     if found is None and each.source.kind == "magnetic-field":
         found = _disturbed(each)
+    if found is None and each.source.kind == "range":
+        found = _far_off(each)
     if found is not None:
         yield found
 
@@ -119,11 +119,10 @@ def _expected(
     solution: Solution, every: Innovations, s: int, source: Source
 ) -> ExpectedReadings | None:
     """The ExpectedReadings of source `s`; None where there are too few."""
-    used = np.array([name for name in every.names])
     gnss = [i for i, a in enumerate(_sources(solution)) if a.kind in GNSS]
     own = np.flatnonzero((every.source == s) & np.isfinite(every.innovation[:, 0]))
     times = every.t[np.isin(every.source, gnss) & every.accepted]
-    if not len(times) or not len(used):
+    if not len(times):
         return None
     own = own[_since(times, every.t[own]) <= HEARD]
     if source.kind == "magnetic-field":  # those that were left out too
@@ -134,6 +133,8 @@ def _expected(
         return None
     row = np.minimum(np.searchsorted(source.t, own_t), len(source.t) - 1)
     y, std = source.y[row], source.std[row]
+    if source.kind == "water-pressure":
+        y = (y - P_0) / (SEAWATER * STANDARD_GRAVITY)
     h, towards = _predicted(solution, source, own_t)
     if h is None:
         h = y - every.innovation[own, : y.shape[1]]
@@ -165,7 +166,10 @@ def _predicted(solution: Solution, source: Source, t: Array) -> tuple[Array | No
     turn = Rotation.from_wxyz(some.q_nb)
     at = lambda values: np.stack([np.interp(t, some.t, column) for column in values.T], axis=1)
     if source.kind == "magnetic-field":
-        return at(turn.inv().apply(np.array(source.parameters[:3]))), none
+        if some.std is not None:  # an unknown heading expects any field
+            unsure = np.interp(t, some.t, np.nan_to_num(some.std[:, ATT.stop - 1])) > KNOWN_HEADING
+            none = np.where(unsure[:, None], np.nan, none)
+        return none + at(turn.inv().apply(np.array(source.parameters[:3]))), np.zeros((len(t), 3))
     arm = np.array([*source.parameters, 0.0, 0.0, 0.0][:3])
     point = turn.apply(np.broadcast_to(arm, (len(some.t), 3)))
     if source.kind == "range":
@@ -292,6 +296,16 @@ def _place(each: ExpectedReadings) -> tuple[Reason, float] | None:
     )
     remedy = "correct `beacon` in the recording, or leave it out"
     return Reason("beacon", seen, remedy, label(each.source), min(off / FAR, 10.0)), explained
+
+
+def _far_off(each: ExpectedReadings) -> Reason | None:
+    """A Reason of ranges that are off by a constant that no sound speed explains."""
+    off = float(np.median(each.y - each.h))
+    if abs(off) < FAR:
+        return None
+    seen = f"its ranges are {off:+.0f} m off in the median, and its direction changes too little to tell where"
+    remedy = "check `beacon` in the recording, or leave it out"
+    return Reason("beacon", seen, remedy, label(each.source), min(abs(off) / FAR, 10.0))
 
 
 def _disturbed(each: ExpectedReadings) -> Reason | None:
