@@ -86,5 +86,7 @@ def test_a_right_one_is_trusted(drive, kind):
 
 def test_the_beacon_is_said_to_be_where_it_is(drive):
     (reason, *_) = sd.fuse(only(drive, "range", place_off)).verdict.reasons
-    north, east = (float(word) for word in reason.seen.split() if word[0] in "+-" and word[1:].isdigit())
+    north, east = (
+        float(word) for word in reason.seen.split() if word[0] in "+-" and word[1:].isdigit()
+    )
     assert abs(north + 100) < 10 and abs(east) < 10, reason.seen

@@ -28,7 +28,12 @@ from ..units.constants import STANDARD_GRAVITY
 
 GNSS = ("position", "velocity")
 LENGTHS = {1 / 0.3048: "feet read as m", 0.3048: "m read as feet"}
-FIELDS = {1e-2: "gauss read as uT", 1e2: "uT read as gauss", 1e3: "nT read as uT", 1e1: "mG read as uT"}
+FIELDS = {
+    1e-2: "gauss read as uT",
+    1e2: "uT read as gauss",
+    1e3: "nT read as uT",
+    1e1: "mG read as uT",
+}
 UNITS: dict[str, dict[float, str]] = {
     "speed": FACTORS,
     "body-velocity": FACTORS,
@@ -187,9 +192,7 @@ def _held(each: ExpectedReadings) -> Reason | None:
     """A Reason where a value is held while it should change."""
     new = np.flatnonzero(np.r_[True, (each.y[1:] != each.y[:-1]).any(axis=1)])
     last = np.r_[new[1:], len(each.t)] - 1
-    long = np.flatnonzero(
-        (each.t[last] - each.t[new] > HELD_TIME) & (last - new >= HELD_ROWS)
-    )
+    long = np.flatnonzero((each.t[last] - each.t[new] > HELD_TIME) & (last - new >= HELD_ROWS))
     should = np.array(
         [
             float((np.ptp(each.h[a : b + 1], axis=0) / each.std[a]).max())
@@ -228,7 +231,9 @@ def _fit(each: ExpectedReadings) -> ReadingFit | None:
     use: Mask = np.ones(count, bool)
     for _ in range(3):
         rows = np.repeat(block[use], k)
-        x, std, left = clustered_least_squares(A[use].reshape(-1, A.shape[2]), y[use].ravel(), np.unique(rows, return_inverse=True)[1])
+        x, std, left = clustered_least_squares(
+            A[use].reshape(-1, A.shape[2]), y[use].ravel(), np.unique(rows, return_inverse=True)[1]
+        )
         if not np.isfinite(std).all():
             return None
         size = np.linalg.norm(y - A @ x, axis=1)
@@ -237,11 +242,17 @@ def _fit(each: ExpectedReadings) -> ReadingFit | None:
     base = y[use] - np.mean(y[use], axis=0) if fixed else y[use]
     explained = 1 - float((left**2).sum() / max((base**2).sum(), 1e-12))
     scale = 1 + float(x[0])
-    return ReadingFit(scale, float(std[0]), float(x[1] / scale), float(std[1] / abs(scale)), explained)
+    return ReadingFit(
+        scale, float(std[0]), float(x[1] / scale), float(std[1] / abs(scale)), explained
+    )
 
 
 def _known(each: ExpectedReadings, name: str, least: float) -> float:
-    return max(least, WITHIN * each.source.estimate[name][0]) if name in each.source.estimate else least
+    return (
+        max(least, WITHIN * each.source.estimate[name][0])
+        if name in each.source.estimate
+        else least
+    )
 
 
 def _of_fit(each: ExpectedReadings, fit: ReadingFit) -> Reason | None:

@@ -35,7 +35,9 @@ def beacons(name: str) -> tuple[Simulated, ...]:
     """Ranges to BEACONS about the start of a scenario."""
     start = np.array(scenario(name).motion.lla)
     return tuple(
-        Simulated("range", 0.5, 1.0, (0.0, 0.0, 0.0, *displace_lla(start, np.array(ned))), f"beacon {k}")
+        Simulated(
+            "range", 0.5, 1.0, (0.0, 0.0, 0.0, *displace_lla(start, np.array(ned))), f"beacon {k}"
+        )
         for k, ned in enumerate(BEACONS, 1)
     )
 

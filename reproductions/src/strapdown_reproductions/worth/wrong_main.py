@@ -31,7 +31,9 @@ TARGETS = {
     "right": Target("right sensors: not trusted", "<=", 0.0, "%"),
     "said": Target("mistakes: said", ">=", 100.0, "%"),
     "named": Target("of them: the true cause is named", ">=", 100.0, "%"),
-    "with GNSS": Target("errors with GNSS at most 1.5 times those without the sensor", ">=", 100.0, "%"),
+    "with GNSS": Target(
+        "errors with GNSS at most 1.5 times those without the sensor", ">=", 100.0, "%"
+    ),
     "in the outage": Target("the same in 30 s without GNSS", ">=", 100.0, "%"),
 }
 
