@@ -152,9 +152,9 @@ class InstallationModel:
             if kind in GNSS:
                 h[rows] = self._of_antenna(at, rows, s)
             elif kind in OF_BODY:
-                body = rotate_stack(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
+                body = rotate_stack(C.transpose(0, 2, 1), at.v[rows])
                 for k, direction in enumerate(self.directions[s]):
-                    h[rows, k] = self._of_body(body, direction, s)
+                    h[rows, k] = self._of_body(body, at.omega[rows], direction, s)
             elif kind == HEADING:
                 h[rows, 0] = self._of_heading(C, s)
         return h
@@ -172,11 +172,14 @@ class InstallationModel:
         by = {CLOCK: by_time[:, :, None], LEVER_ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
         return self._columns(by, s)
 
-    def _of_body(self, body: Array, direction: Array, s: int) -> Array:
+    def _of_body(self, body: Array, omega: Array, direction: Array, s: int) -> Array:
         """Return the derivatives of a velocity along a direction (3,) of the body, of the source s; `body`
-        (k, 3) is the velocity of the vehicle in body axes."""
-        along = (body @ direction)[:, None, None]
-        by = {SCALE: along, MOUNTING: cross(body, direction)[:, None]}
+        (k, 3) is the velocity of the IMU and `omega` (k, 3) its angular rate, in body axes. The arm does
+        not turn with the IMU."""
+        swung = np.cross(self.arms[s], direction)
+        along = body @ direction + omega @ swung
+        turned = cross(body, direction) + cross(omega, swung)
+        by = {SCALE: along[:, None, None], MOUNTING: turned[:, None]}
         return self._columns(by, s)[:, 0]
 
     def _of_heading(self, C: Array, s: int) -> Array:
