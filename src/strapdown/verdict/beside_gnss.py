@@ -94,13 +94,13 @@ def reasons(solution: Solution) -> Iterator[Reason]:
     for s, source in enumerate(recording.sources):
         if source.kind not in UNITS:
             continue
-        each = _expected(solution, every, s, source)
+        each = _expected_readings(solution, every, s, source)
         if each is not None:
             yield from _reasons(each)
 
 
 def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
-    held = _held(each)
+    held = _held_value(each)
     if held is not None:
         yield held
         return
@@ -110,7 +110,7 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
     if place is not None and (fit is None or place[1] > fit.explained):
         found = place[0]
     if found is None and each.source.kind == "magnetic-field":
-        found = _disturbed(each)
+        found = _disturbance(each)
     if found is None and each.source.kind == "range":
         found = _far_off(each)
     if found is not None:
@@ -120,7 +120,7 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
 # ---- what is expected
 
 
-def _expected(
+def _expected_readings(
     solution: Solution, every: Innovations, s: int, source: Source
 ) -> ExpectedReadings | None:
     """The ExpectedReadings of source `s`; None where there are too few."""
@@ -140,7 +140,7 @@ def _expected(
     y, std = source.y[row], source.std[row]
     if source.kind == "water-pressure":
         y = (y - P_0) / (SEAWATER * STANDARD_GRAVITY)
-    h, towards = _predicted(solution, source, own_t)
+    h, towards = _predict_readings(solution, source, own_t)
     if h is None:
         h = y - every.innovation[own, : y.shape[1]]
     whole = np.isfinite(y).all(axis=1) & np.isfinite(h).all(axis=1)
@@ -160,7 +160,7 @@ def _since(times: Array, t: Array) -> Array:
     return np.where(last >= 0, t - times[np.maximum(last, 0)], np.inf)
 
 
-def _predicted(solution: Solution, source: Source, t: Array) -> tuple[Array | None, Array]:
+def _predict_readings(solution: Solution, source: Source, t: Array) -> tuple[Array | None, Array]:
     """((n, k) what a source with a constant of its own should read at times `t`, but for that constant,
     (n, 3) towards as of ExpectedReadings); None for the others."""
     made, none = solution.trajectory, np.zeros((len(t), 3))
@@ -188,7 +188,7 @@ def _predicted(solution: Solution, source: Source, t: Array) -> tuple[Array | No
 # ---- what is said
 
 
-def _held(each: ExpectedReadings) -> Reason | None:
+def _held_value(each: ExpectedReadings) -> Reason | None:
     """A Reason where a value is held while it should change."""
     new = np.flatnonzero(np.r_[True, (each.y[1:] != each.y[:-1]).any(axis=1)])
     last = np.r_[new[1:], len(each.t)] - 1
@@ -247,7 +247,7 @@ def _fit(each: ExpectedReadings) -> ReadingFit | None:
     )
 
 
-def _known(each: ExpectedReadings, name: str, least: float) -> float:
+def _known_prior(each: ExpectedReadings, name: str, least: float) -> float:
     return (
         max(least, WITHIN * each.source.estimate[name][0])
         if name in each.source.estimate
@@ -258,12 +258,12 @@ def _known(each: ExpectedReadings, name: str, least: float) -> float:
 def _of_fit(each: ExpectedReadings, fit: ReadingFit) -> Reason | None:
     """A Reason of a wrong sign, unit, scale or clock."""
     name, off = label(each.source), abs(fit.scale - 1)
-    least = max(_known(each, "scale", MAX_SCALE), SURE * fit.scale_std)
+    least = max(_known_prior(each, "scale", MAX_SCALE), SURE * fit.scale_std)
     if fit.explained < EXPLAINED:
         return None
     if off > least:
         return _of_scale(each, fit, min(off / least, 10.0))
-    least = max(_known(each, "clock", MAX_LAG), SURE * fit.lag_std)
+    least = max(_known_prior(each, "clock", MAX_LAG), SURE * fit.lag_std)
     if abs(fit.lag) > least:
         seen = f"it is {fit.lag:+.2f} +- {fit.lag_std:.2f} s late against the solution"
         remedy = f"add {-fit.lag:+.2f} s to `offset` of its `time`"
@@ -319,7 +319,7 @@ def _far_off(each: ExpectedReadings) -> Reason | None:
     return Reason("beacon", seen, remedy, label(each.source), min(abs(off) / FAR, 10.0))
 
 
-def _disturbed(each: ExpectedReadings) -> Reason | None:
+def _disturbance(each: ExpectedReadings) -> Reason | None:
     """A Reason of a field that iron or a current adds to for part of the time."""
     strength = float(np.linalg.norm(each.source.parameters[:3]))
     off = each.y - each.h

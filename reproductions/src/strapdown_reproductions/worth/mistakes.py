@@ -31,17 +31,17 @@ class SensorMistake(NamedTuple):
     make: Callable[[Source], Source]
 
 
-def scaled(factor: float) -> Callable[[Source], Source]:
+def scale_readings(factor: float) -> Callable[[Source], Source]:
     """Readings `factor` times as large."""
     return lambda a: replace(a, y=a.y * factor)
 
 
-def late(a: Source) -> Source:
+def delay_stamps(a: Source) -> Source:
     """Stamps that come LATE after the instant of the reading."""
     return replace(a, t=a.t + LATE)
 
 
-def stuck(a: Source) -> Source:
+def hold_reading(a: Source) -> Source:
     """The reading of one instant from then on."""
     y, first = a.y.copy(), int(STUCK * len(a.t))
     y[first:] = y[first]
@@ -68,13 +68,13 @@ def _on(t: Array) -> Array:
     return np.asarray((t - t[0]) % PERIOD > PERIOD - ON)
 
 
-SCALED = SensorMistake("scale 10 %", ("unit", "scale"), scaled(1.1))
-DELAYED = SensorMistake("late by 0.2 s", ("clock",), late)
-HELD = SensorMistake("stuck", ("repeated",), stuck)
-REVERSED = SensorMistake("wrong sign", ("unit", "frame"), scaled(-1.0))
-IN_FEET = SensorMistake("feet", ("unit", "scale"), scaled(FEET))
+SCALED = SensorMistake("scale 10 %", ("unit", "scale"), scale_readings(1.1))
+DELAYED = SensorMistake("late by 0.2 s", ("clock",), delay_stamps)
+HELD = SensorMistake("stuck", ("repeated",), hold_reading)
+REVERSED = SensorMistake("wrong sign", ("unit", "frame"), scale_readings(-1.0))
+IN_FEET = SensorMistake("feet", ("unit", "scale"), scale_readings(FEET))
 USUAL = (SCALED, DELAYED, HELD, REVERSED)
-OF_SPEED = (*USUAL, SensorMistake("knots", ("unit", "scale"), scaled(KNOTS)))
+OF_SPEED = (*USUAL, SensorMistake("knots", ("unit", "scale"), scale_readings(KNOTS)))
 OF_LOG = (*OF_SPEED, SensorMistake("bottom lost", ("repeated", "outliers"), lost_bottom))
 OF_DEPTH = (*USUAL, IN_FEET)
 MISTAKES: dict[str, tuple[SensorMistake, ...]] = {
@@ -83,7 +83,7 @@ MISTAKES: dict[str, tuple[SensorMistake, ...]] = {
         DELAYED,
         HELD,
         REVERSED._replace(causes=("unit", "frame", "axes", "calibration")),
-        SensorMistake("gauss", ("unit", "calibration"), scaled(0.01)),
+        SensorMistake("gauss", ("unit", "calibration"), scale_readings(0.01)),
         SensorMistake("motor current", ("disturbed field",), beside_motor),
     ),
     "baseline": (
