@@ -148,7 +148,7 @@ class InstallationModel:
         h, all_kinds = np.zeros((len(at.t), 3, len(self.found))), list(self.kinds)
         for s in np.unique(at.source):
             rows = np.flatnonzero(at.source == s)
-            kind, arm, C = all_kinds[s], self.arms[s], at.C[rows]
+            kind, C = all_kinds[s], at.C[rows]
             if kind in GNSS:
                 h[rows] = self._of_antenna(at, rows, s)
             elif kind in OF_BODY:

@@ -23,7 +23,7 @@ from ..geometry.geodesy import displacement
 from ..geometry.rotations import Rotation
 from ..inspection.finding import clustered_least_squares, label
 from ..inspection.position_velocity import FACTORS
-from ..typing import Array, Mask
+from ..typing import Array, Ints, Mask
 from ..units.constants import STANDARD_GRAVITY
 
 GNSS = ("position", "velocity")
@@ -166,10 +166,15 @@ def _predict_readings(solution: Solution, source: Source, t: Array) -> tuple[Arr
     made, none = solution.trajectory, np.zeros((len(t), 3))
     if source.kind not in BIASED or made.q_nb is None:
         return None, none
-    near = np.unique(np.clip(np.searchsorted(made.t, t)[:, None] + [-1, 0], 0, len(made.t) - 1))
+    after = np.searchsorted(made.t, t)
+    near: Ints = np.unique(np.clip(np.r_[after - 1, after], 0, len(made.t) - 1))
     some = made.take(near)
+    assert some.q_nb is not None
     turn = Rotation.from_wxyz(some.q_nb)
-    at = lambda values: np.stack([np.interp(t, some.t, column) for column in values.T], axis=1)
+
+    def at(values: Array) -> Array:
+        return np.stack([np.interp(t, some.t, column) for column in values.T], axis=1)
+
     if source.kind == "magnetic-field":
         if some.std is not None:  # an unknown heading expects any field
             unsure = np.interp(t, some.t, np.nan_to_num(some.std[:, ATT.stop - 1])) > KNOWN_HEADING
