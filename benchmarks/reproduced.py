@@ -28,6 +28,8 @@ class Study(NamedTuple):
     figures: dict[str, Callable[[str], float]]
     more: bool = False
     """Whether the figures stand in its second page."""
+    page: str = ""
+    """Of what is no study of `strapdown reproduce`: its page, below docs/reference/evidence."""
 
 
 def number(cell):
@@ -103,6 +105,26 @@ def behind_ekf(text):
         ]
         right[name] = sum(map(sum, cells))
     return right["ekf"] - min(right[name] for name in PUBLISHED)
+
+
+RANKING = "of python benchmarks/ranking.py"
+EVIDENCE = ROOT / "docs" / "reference" / "evidence"
+
+
+def ranked(name):
+    """A function that finds of how many cells strapdown is first or level with the first, %."""
+
+    def found(text):
+        head, row, *_ = markdown.rows(text)
+        first, of, all_cells = row[head.index(name)].split()
+        return 100 * int(first) / int(all_cells)
+
+    return found
+
+
+def farthest_from_nine(text):
+    """How far the mean of the last column is from 9 in the worst row, %."""
+    return max(abs(number(row[-1]) / 9 - 1) * 100 for row in markdown.rows(text)[1:])
 
 
 STUDIES = (
@@ -189,6 +211,12 @@ STUDIES = (
         },
     ),
     Study(
+        f"filters {RANKING}",
+        {f"ranking, {name}": ranked(name) for name in ("error", "honesty", "time")},
+        page="ranking.md",
+    ),
+    Study(f"stress {RANKING}", {"GTSAM's stress test": farthest_from_nine}, page="ranking.md"),
+    Study(
         "vehicle-kit",
         {
             "drive0708, vehicle kit with clock and arm as states": lambda text: number(
@@ -205,6 +233,8 @@ STUDIES = (
 
 def place(study):
     """(page, mark above the text) of a study."""
+    if study.page:
+        return EVIDENCE / study.page, f"<!-- begin: {study.name} -->"
     file, page = (write_docs.MORE if study.more else write_docs.PAGES)[study.name]
     return (write_docs.DOCS / page).resolve(), markdown.begin(file, study.name)
 
@@ -227,13 +257,12 @@ def read(study):
     page, mark = place(study)
     text = markdown.read_marked(page, mark)
     where = page.relative_to(ROOT)
-    note = f"{where} as of {last_change(page, mark)}, strapdown reproduce {study.name}"
+    command = study.name.partition(" of ")[2] or f"strapdown reproduce {study.name}"
+    note = f"{where} as of {last_change(page, mark)}, {command}"
     found = []
     for figure, value in study.figures.items():
         try:
             found.append((value(text), note))
         except (KeyError, IndexError, StopIteration, ValueError) as error:
-            raise ValueError(
-                f"{where}: holds no {figure!r} ({error}); run `strapdown reproduce {study.name}`"
-            ) from None
+            raise ValueError(f"{where}: holds no {figure!r} ({error}); run `{command}`") from None
     return found

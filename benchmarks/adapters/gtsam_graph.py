@@ -1,0 +1,161 @@
+"""GTSAM: combined IMU factors (Galilean preintegration) between positions, in a plane tangent at the start,
+as a smoother with fixed lag (the newest state is scored) and over all states at once.
+
+A state stands at each fix, and where fixes are missing at the times that they would have had.
+"""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from adapters import fixes_by_sample, instants, judged, local_frame
+from strapdown.core.mathematics.earth import RATE
+from strapdown.geometry.geodesy import gravity
+
+LAG = 30.0
+"""s of the smoother with fixed lag, longer than the outages."""
+
+
+def _parameters(gtsam, w):
+    p, (lat, _, alt) = w.parameters, w.start[0]
+    made = gtsam.PreintegrationCombinedParams(np.array([0.0, 0.0, gravity(lat, alt)]))
+    square = lambda value: np.eye(3) * value**2
+    made.setAccelerometerCovariance(square(p["accel_noise"]))
+    made.setGyroscopeCovariance(square(p["gyro_noise"]))
+    made.setIntegrationCovariance(np.zeros((3, 3)))
+    made.setBiasAccCovariance(square(p["accel_bias_walk"]))
+    made.setBiasOmegaCovariance(square(p["gyro_bias_walk"]))
+    made.setOmegaCoriolis(RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)]))
+    return made
+
+
+def _keys(gtsam, i):
+    shorthand = gtsam.symbol_shorthand
+    return shorthand.X(i), shorthand.V(i), shorthand.B(i)
+
+
+def _prior(gtsam, w):
+    """(graph, values) of the start."""
+    pose = gtsam.Pose3(gtsam.Rot3.RzRyRx(*w.start[2]), np.zeros(3))
+    v, bias, (x, u, b) = (
+        np.asarray(w.start[1], float),
+        gtsam.imuBias.ConstantBias(),
+        _keys(gtsam, 0),
+    )
+    sigmas, R = gtsam.noiseModel.Diagonal.Sigmas, pose.rotation().matrix()
+    turned = np.zeros((6, 6))
+    turned[:3, :3] = R.T @ np.diag(w.std[6:9] ** 2) @ R
+    turned[3:, 3:] = R.T @ np.diag(w.std[:3] ** 2) @ R
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.PriorFactorPose3(x, pose, gtsam.noiseModel.Gaussian.Covariance(turned)))
+    graph.add(gtsam.PriorFactorVector(u, v, sigmas(w.std[3:6])))
+    graph.add(gtsam.PriorFactorConstantBias(b, bias, sigmas(w.std[9:15])))
+    for key, value in ((x, pose), (u, v), (b, bias)):
+        values.insert(key, value)
+    return graph, values
+
+
+class _Step(NamedTuple):
+    """What one state adds to the graph."""
+
+    k: int  # its sample
+    graph: object
+    values: object
+    keys: tuple
+
+
+def _steps(gtsam, w, newest):
+    """The states of a workload in turn, as _Step. `newest(keys)` is what is known of the state before:
+    (NavState, bias)."""
+    fixes, scale = fixes_by_sample(w), local_frame.scale(w)
+    stands = set(instants(w))
+    model = gtsam.noiseModel.Isotropic.Sigma(3, w.parameters["gnss_std"])
+    pim = gtsam.PreintegratedCombinedMeasurementsG(_parameters(gtsam, w))
+    f, omega, i = w.dv / w.dt, w.dtheta / w.dt, 0
+    for k in range(1, len(w.t)):
+        pim.integrateMeasurement(f[k], omega[k], w.dt)
+        if k not in stands:
+            continue
+        before, (state, bias) = _keys(gtsam, i), newest(_keys(gtsam, i))
+        i, (x, v, b) = i + 1, _keys(gtsam, i + 1)
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        graph.add(gtsam.GalileanCombinedImuFactor(*before[:2], x, v, before[2], b, pim))
+        if k in fixes:
+            graph.add(gtsam.GPSFactor(x, (fixes[k] - w.start[0]) * scale, model))
+        ahead = pim.predict(state, bias)
+        for key, value in ((x, ahead.pose()), (v, ahead.velocity()), (b, bias)):
+            values.insert(key, value)
+        yield _Step(k, graph, values, (x, v, b))
+        pim.resetIntegrationAndSetBias(newest((x, v, b))[1])
+
+
+def _row(pose, v, of_pose, of_v):
+    """(metres, velocity, C, std) of a state with its marginal covariances, the pose's in body axes."""
+    R = pose.rotation().matrix()
+    blocks = (R @ of_pose[3:, 3:] @ R.T, of_v, R @ of_pose[:3, :3] @ R.T)
+    return pose.translation(), v, R, np.sqrt(np.concatenate([np.diag(part) for part in blocks]))
+
+
+def _judged(w, took, t, rows):
+    metres, v, C, std = (np.array(column) for column in zip(*rows))
+    return judged(w, took, t, w.start[0] + metres / local_frame.scale(w), v, C, std)
+
+
+def _forward(gtsam, w):
+    """Each _Step of the smoother with fixed lag, after its update, with the smoother."""
+    (graph, values), robust = _prior(gtsam, w), gtsam.ISAM2Params()
+    robust.setFactorization("QR")  # of an ill-conditioned graph Cholesky finds no factors
+    smoother = gtsam.IncrementalFixedLagSmoother(LAG, robust)
+    smoother.update(graph, values, dict.fromkeys(_keys(gtsam, 0), float(w.t[0])))
+
+    def newest(keys):
+        x, v, b = keys
+        state = gtsam.NavState(
+            smoother.calculateEstimatePose3(x), smoother.calculateEstimateVector(v)
+        )
+        return state, smoother.calculateEstimateConstantBias(b)
+
+    for step in _steps(gtsam, w, newest):
+        smoother.update(step.graph, step.values, dict.fromkeys(step.keys, float(w.t[step.k])))
+        yield step, smoother
+
+
+def fixed_lag(workload, seconds=60.0):
+    """GTSAM's IncrementalFixedLagSmoother: the newest state of each step."""
+    import gtsam
+
+    w = workload.first(seconds)
+    begin, t, rows = time.process_time(), [], []
+    for step, smoother in _forward(gtsam, w):
+        x, v, _ = step.keys
+        t.append(w.t[step.k])
+        pose, velocity = smoother.calculateEstimatePose3(x), smoother.calculateEstimateVector(v)
+        rows.append(_row(pose, velocity, *map(smoother.marginalCovariance, (x, v))))
+    return _judged(w, time.process_time() - begin, np.array(t), rows)
+
+
+def batch(workload, seconds=60.0):
+    """GTSAM's Levenberg-Marquardt over all states at once, from those of the fixed lag."""
+    import gtsam
+
+    w = workload.first(seconds)
+    graph, first = _prior(gtsam, w)
+    begin, t, keys = time.process_time(), [], []
+    for step, smoother in _forward(gtsam, w):
+        x, v, b = step.keys
+        first.insert(x, smoother.calculateEstimatePose3(x))
+        first.insert(v, smoother.calculateEstimateVector(v))
+        first.insert(b, smoother.calculateEstimateConstantBias(b))
+        graph.push_back(step.graph)
+        t.append(w.t[step.k])
+        keys.append(step.keys)
+    robust = gtsam.LevenbergMarquardtParams()
+    robust.setLinearSolverType("MULTIFRONTAL_QR")
+    best = gtsam.LevenbergMarquardtOptimizer(graph, first, robust).optimize()
+    marginals = gtsam.Marginals(graph, best)
+    rows = [
+        _row(best.atPose3(x), best.atVector(v), *map(marginals.marginalCovariance, (x, v)))
+        for x, v, _ in keys
+    ]
+    return _judged(w, time.process_time() - begin, np.array(t), rows)

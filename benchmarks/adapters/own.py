@@ -1,0 +1,38 @@
+"""strapdown itself: the closed loop and the smoother, without a gate, as the others have none."""
+
+import subject
+
+from adapters import Result, judged
+
+
+def closed_loop(workload, seconds=float("inf")):
+    """strapdown's closed loop; its time is that of the compiled loop, as `make bench` takes it."""
+    return _result(workload.first(seconds), subject.fuse, "closed-loop")
+
+
+def _result(w, run, name, **options):
+    path = run(w, name, **options).trajectory
+    again = subject.timed_run(w, name, **options)
+    took = min(again() for _ in range(20))  # a loop of milliseconds, on a machine with other work
+    return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
+
+
+def smoothed(workload, seconds=float("inf")):
+    """strapdown's RTS smoother over the closed loop; its time is that of the whole call."""
+    import time
+
+    import strapdown as sd
+
+    w = workload.first(seconds)
+    log, about = (
+        subject.recording(w),
+        dict(start=subject.start(w), noise=subject.noise(w.parameters)),
+    )
+    sd.smooth(log, "closed-loop", **about)
+    begin = time.process_time()
+    path = sd.smooth(log, "closed-loop", **about).trajectory
+    took = time.process_time() - begin
+    return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
+
+
+__all__ = ["Result", "closed_loop", "smoothed"]
