@@ -25,13 +25,13 @@ from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.installation.model import apply_constants, constants
 
 DEG = np.pi / 180
-TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "odometer scale": 0.01}
+TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "scale": 0.01}
 
 
 def all_wrong(seed=1070, seconds=200.0):
     made = wrong(car(seed, seconds), "clock", 0.2)
     made = wrong(made, "lever arm", 1.0, 0)
-    return wrong(wrong(made, "mounting", -2 * DEG, 1), "odometer scale", 0.01)
+    return wrong(wrong(made, "mounting", -2 * DEG, 1), "scale", 0.01)
 
 
 @cache
@@ -64,7 +64,7 @@ def test_what_is_wrong_is_found_within_its_interval(found):
         "clock",
         "lever arm",
         "mounting",
-        "odometer scale",
+        "scale",
     }
     for name, value in TRUE.items():
         one = of(found, name)
@@ -277,7 +277,7 @@ def test_what_was_written_is_right_and_settles(drive):
         "clock",
         "lever arm",
         "mounting",
-        "odometer scale",
+        "scale",
     }
     assert first.write(drive).read_text() == text
     changed = drive.read_text()

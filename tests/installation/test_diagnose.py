@@ -25,7 +25,7 @@ FAULTS = {
     "lever arm down -3 m": (("lever arm", -3.0, 2), 0.25),
     "mounting pitch 2 deg": (("mounting", 2 * DEG, 1), 0.1),
     "mounting heading -5 deg": (("mounting", -5 * DEG, 2), 0.3),
-    "odometer scale 0.01": (("odometer scale", 0.01), 0.002),
+    "scale 0.01": (("scale", 0.01), 0.002),
 }
 """{name: (what `wrong` does, by what the value found may be off: five standard deviations or less)}."""
 

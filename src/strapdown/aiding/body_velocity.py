@@ -106,7 +106,7 @@ VECTOR = MeasurementModel(
     parameters="reference",
     vector="b",
     calibration_parameters=("clock", "mounting", "scale"),
-    reference="Doppler log: Groves (2013) section 6.4",
+    reference="Doppler log: the velocity that an odometer measures, along all three axes",
     lanes=True,
 )
 BEAM = MeasurementModel(
@@ -116,7 +116,7 @@ BEAM = MeasurementModel(
     parameters="reference",
     more_parameters="direction",
     calibration_parameters=("scale",),
-    reference="one beam of a Doppler log: Groves (2013) section 6.4",
+    reference="one beam of a Doppler log: the velocity along a direction of the body",
     lanes=True,
 )
 LATERAL = MeasurementModel(

@@ -108,7 +108,7 @@ MEASUREMENT = MeasurementModel(
     parameters="field",
     vector="b",
     calibration_parameters=("hard-iron", "soft-iron", "field", "declination"),
-    reference="Fossen (2021) eq. 14.2.1 and section 14.4.3, magnetic reference vector; hard and soft "
+    reference="Fossen (2021) sections 14.1.3 and 14.4.3, magnetic reference vector; hard and soft "
     "iron: Gebre-Egziabher et al. (2006), J. Aerospace Engineering 19(2)",
     lanes=True,
 )

@@ -356,6 +356,12 @@ WORDS: dict[int, Words] = {
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (
         f"{e.name(s)}: its height agrees with the others again and is used"
     ),
+    Code.CONTRADICTS: lambda e, row, s, value: (
+        f"{e.name(s)}: left out from here{_till(row)}, because it contradicts position and velocity"
+    ),
+    Code.AGREES_AGAIN: lambda e, row, s, value: (
+        f"{e.name(s)}: agrees with position and velocity again and is used"
+    ),
     Code.OUT_OF_RANGE: _out_of_range,
     Code.FULL_SCALE: _full_scale,
     Code.STUCK: _stuck_text,

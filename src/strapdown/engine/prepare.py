@@ -169,7 +169,7 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
             row.walk, row.states = sensor.state_walk, len(_own_states(sensor, sources))
             row.first_state = shared.setdefault(sensor.shared or s, states)
             states += row.states if row.first_state == states else 0
-        row.slip = checked_slip(a, sensor)
+        row.slip, row.beside_gnss = checked_slip(a, sensor), is_beside_gnss(sensor)
         states += place_noise(row, a, states)
     installation.place(table, installation.parameters(sources, of_imu or {}), states)
     t, order = used_in_order(sources, after, table["delay"])
@@ -181,6 +181,13 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         rows_of(sources, "std")[order],
         table,
     )
+
+
+def is_beside_gnss(sensor: MeasurementModel) -> bool:
+    """True for a sensor that GNSS can judge. Errors of one that brings states along are theirs, two heights
+    contradict each other (core/loop/stages/heights.py), and an attitude is another filter's."""
+    others = ("position", "velocity", "altitude", "attitude")
+    return sensor.recorded and not sensor.states and sensor.name not in others
 
 
 def used_in_order(

@@ -324,8 +324,8 @@ class _Runs:
 
     def missing_source(self, of: CalibrationParameter, axis: int) -> str:
         """The source without which no motion shows a component."""
-        if of is MOUNTING and SHOWN_BY[axis] not in self.kinds:
+        if of is MOUNTING:
             return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
-        if of is SCALE and "speed" not in self.kinds:
-            return "add an odometer (kind speed)"
+        if of is SCALE:
+            return "add an odometer (kind speed) or a Doppler log"
         return "add a source of velocity"

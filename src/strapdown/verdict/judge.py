@@ -13,7 +13,7 @@ from ..installation import screening
 from ..installation.states import estimated_installation, in_motion
 from ..io.facts import check_parts, own_reasons
 from ..plugins import one_line
-from . import accelerating_fixes, alternating_fixes, evidence, height_clock
+from . import accelerating_fixes, alternating_fixes, beside_gnss, evidence, height_clock
 from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
 from .mean_slip import mean_slip
@@ -46,8 +46,11 @@ def judge(solution: Solution) -> Verdict:
     installed = estimated_installation(solution)
     causes = [*evidence.gaps(solution), *evidence.heights(solution), *installed.reasons]
     causes += attempt("guessed axes", of_guessed_axes, recording) or []
+    sensors = attempt("sensors beside GNSS", lambda: list(beside_gnss.reasons(solution))) or []
     looked = attempt("clock and lever arm", _look, solution, sources) or screening.NOTHING
-    causes += looked.reasons
+    # a scale alone is not the whole of what is wrong with a sensor
+    told = {reason.source for reason in sensors}
+    causes += sensors + [each for each in looked.reasons if each.source not in told]
     unknown += looked.unknown
     shown = attempt("its bounds", lambda: list(bounds(solution, sources))) or []
     shown += looked.bounds

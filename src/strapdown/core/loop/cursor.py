@@ -94,6 +94,11 @@ class Books:
     floor: Annotated[Array, 3]  # least standard deviations
     rejecting: int  # 1: rejected so long that the gate was or must be lifted; -1: left out
     lifted_at: int  # rejections in a row when the gate was opened last, 0 since one passed
+    # of a sensor beside GNSS: 1 while it is left out, because it contradicts positions and velocities
+    # in use; how often that was, and until when it is left out at least, s
+    contradicts: int
+    exclusions: int
+    barred: float
     # tests of its innovations: cumulative sum, its terms, 1 where it fails; sums and counts of the
     # present second and when the last one ended, s
     sums: Annotated[Array, 7]

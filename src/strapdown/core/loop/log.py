@@ -39,6 +39,8 @@ class Code(IntEnum):
     IRON_WAITS = 24
     FROZEN = 25
     UNCHECKED = 26
+    CONTRADICTS = 27
+    AGREES_AGAIN = 28
 
 
 class LogRow:

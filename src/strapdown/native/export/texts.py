@@ -171,6 +171,8 @@ CODE = ExportNames(
             "value: for how long, s",
             "UNCHECKED": "measurement through the air of source `which` left out, because such measurements "
             "contradict positions or velocities; value: since when, s",
+            "CONTRADICTS": "source `which` left out, because it contradicts position and velocity",
+            "AGREES_AGAIN": "source `which` agrees with position and velocity again and is used",
             "TOO_FAR": "position of source `which` farther away than the vehicle can have moved",
             "OUT_OF_RANGE": "axis `which` (gyro 0-2, accelerometer 3-5) read value, beyond its range",
             "FULL_SCALE": "axis `which` at full scale",

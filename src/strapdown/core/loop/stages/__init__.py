@@ -15,6 +15,7 @@ from ..tables import Fixes
 from . import (
     adaptive,
     clock,
+    contradicting,
     dead_reckoning,
     disturbed_field,
     heights,
@@ -33,6 +34,7 @@ PREPARE = (
     (time_correlated.fade_errors, time_correlated.is_needed),
     (adaptive.inflate_std, adaptive.is_needed),
     (heights.compare_heights, heights.is_needed),
+    (contradicting.judge_beside_gnss, contradicting.is_needed),
     (dead_reckoning.alone, dead_reckoning.is_needed),
 )
 """(kernel, whether a run with these sources and this cursor needs it) in the order in which a measurement goes through
