@@ -92,7 +92,8 @@ def write(kit, folder):
         text = re.sub(r"^# (\[\[|\w+ = )", r"\1", text, flags=re.M)
         text = re.sub(r"^vehicle = .*$", "", text, flags=re.M)
     if kit == "multicopter":
-        text = text.replace('"imu.csv"', '"mag.csv"')
+        # the simulated one has no rotors that drag
+        text = text.replace('"imu.csv"', '"mag.csv"').partition("# Its rotors drag")[0]
         text += 'field = { north = 21.0, east = 1.5, down = 43.0, unit = "uT" }\n'
     if kit == "underwater":
         north, east, down = displace_lla(made.reference.lla[0], np.array(BEACON))

@@ -121,7 +121,7 @@ def exclude_contradicting(s: int, t: float, cursor: Cursor) -> None:
     fallen again."""
     books = cursor.books[s]
     books.contradicts, books.rejecting = 1, 0
-    books.barred = t + BARRED * 2.0 ** min(books.exclusions, 10)
+    books.barred = t + BARRED * (1 << min(books.exclusions, 10))
     books.exclusions += 1
     books.fails[6], books.sums[6] = 1.0, MAX_OF_BOUND * NIS_ALARM
     notify(cursor, Code.CONTRADICTS, s, t, 0.0)
