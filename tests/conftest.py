@@ -48,6 +48,7 @@ KERNELS = (
     *("strapdown.aiding.velocity.observe", "strapdown.filters.ins.closed_loop.predict"),
     "strapdown.filters.ins.closed_loop.correct",
     "strapdown.core.loop.stages.dead_reckoning.alone",
+    "strapdown.core.loop.stages.contradicting.judge_beside_gnss",
 )
 
 

@@ -274,7 +274,10 @@ def test_studies_are_read_from_their_pages():
     for study in reproduced.STUDIES:
         found = reproduced.read(study)
         assert len(found) == len(study.figures)
-        assert all(math.isfinite(value) and study.name.rpartition(" of ")[2] in note for value, note in found)
+        assert all(
+            math.isfinite(value) and study.name.rpartition(" of ")[2] in note
+            for value, note in found
+        )
 
 
 @pytest.mark.short

@@ -78,9 +78,17 @@ AIR = (95e3, 290.0, 300.0)  # Pa, K, m: the air that a weather station tells
 MEAN_GAS = 287.05287
 
 
-def through_air(b):
-    """Velocity through the air in the body; the wind is the first two augmented states."""
-    return b.C_nb.T @ (b.v_n - np.r_[b.augmented[:2], 0])
+def through_air(b, arm=ARM):
+    """Velocity of a point through the air in the body; the wind is the first two augmented states."""
+    return b.C_nb.T @ (b.v_n - np.r_[b.augmented[:2], 0]) + np.cross(b.omega, arm)
+
+
+DRAG = (0.3, 0.4, 0.0)  # 1/s
+
+
+def rotor_drag(b):
+    """Specific force across the axis of the rotors that an accelerometer with its bias reads."""
+    return b.b_a[:2] - DRAG[:2] * through_air(b, (0.0, 0.0, 0.0))[:2]
 
 
 def thinned(b):
@@ -113,11 +121,12 @@ SENSORS = {
         lambda b: atmosphere(antenna(b, ARM)[2] + b.augmented[0]),
     ),
     "pressure-altitude": (ARM, lambda b: antenna(b, ARM)[2] + b.augmented[0]),
-    "true-airspeed": ((), lambda b: np.linalg.norm(through_air(b))),
-    "indicated-airspeed": (AIR, lambda b: thinned(b) * np.linalg.norm(through_air(b))),
-    "side-slip": ((), lambda b: math.atan2(through_air(b)[1], through_air(b)[0])),
-    "angle-of-attack": ((), lambda b: math.atan2(through_air(b)[2], through_air(b)[0])),
-    "zero-side-slip": ((), lambda b: through_air(b)[1]),
+    "true-airspeed": (ARM, lambda b: np.linalg.norm(through_air(b))),
+    "indicated-airspeed": ((*ARM, *AIR), lambda b: thinned(b) * np.linalg.norm(through_air(b))),
+    "side-slip": (ARM, lambda b: math.atan2(through_air(b)[1], through_air(b)[0])),
+    "angle-of-attack": (ARM, lambda b: math.atan2(through_air(b)[2], through_air(b)[0])),
+    "zero-side-slip": (ARM, lambda b: through_air(b)[1]),
+    "rotor-drag": (DRAG, rotor_drag),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "depth": (ARM, lambda b: b.augmented[0] - antenna(b, ARM)[2]),
     "water-pressure": (
@@ -282,13 +291,34 @@ def test_jacobian_is_the_derivative(name, at):
 
 
 AIR_DATA = [name for name in SENSORS if aiding.find(name).shared == "wind"]
+FIXED_WING = [name for name in AIR_DATA if name != "rotor-drag"]
 
 
 @pytest.mark.parametrize("name", AIR_DATA)
+def test_a_vertical_wind_is_a_third_state(name):
+    """The same as air that comes from above: as a velocity of the vehicle downwards, less."""
+    b, kernel = belief_of(name, "banked, east"), aiding.find(name).observe
+    compile_kernel(kernel)
+    source = new_source(first_state=15, states=3)
+    source.parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
+    found = []
+    for sinks, blows in ((0.0, 0.0), (-2.5, 0.0), (0.0, 2.5)):
+        v = b.v_n + [0.0, 0.0, sinks]
+        belief = b._replace(P=np.eye(18), v_n=v, augmented=np.r_[b.augmented, blows])
+        innovation, H = np.full(3, np.nan), np.zeros((3, 18))
+        rows = kernel(belief, np.full(3, 0.3), source, innovation, H)
+        found.append((innovation[:rows], H[:rows].copy()))
+    assert np.abs(found[1][0] - found[0][0]).max() > 1e-3
+    np.testing.assert_allclose(found[2][0], found[1][0], rtol=1e-12)
+    np.testing.assert_allclose(found[0][1][:, 17], -found[0][1][:, 5])
+
+
+@pytest.mark.parametrize("name", FIXED_WING)
 @pytest.mark.parametrize("ahead", [4.9, 0.0, -40.0])
 def test_a_slow_vehicle_or_air_from_behind_measures_nothing(name, ahead):
     b = belief_at("banked, east")
-    b = b._replace(v_n=b.C_nb @ [ahead, 1.0, 0.5] + np.r_[b.augmented, 0])
+    swing = np.cross(b.omega, ARM)
+    b = b._replace(v_n=b.C_nb @ ([ahead, 1.0, 0.5] - swing) + np.r_[b.augmented, 0])
     rows, innovation, _ = observe(name, b, SENSORS[name][1](b))
     assert rows == 1 and math.isnan(innovation[0])
 
@@ -303,7 +333,7 @@ def test_without_a_station_the_air_is_that_of_icao():
         b = FilterState(*(np.ascontiguousarray(part) for part in b))
         innovation, H = np.full(3, np.nan), np.zeros((3, STATES))
         kernel(b, np.zeros(3), new_source(first_state=15), innovation, H)
-        indicated = np.linalg.norm(through_air(b)) * math.sqrt(density / 1.225)
+        indicated = np.linalg.norm(through_air(b, np.zeros(3))) * math.sqrt(density / 1.225)
         assert abs(innovation[0] + indicated) < 2e-4 * indicated
 
 

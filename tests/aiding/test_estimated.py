@@ -22,14 +22,14 @@ from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.imu import imu as imu_spec
 
 pytestmark = pytest.mark.short
-CLOCK, ARM, MOUNTING, SCALE, STATES = 15, 16, 19, 22, 23
+CLOCK, ARM, MOUNTING, SCALE, WIND, STATES = 15, 16, 19, 22, 23, 25
 GIVEN = np.array([1.2, -0.7, 2.5])  # arm, m
 LLA = np.array([0.8, 0.2, 500.0])
 V = np.array([20.0, -9.0, 1.5])
 C = Rotation.from_euler("ZYX", [0.7, -0.1, 0.25])
 BA, BG = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
-# of clock, arm, mounting, scale: what the belief says of them
-ESTIMATES = np.array([0.05, 0.3, -0.2, 0.1, 1e-3, -2e-3, 3e-3, 0.02])
+# of clock, arm, mounting, scale, wind: what the belief says of them
+ESTIMATES = np.array([0.05, 0.3, -0.2, 0.1, 1e-3, -2e-3, 3e-3, 0.02, 3.0, -4.0])
 NOW, WAIT = 1.0, 0.3  # s
 KINDS = {
     "position": 3,
@@ -38,6 +38,10 @@ KINDS = {
     "zero-lateral-velocity": 1,
     "body-velocity": 3,
     "heading": 1,
+    "true-airspeed": 1,
+    "side-slip": 1,
+    "angle-of-attack": 1,
+    "zero-side-slip": 1,
 }
 LEFT_OUT = {
     "position": 1.0,
@@ -46,10 +50,14 @@ LEFT_OUT = {
     "zero-lateral-velocity": 5.5,
     "body-velocity": 5.5,
     "heading": 0.0,
+    "true-airspeed": 5.5,
+    "side-slip": 0.5,
+    "angle-of-attack": 0.5,
+    "zero-side-slip": 5.5,
 }
 """Of the columns of the gyro bias: what it turns the arm, the force and the velocity in 0.25 s."""
 STEPS = np.r_[
-    np.repeat([0.1, 0.01, 1e-5, 1e-3, 1e-4], 3), 1e-4, [1e-2] * 3, [1e-5] * 3, 1e-4
+    np.repeat([0.1, 0.01, 1e-5, 1e-3, 1e-4], 3), 1e-4, [1e-2] * 3, [1e-5] * 3, 1e-4, 1e-2, 1e-2
 ]  # of each state
 
 
@@ -81,6 +89,7 @@ def truth(kind, error, r):
     p0, dv, theta, b_a, b_g = error[:15].reshape(5, 3)
     own = ESTIMATES + error[15:]
     clock, arm, mounting, scale = own[0], GIVEN + own[1:4], own[4:7], own[7]
+    wind = np.r_[own[8:], 0.0]
     t = NOW - WAIT + clock
     if kind == "heading":  # has no clock to be estimated, and is used when it comes
         attitude = Rotation.from_rotvec(theta) * C * Rotation.from_rotvec(mounting).inv()
@@ -93,6 +102,13 @@ def truth(kind, error, r):
     if kind == "velocity":
         return v + attitude.apply(np.cross(omega, to_body.apply(arm)))
     at_point = attitude.inv().apply(v) + np.cross(omega, GIVEN)
+    if aiding.find(kind).shared == "wind":
+        air = to_body.inv().apply(at_point - attitude.inv().apply(wind))
+        if kind == "zero-side-slip":
+            return air[1:2]
+        if kind == "true-airspeed":
+            return (1 + scale) * np.linalg.norm(air, keepdims=True)
+        return np.arctan2(air[[1 if kind == "side-slip" else 2]], air[0])
     axes = {"speed": [0], "zero-lateral-velocity": [1]}.get(kind, [0, 1, 2])
     return (1 + scale) * (to_body.apply(np.eye(3)[axes]) @ at_point)
 
@@ -120,6 +136,7 @@ def parameters():
     through `keep`."""
     row = new_source()
     row.parameters[:3], row.delay, row.estimated = GIVEN, WAIT, 1
+    row.first_state = WIND
     row.clock_state, row.scale_state, row.turn[:] = CLOCK, SCALE, np.eye(3)
     row.arm_state[:], row.mounting_state[:] = ARM + np.arange(3), MOUNTING + np.arange(3)
     noise, dt = imu_spec("tactical").noise(), 0.005

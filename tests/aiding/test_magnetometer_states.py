@@ -181,3 +181,9 @@ def test_a_raw_field_is_no_mistake_where_its_iron_is_estimated():
     facts, none = facts_and_reasons(asked, recording.imu)
     assert "strength" in reasons[0].seen and not none
     assert facts == ["magnetometer: hard iron is estimated by the filter"]
+
+
+def test_soft_iron_and_the_field_together_are_refused():
+    recording = sd.simulate("car", 20.0, "industrial", seed=1, magnetometer=COMPASS)
+    with pytest.raises(sd.DataError, match="magnetometer: soft-iron and field cannot be estimated"):
+        sd.fuse(recording, estimate=["soft-iron", "field"])

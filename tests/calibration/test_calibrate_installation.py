@@ -25,13 +25,13 @@ from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.installation.model import apply_constants, constants
 
 DEG = np.pi / 180
-TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "odometer scale": 0.01}
+TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "scale": 0.01}
 
 
 def all_wrong(seed=1070, seconds=200.0):
     made = wrong(car(seed, seconds), "clock", 0.2)
     made = wrong(made, "lever arm", 1.0, 0)
-    return wrong(wrong(made, "mounting", -2 * DEG, 1), "odometer scale", 0.01)
+    return wrong(wrong(made, "mounting", -2 * DEG, 1), "scale", 0.01)
 
 
 @cache
@@ -64,7 +64,7 @@ def test_what_is_wrong_is_found_within_its_interval(found):
         "clock",
         "lever arm",
         "mounting",
-        "odometer scale",
+        "scale",
     }
     for name, value in TRUE.items():
         one = of(found, name)
@@ -127,7 +127,7 @@ def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatc
     ]
     monkeypatch.setattr(module, "settle", None)
     with pytest.raises(
-        DataError, match="there are 31 states in addition to the filter's own.*at most 30"
+        DataError, match="there are 32 states in addition to the filter's own.*at most 30"
     ):
         sd.calibrate_installation(replace(right, sources=(*right.sources, *others)))
 
@@ -226,14 +226,18 @@ def test_the_clock_of_the_imu_is_the_other_way_round():
     assert source is None and what is CLOCK and value == pytest.approx(-0.2, abs=0.02)
     assert deviation == of(made, "clock").std
     assert made.changes == (f"[imu] time: add {value:+.3f} s to offset",)
-    with pytest.raises(DataError, match="--imu-clock: no offset was estimated for speed"):
-        sd.calibrate_installation(wrong(car(1070), "clock", 0.2), imu_clock=True)
+    late = wrong(car(1070), "clock", 0.2)
+    with pytest.raises(DataError, match="--imu-clock: the sources do not share one offset"):
+        sd.calibrate_installation(late, imu_clock=True)
+    made = sd.calibrate_installation(wrong(late, "clock", 0.2, of="speed"), imu_clock=True)
+    (source, _, (value,), _) = made.edits[0]
+    assert len(made.edits) == 1 and source is None and value == pytest.approx(-0.2, abs=0.02)
 
 
 def test_two_clocks_that_trade_off_are_said():
     recording = car(1072, 60.0)
     diagnosis = sd.diagnose(recording)
-    (clock,) = [each for each in diagnosis.parameters if each.cause == "clock"]
+    clock = next(each for each in diagnosis.parameters if each.cause == "clock")
     clocks = tuple(
         CalibratedParameter(
             **vars(clock)
@@ -273,7 +277,7 @@ def test_what_was_written_is_right_and_settles(drive):
         "clock",
         "lever arm",
         "mounting",
-        "odometer scale",
+        "scale",
     }
     assert first.write(drive).read_text() == text
     changed = drive.read_text()

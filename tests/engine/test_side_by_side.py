@@ -161,21 +161,6 @@ def compared_rows(both):
     return compared
 
 
-def test_lanes_share_a_wind_as_the_one_loop_does():
-    sensors = [
-        Simulated(kind, 0.05, rate, states=(3.0, -2.0))
-        for kind, rate in (
-            ("true-airspeed", 5.0),
-            ("indicated-airspeed", 2.0),
-            ("side-slip", 2.5),
-            ("angle-of-attack", 1.0),
-        )
-    ]
-    both = Both(sd.scenario("demo").replace(duration=40.0, sensors=sensors), "closed-loop")
-    assert not both.why
-    assert compared_rows(both) > 7 * 400
-
-
 def test_most_filters_and_sensors_have_lanes():
     assert {
         "open-loop",

@@ -295,3 +295,15 @@ def test_status_is_that_of_the_row():
     stream = stream_of(flight())
     play(stream, events_of(flight()))
     assert stream.status == VALID and stream.started
+
+
+@pytest.mark.parametrize("back, said", [(0.12, True), (0.03, True), (0.0, False)])
+def test_a_clock_that_steps_back_inside_the_lag_is_said(back, said):
+    """Its samples come in between those before; the batch drops them as out of order."""
+    stream = stream_of(flight(), lag=0.3)
+    for event in events_of(flight()):
+        late = isinstance(event, Sample) and event.t > 9.99
+        stream.step(event._replace(t=event.t - back) if late else event)
+    stream.finish()
+    overlaps = [text for _, text in stream.events if "overlap the one before" in text]
+    assert len(overlaps) == said and all("stepped back" in text for text in overlaps)

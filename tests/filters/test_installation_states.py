@@ -42,7 +42,7 @@ def recording():
     """A car of two minutes with all of it wrong."""
     made = car(1001, 120.0, "tactical")
     made = wrong(wrong(made, "clock", 0.08), "lever arm", 0.5, 0)
-    made = wrong(wrong(made, "mounting", np.radians(1.5), 2), "odometer scale", 0.01)
+    made = wrong(wrong(made, "mounting", np.radians(1.5), 2), "scale", 0.01)
     dtheta = made.imu.dtheta.copy()
     dtheta[:, 2] *= 1.01
     return replace(made, imu=made.imu._replace(dtheta=dtheta))

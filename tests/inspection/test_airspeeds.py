@@ -116,6 +116,24 @@ def test_strange_airspeeds_end_in_a_word(flight, change):
     assert not found.reasons and (found.facts or found.inconclusive)
 
 
+def test_errors_that_last_are_told_with_their_time(flight):
+    """Of an exponential correlation, until it has fallen to 1 / e; white ones are not."""
+    assert "correlated" not in bent(flight, lambda a: a).facts[0]
+
+    def gusts(a, tau=2.0, step=0.2):
+        noise = np.random.default_rng(3).normal(0, 2.0, len(a.t))
+        for k in range(1, len(noise)):
+            share = np.exp(-step / tau)
+            noise[k] = share * noise[k - 1] + np.sqrt(1 - share**2) * noise[k]
+        return replace(a, y=a.y + noise[:, None])
+
+    (fact,) = bent(flight, gusts).facts
+    size, seconds = (
+        float(fact.split(word)[1].split()[0]) for word in ("errors of ", "correlated over ")
+    )
+    assert abs(size - np.hypot(2.0, 1.0)) < 0.4 and 1.0 < seconds < 3.0
+
+
 def test_without_turns_nothing_is_said_for_sure():
     pitot = Simulated("true-airspeed", 1.0, 5.0)
     recording = sd.simulate("straight", 200.0, "tactical", 1, sensors=[pitot])
@@ -130,4 +148,6 @@ def test_a_recorded_flight(data_folder):
     assert not found.reasons
     rest, against = found.facts
     assert rest.startswith("indicated-airspeed at rest: -1.1 m/s")
+    assert "-5.9 m/s before its zero, for 4 s" in rest
+    assert "of 1.3 m/s are correlated over 2.9 s, so 29" in against
     assert "factor 0.98" in against

@@ -66,7 +66,7 @@ def test_axes_that_change_on_the_way_are_a_reason():
     imu, half = recording.imu, recording.imu.t > 120.0
     flipped = np.where(half[:, None], imu.dtheta * [1, 1, -1], imu.dtheta)
     (reason,) = found(replace(recording, imu=imu._replace(dtheta=flipped))).reasons
-    assert reason.cause == "unknown" and "with any axes" in reason.seen
+    assert reason.cause == "gyro" and "steps by -" in reason.seen
 
 
 def test_what_hardly_turns_tells_nothing():
@@ -81,3 +81,22 @@ def test_right_axes_of_vehicles_are_never_doubted(name):
     for seed in range(5):
         said = found(sd.simulate(name, 120.0, "consumer", seed=seed, magnetometer=compass))
         assert not said.reasons
+
+
+@pytest.mark.parametrize("name, axis", [("demo", 0), ("ship-heave", 0), ("ship-heave", 1)])
+def test_an_accelerometer_axis_of_the_wrong_sign_is_named(name, axis):
+    recording = sd.simulate(name, 200.0, "industrial", seed=4)
+    own = replace(recording, sources=())
+    assert not found(own).reasons
+    imu, sign = own.imu, np.where(np.arange(3) == axis, -1.0, 1.0)
+    (reason,) = found(replace(own, imu=imu._replace(dv=imu.dv * sign))).reasons
+    assert reason.cause == "axes" and (
+        f"gravity along {'xyz'[axis]} of the accelerometer" in reason.seen
+    )
+
+
+@pytest.mark.parametrize("name", ["car", "multicopter", "hover", "alam"])
+def test_gravity_of_vehicles_is_never_doubted(name):
+    for seed in range(2):
+        recording = sd.simulate(name, 200.0, "consumer", seed=seed)
+        assert not found(replace(recording, sources=())).reasons

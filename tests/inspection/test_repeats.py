@@ -6,6 +6,8 @@ import bent
 import numpy as np
 import pytest
 
+import strapdown as sd
+from strapdown.data.solution import Source
 from strapdown.inspection.motion import InspectedRecording
 from strapdown.inspection.repeats import check
 
@@ -55,3 +57,16 @@ def test_an_imu_written_twice(drive):
     held = replace(drive, imu=imu._replace(dtheta=twice[0], dv=twice[1]))
     (reason,) = check(InspectedRecording(held)).reasons
     assert "50 % of the IMU samples" in reason.seen and reason.source == ""
+
+
+def test_a_height_that_is_stuck_to_the_end():
+    t = np.arange(120.0)
+    noise = np.random.default_rng(5).normal(size=(120, 1))
+    ship = sd.simulate("ship-heave", 120.0, seed=1)
+    with_height = lambda y: InspectedRecording(
+        replace(ship, sources=(Source("altitude", t, y, np.ones_like(y), name="barometer"),))
+    )
+    assert check(with_height(noise)).reasons == []
+    assert check(with_height(np.where(t[:, None] > 80.0, 0.0, np.round(noise)))).reasons == []
+    (reason,) = check(with_height(np.where(t[:, None] > 80.0, noise[80], noise))).reasons
+    assert reason.source == "barometer" and "from 80.0 s to its end" in reason.seen

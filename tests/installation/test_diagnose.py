@@ -20,11 +20,12 @@ FAULTS = {
     "clock -18 s": (("clock", -18.0), 0.02),
     "clock of the velocity 0.1 s": (("clock", 0.1, 0, "velocity"), 0.012),
     "clock of the position 0.25 s": (("clock", 0.25, 0, "position"), 0.03),
+    "clock of the odometer 0.15 s": (("clock", 0.15, 0, "speed"), 0.02),
     "lever arm forward 1 m": (("lever arm", 1.0, 0), 0.15),
     "lever arm down -3 m": (("lever arm", -3.0, 2), 0.25),
     "mounting pitch 2 deg": (("mounting", 2 * DEG, 1), 0.1),
     "mounting heading -5 deg": (("mounting", -5 * DEG, 2), 0.3),
-    "odometer scale 0.01": (("odometer scale", 0.01), 0.002),
+    "scale 0.01": (("scale", 0.01), 0.002),
 }
 """{name: (what `wrong` does, by what the value found may be off: five standard deviations or less)}."""
 

@@ -21,21 +21,25 @@ from strapdown.installation.model import InstallationModel, apply_constants, con
 from strapdown.preprocessing.axes import rotation_matrix
 
 STEP = 1e-6
+BEAM = np.array([0.6, 0.0, 0.8])
 
 
 @pytest.fixture(scope="module")
 def model():
     recording = car(1040, 20.0)
     heading = Source("heading", *map(np.array, ([5.0], [[0.0]], [[0.1]])))
-    recording = replace(recording, sources=(*recording.sources, heading))
+    t, one = np.array([5.0]), np.array([[0.1]])
+    log = Source("body-velocity", t, np.zeros((1, 3)), one * np.ones(3), (0.5, 0.2, 0.1))
+    beam = Source("beam-velocity", t, 0 * one, one, (0.5, 0.2, 0.1, *BEAM))
+    recording = replace(recording, sources=(*recording.sources, heading, log, beam))
     run = begin_sensitive(recording, filters.find("closed-loop"), run_options())
     return InstallationModel(run, constants(run.recording.sources), True)
 
 
 @pytest.fixture(scope="module")
 def at():
-    """One correction by each of the six sources, at one turning belief."""
-    rng, count = np.random.default_rng(5), 6
+    """One correction by each of the eight sources, at one turning belief."""
+    rng, count = np.random.default_rng(5), 8
     tile = lambda values: np.tile(values, (count, *[1] * np.ndim(values)))
     return Corrections(
         np.zeros(count),
@@ -58,11 +62,16 @@ def measured(model, at, source, arm, turn, scale):
         return at.v[0] + C @ swing
     if model.kinds[source] == "heading":
         return np.array([np.arctan2(C[1, 0], C[0, 0]), 0.0, 0.0])
+    body = (C.T @ at.v[0] + swing) * (1 + scale)
+    if model.kinds[source] == "body-velocity":
+        return body
+    if model.kinds[source] == "beam-velocity":
+        return np.array([BEAM @ body, 0.0, 0.0])
     axis = ["speed", "zero-lateral-velocity", "zero-vertical-velocity"].index(model.kinds[source])
-    return np.array([(C.T @ at.v[0] + swing)[axis] * (1 + scale), 0.0, 0.0])
+    return np.array([body[axis], 0.0, 0.0])
 
 
-@pytest.mark.parametrize("source", range(6))
+@pytest.mark.parametrize("source", range(8))
 def test_derivatives_are_those_of_the_measurements(model, at, source):
     h, arm = model.derivatives(at), model.arms[source]
     for j, one in enumerate(model.found):
@@ -71,7 +80,7 @@ def test_derivatives_are_those_of_the_measurements(model, at, source):
         given = {
             "lever arm": (arm + change * (source in one.sources), np.zeros(3), 0.0),
             "mounting": (arm, change, 0.0),
-            "odometer scale": (arm, np.zeros(3), STEP * (source in one.sources)),
+            "scale": (arm, np.zeros(3), STEP * (source in one.sources)),
         }.get(one.of.cause)
         if given is None:
             continue

@@ -22,7 +22,7 @@ FAULTS = {
     "lever arm down -3 m": ("lever arm", -3.0, 2),
     "mounting pitch 2 deg": ("mounting", 2 * DEG, 1),
     "mounting heading -5 deg": ("mounting", -5 * DEG, 2),
-    "odometer scale 0.01": ("odometer scale", 0.01),
+    "scale 0.01": ("scale", 0.01),
 }
 
 

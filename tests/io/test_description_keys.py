@@ -49,6 +49,7 @@ VALUES = {
     "gate": "5.0",
     "atmosphere": "{ pressure = 950, temperature = 31, height = 250 }",
     "baseline": "[0.0, 1.0, 0.0]",
+    "drag": "0.4",
     "beacon": "{ lat = 47.001, lon = 8, height = 0 }",
     "direction": "[0.0, 2.0, 0.0]",
     "receiver": '"GNSS"',

@@ -390,7 +390,8 @@ def test_an_imu_with_two_tables_and_no_date(written, tmp_path):
     assert len(recording.imu.t) > n - 5
 
 
-def test_a_baseline_is_left_until_asked_for(tmp_path):
+@pytest.mark.parametrize("version", [0, 1])
+def test_a_baseline_is_left_until_asked_for(tmp_path, version):
     """Vectors to an antenna that moves along are those that were written, to 0.1 mm; those to a fixed
     base, or without a carrier solution, are counted."""
     data, *_, moments, _ = drive()
@@ -399,7 +400,7 @@ def test_a_baseline_is_left_until_asked_for(tmp_path):
     flags = np.full(len(moments), 0x137)
     flags[:2], flags[2:5] = 0x117, 0x127  # a fixed base; no carrier solution
     path = tmp_path / "a.ubx"
-    path.write_bytes(data + ubx.relposned(moments, vectors, flags).tobytes())
+    path.write_bytes(data + ubx.relposned(moments, vectors, flags, 60, version).tobytes())
     log = open_ubx(path)
     frame = log.tables["NAV-RELPOSNED"].frame
     assert np.array_equal(frame["gps_ms"], moments[5:])

@@ -359,6 +359,34 @@ def test_magnetometer_and_barometer(flown, log):
     }
 
 
+def test_a_vector_between_two_antennas_is_left_until_asked_for(flown, log):
+    """Rows without a carrier solution to an antenna that moves along are counted."""
+    t = written.microseconds(flown.imu.t[::10])
+    vectors = np.tile([0.8, -0.6, 0.03125], (len(t), 1)) + np.arange(len(t))[:, None] / 1024
+    flags = np.ones((len(t), 5))
+    flags[0, 1], flags[1, 2], flags[2, 3:] = 0, 0, 0
+    names = (
+        "gnss_fix_ok relative_position_valid moving_base_mode carrier_solution_fixed "
+        "carrier_solution_floating"
+    ).split()
+    topics = written.topics_of(flown)
+    topics["sensor_gnss_relative", 0] = {
+        "timestamp": ("uint64_t", t),
+        "position": ("float", vectors),
+        "position_accuracy": ("float", np.full((len(t), 3), 0.0078125)),
+        **{name: ("bool", column) for name, column in zip(names, flags.T)},
+    }
+    path = log(topics, EKF2)
+    joined = join(open_logs([path]))
+    assert "baseline" not in {each.section.role for each in joined.taken}
+    (opened,) = open_logs([path]).values()
+    assert any(f"3 of {len(t)} rows without a carrier" in line for line in opened.left)
+    (source,) = (a for a in sd.read(path, baseline=0).sources if a.kind == "baseline")
+    np.testing.assert_allclose(source.y, vectors[3:], rtol=1e-6)
+    assert np.all(source.std == 0.0078125)
+    assert abs(source.t[0] - (flown.imu.t[30] - 1e-3 * EKF2.get("EKF2_GPS_DELAY", 0.0))) < 1e-3
+
+
 @pytest.mark.parametrize("topic", ["airspeed", "airspeed_validated"])
 def test_airspeed_is_that_of_a_sensor(flown, log, topic):
     """Not ground speed less wind, which PX4 puts in its place where a sensor fails."""

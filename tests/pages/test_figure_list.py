@@ -131,5 +131,5 @@ def test_what_is_no_figure_is_refused_in_a_line(figure, says):
 
 def test_the_figures_of_the_page_are_rows_of_the_same_list():
     assert all(isinstance(figure, Figure) for figure in FIGURES)
-    assert len({figure.name for figure in FIGURES}) == len(FIGURES) == 38
+    assert len({figure.name for figure in FIGURES}) == len(FIGURES) == 39
     assert figure_list.figures_of_page() == FIGURES

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import strapdown as sd
+from strapdown import filters
 from strapdown.checks import DataError
+from strapdown.engine.prepare import usable
 from strapdown.preprocessing.baseline_length import length_errors, wrong_lengths
 from strapdown.sensor_models.any_sensor import Simulated
 
@@ -48,6 +50,13 @@ def test_a_fix_of_another_length_is_left_out_and_told():
     solution = sd.fuse(recording, "closed-loop")
     (note,) = (line for line in solution.meta["notes"] if line.startswith("baseline"))
     assert "5 fixes of 300 left out" in note and "up to 0.1" in note
+
+
+@pytest.mark.parametrize("name", ["nlo", "two-stage-ekf", "attitude-mekf"])
+def test_a_filter_without_it_says_what_to_do(name):
+    _, notes = usable(filters.find(name), recorded().sources)
+    (note,) = (line for line in notes if "does not use" in line)
+    assert "baseline; run closed-loop, or give the angle" in note and "kind heading" in note
 
 
 def test_a_stream_leaves_out_what_a_batch_does():

@@ -233,7 +233,7 @@ def test_where_a_filter_holds_is_said_in_few_words():
     rows += [made_up(grade="dmu10", scenario=name) for name in SCENARIOS[1:]]
     rows += [made_up(grade="dmu10", verdict="diverging", scenario="demo")]
     told = summary.list_holding(pd.DataFrame(rows)).iloc[0]
-    assert told[""] == "all" and told["tactical"] == "straight, hand-held"
+    assert told[""] == "all" and told["tactical"] == "not demo, car, ship"
     assert told["industrial"] == "none" and told["dmu10"] == "not demo"
 
 

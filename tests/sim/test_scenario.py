@@ -76,6 +76,7 @@ def test_the_names_are_those_promised():
         "ship",
         "hand-held",
         "ship-heave",
+        "underwater",
         "multicopter",
         "robot",
         "hover",

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.data.calibration_parameters import CLOCK
 from strapdown.data.solution import Source
+from strapdown.installation.iteration import receiver_clocks
 from strapdown.installation.model import apply_constants, constants
 from strapdown.sensor_models.gnss import Gnss
 
@@ -62,16 +63,18 @@ def flown(seed, seconds=300.0, imu="tactical"):
 
 def wrong(recording, kind, value, axis=0, of=None):
     """The recording set up so that `kind` must be changed by `value` to be right; of clocks only
-    that of the kind of source `of`, or all."""
+    that of the kind of source `of`, or those of the receiver."""
     found = constants(recording.sources)
+    receiver = receiver_clocks(found)
     theta = np.array(
         [
             value
             if one.of.cause == kind
             and (one.of is CLOCK or one.axis == axis)
+            and (of is not None or one.of is not CLOCK or j in receiver)
             and (of is None or recording.sources[one.sources[0]].kind == of)
             else 0.0
-            for one in found
+            for j, one in enumerate(found)
         ]
     )
     assert theta.any()

@@ -67,16 +67,41 @@ RELPOSNED.names = (
 ).split()
 
 
-def relposned(gps_ms, vectors, flags=0x137, acc=60):
+FIRST_RELPOSNED = np.dtype("u1,u1,<u2,<u4,<i4,<i4,<i4,i1,i1,i1,u1,<u4,<u4,<u4,<u4")
+FIRST_RELPOSNED.names = (
+    "version reserved0 refStationId iTOW relPosN relPosE relPosD relPosHPN relPosHPE relPosHPD reserved1 "
+    "accN accE accD flags"
+).split()
+
+
+def relposned(gps_ms, vectors, flags=0x137, acc=60, version=1):
     """NAV-RELPOSNED of vectors (n, 3) in 0.1 mm with an accuracy in 0.1 mm: carrier solution fixed, base
     moving, where `flags` do not say otherwise."""
-    records = np.zeros(len(gps_ms), RELPOSNED)
-    records["version"], records["iTOW"], records["flags"] = 1, np.asarray(gps_ms) % WEEK, flags
+    records = np.zeros(len(gps_ms), RELPOSNED if version else FIRST_RELPOSNED)
+    records["version"], records["flags"] = version, flags
+    records["iTOW"] = np.asarray(gps_ms) % WEEK
     for axis, values in zip("NED", np.asarray(vectors).T):
         records[f"relPos{axis}"] = np.trunc(values / 100)
         records[f"relPosHP{axis}"] = values - 100 * records[f"relPos{axis}"]
         records[f"acc{axis}"] = acc
     return frames(0x013C, rows(records))
+
+
+PROTECTION = np.dtype("u1,u1,i1,u1,u1,u1,u1,u1,<u4,<u4,<u4,<u4,<u4,<u4,<u4,<u4,<u2,<u2,<u4,<u4")
+PROTECTION.names = (
+    "version tmirCoeff tmirExp plPosValid plPosFrame plVelValid plVelFrame plTimeValid reserved iTOW plPos1 "
+    "plPos2 plPos3 plVel1 plVel2 plVel3 plPosHorizOrient plVelHorizOrient plTime reserved2"
+).split()
+
+
+def protection(gps_ms, levels, valid=1):
+    """NAV-PL of protection levels (n, 3) in m."""
+    records = np.zeros(len(gps_ms), PROTECTION)
+    records["version"], records["plPosValid"], records["plPosFrame"] = 1, valid, 1
+    records["iTOW"] = np.asarray(gps_ms) % WEEK
+    for k in range(3):
+        records[f"plPos{k + 1}"] = np.round(1e3 * np.asarray(levels)[:, k])
+    return frames(0x0162, rows(records))
 
 
 def esf_raw(tag, gyro, accel, samples=1):

@@ -13,7 +13,7 @@ from ..units import quantities
 from .more_parameters import MEANINGS
 from .trial import derivative_complaints
 
-PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "baseline", "atmosphere")
+PARAMETER_MEANINGS = ("", "antenna", "reference", "field", "baseline", "drag")
 """Meanings that source.parameters[0:3] of a source can have."""
 
 
@@ -93,7 +93,7 @@ def check(sensor: MeasurementModel) -> None:
     what = f"MeasurementModel {sensor.name!r}: "
     plugins.check_word(sensor)
     plugins.check_kernel(sensor.observe, OBSERVE, 5, what + "observe")
-    for field in ("quantities", "states"):
+    for field in ("quantities", "states", "more_states"):
         texts = getattr(sensor, field)
         if not isinstance(texts, tuple) or not all(isinstance(text, str) for text in texts):
             raise DataError(
@@ -107,8 +107,8 @@ def check(sensor: MeasurementModel) -> None:
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
     check_choice(sensor.more_parameters, what + "more_parameters", MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
-    check_choice(sensor.when, what + "when", ("", "at rest"))
-    check_choice(sensor.mean_of, what + "mean_of", ("", "gyro"))
+    check_choice(sensor.when, what + "when", ("", "at rest", "moving"))
+    check_choice(sensor.mean_of, what + "mean_of", ("", "gyro", "accel"))
     if len(set(sensor.states)) < len(sensor.states):
         raise DataError(f"{what}two of its states have one name: {', '.join(sensor.states)}")
     check_type(sensor.shared, what + "shared", str, 'a text, as "wind"')

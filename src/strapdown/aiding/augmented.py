@@ -10,7 +10,7 @@ is left out.
 import math
 
 from ..core.loop.contract import STATES, FilterState, SourceRow, helper
-from ..core.mathematics.rotation import rotate_vector
+from ..core.mathematics.rotation import axis, rotate_vector
 from ..typing import Array, Ints
 
 Three = tuple[float, float, float]
@@ -81,16 +81,6 @@ def arm_of_body(belief: FilterState, source: SourceRow) -> Three:
     l = arm_of_vehicle(belief, source)
     by = cross(errors(belief, source.mounting_state), l)
     return l[0] - by[0], l[1] - by[1], l[2] - by[2]
-
-
-@helper
-def axis(k: int) -> Three:
-    """The unit vector along axis 0, 1 or 2."""
-    return (
-        1.0 if k == 0 else 0.0,
-        1.0 if k == 1 else 0.0,
-        1.0 if k == 2 else 0.0,
-    )
 
 
 @helper
@@ -269,13 +259,31 @@ def along(
     H: Array,
 ) -> None:
     """One row: y - velocity of a point along a unit vector d of the vehicle, times 1 + scale."""
-    C, M, v, r = belief.C_nb, source.turn, belief.v_n, source.gravity
+    v, arm = belief.v_n, (source.parameters[0], source.parameters[1], source.parameters[2])
+    scale = 1.0 + error(belief, source.scale_state)
+    speed = speed_along(d, arm, row, (v[0], v[1], v[2]), scale, belief, source, H)
+    innovation[row] = y[row] - scale * speed
+    if source.scale_state > 0:
+        H[row, source.scale_state] = speed
+
+
+@helper
+def speed_along(
+    d: Three,
+    l: Three,
+    row: int,
+    v: Three,
+    scale: float,
+    belief: FilterState,
+    source: SourceRow,
+    H: Array,
+) -> float:
+    """Velocity of the point l (m, body) along a unit vector d of the vehicle, m/s, where that of the IMU is
+    v in n now, and its row of H times a scale."""
+    C, M, r = belief.C_nb, source.turn, source.gravity
     later = error(belief, source.clock_state) - source.clock
-    age, scale = source.age - later, 1.0 + error(belief, source.scale_state)
-    omega, l = (
-        rate_then(belief, source),
-        (source.parameters[0], source.parameters[1], source.parameters[2]),
-    )
+    age = source.age - later
+    omega = rate_then(belief, source)
     w = v[0] - age * r[0], v[1] - age * r[1], v[2] - age * r[2]
     bias = bias_since(belief, source)
     b, swing = velocity_then(C, source, w, later, bias), cross(omega, l)
@@ -288,7 +296,6 @@ def along(
     )
     u = in_body(d, belief, source)
     speed = dot(u, b)
-    innovation[row] = y[row] - scale * speed
     c, by_force = in_n(C, M, u), rotate_vector(M, u[0], u[1], u[2])
     by_attitude_row, by_bias = cross(c, w), cross(u, l)
     for i in range(3):
@@ -299,8 +306,6 @@ def along(
         if source.mounting_state[i] > 0:
             by = by_mounting(d, i, belief, source)
             H[row, source.mounting_state[i]] = scale * dot(b, by)
-    if source.scale_state > 0:
-        H[row, source.scale_state] = speed
     if source.clock_state > 0:
         a = acceleration_then(C, source, bias)
         a = (
@@ -309,6 +314,7 @@ def along(
             a[2] - rolled[2] + spun[2],
         )
         H[row, source.clock_state] = scale * dot(u, a)
+    return speed
 
 
 @helper

@@ -48,7 +48,7 @@ MEASUREMENT = MeasurementModel(
     ("length",),
     parameters="antenna",
     more_parameters="beacon",
-    reference="Fossen (2021) chapter 14",
+    reference="aid by a hydroacoustic positioning reference, Fossen (2021) section 14.1",
     states=("bias [m]",),
     state_std=1.0,
 )

@@ -6,7 +6,7 @@ h = d' (C' v + omega x l); with true C = exp(theta) C the derivative by theta is
 """
 
 from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
-from ..core.mathematics.rotation import rotate_vector
+from ..core.mathematics.rotation import axis, rotate_vector
 from ..typing import Array
 from . import augmented
 from .augmented import Three
@@ -48,7 +48,7 @@ def observe_speed(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: forward speed, m/s."""
-    along(augmented.axis(0), 0, belief, y, source, innovation, H)
+    along(axis(0), 0, belief, y, source, innovation, H)
     return 1
 
 
@@ -57,7 +57,7 @@ def observe_lateral(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed to the right, m/s."""
-    along(augmented.axis(1), 0, belief, y, source, innovation, H)
+    along(axis(1), 0, belief, y, source, innovation, H)
     return 1
 
 
@@ -66,7 +66,7 @@ def observe_vertical(
     belief: FilterState, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed downwards in the body, m/s."""
-    along(augmented.axis(2), 0, belief, y, source, innovation, H)
+    along(axis(2), 0, belief, y, source, innovation, H)
     return 1
 
 
@@ -76,7 +76,7 @@ def observe_vector(
 ) -> int:
     """Three rows: velocity forward, to the right and down, m/s."""
     for k in range(3):
-        along(augmented.axis(k), k, belief, y, source, innovation, H)
+        along(axis(k), k, belief, y, source, innovation, H)
     return 3
 
 
@@ -106,7 +106,7 @@ VECTOR = MeasurementModel(
     parameters="reference",
     vector="b",
     calibration_parameters=("clock", "mounting", "scale"),
-    reference="Doppler log: Groves (2013) section 6.4",
+    reference="Doppler log: the velocity that an odometer measures, along all three axes",
     lanes=True,
 )
 BEAM = MeasurementModel(
@@ -116,7 +116,7 @@ BEAM = MeasurementModel(
     parameters="reference",
     more_parameters="direction",
     calibration_parameters=("scale",),
-    reference="one beam of a Doppler log: Groves (2013) section 6.4",
+    reference="one beam of a Doppler log: the velocity along a direction of the body",
     lanes=True,
 )
 LATERAL = MeasurementModel(

@@ -56,7 +56,7 @@ MEASUREMENT = MeasurementModel(
     observe,
     ("length",),
     parameters="antenna",
-    reference="Fossen (2021) section 14.1",
+    reference="height of a point of the body below a surface whose own is a state",
     **SEA_BIAS,
 )
 PRESSURE = MeasurementModel(

@@ -12,6 +12,7 @@ vertical by the error of the declination.
 import math
 
 from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
+from ..core.mathematics.rotation import axis
 from ..typing import Array
 from . import augmented
 from .augmented import Three
@@ -48,13 +49,13 @@ def observe_uncalibrated(
     for i in range(3):
         innovation[i] = y[i] - seen[i] - iron[i]
     for k in range(3):
-        unit = augmented.axis(k)
+        unit = axis(k)
         turned = augmented.turned_back(C, augmented.cross(m, unit))
         by = soft_iron_field(belief, source, turned)
         H[0, 6 + k], H[1, 6 + k], H[2, 6 + k] = by
         augmented.column(H, source.iron_state[k], unit)
         augmented.column(H, source.field_state[k], augmented.turned_back(C, unit))
-    about = augmented.turned_back(C, augmented.cross(augmented.axis(2), m))
+    about = augmented.turned_back(C, augmented.cross(axis(2), m))
     augmented.column(H, source.declination_state, soft_iron_field(belief, source, about))
     given = augmented.turned_back(C, (p[0], p[1], p[2]))
     for k in range(6):
@@ -107,7 +108,7 @@ MEASUREMENT = MeasurementModel(
     parameters="field",
     vector="b",
     calibration_parameters=("hard-iron", "soft-iron", "field", "declination"),
-    reference="Fossen (2021) eq. 14.2.1 and section 14.4.3, magnetic reference vector; hard and soft "
+    reference="Fossen (2021) sections 14.1.3 and 14.4.3, magnetic reference vector; hard and soft "
     "iron: Gebre-Egziabher et al. (2006), J. Aerospace Engineering 19(2)",
     lanes=True,
 )

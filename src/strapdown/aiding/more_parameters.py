@@ -12,8 +12,12 @@ DIRECTION = "direction"
 """Unit vector in the body."""
 BEACON = "beacon"
 """Latitude and longitude, rad, height above the ellipsoid, m."""
-MEANINGS = ("", DIRECTION, BEACON)
+ATMOSPHERE = "atmosphere"
+"""Pressure, Pa, and temperature, K, at a height, m; none for the ICAO atmosphere."""
+MEANINGS = ("", DIRECTION, BEACON, ATMOSPHERE)
 """Meanings that source.parameters[3:6] of a source can have."""
+PRESSURES, TEMPERATURES = (10e3, 110e3), (180.0, 340.0)
+"""Pa and K, of a weather station or aloft."""
 UNIT = 1e-3
 """By which the length of a unit vector may be off 1."""
 
@@ -46,11 +50,28 @@ def check_more_parameters(sensor: MeasurementModel, parameters: Sequence[float],
             f"{name}: parameters are {given}; kind {sensor.name} needs six: the lever arm, m forward, "
             f"right, down, and the place of the beacon: latitude, longitude, rad, height, m"
         )
+    if sensor.more_parameters == ATMOSPHERE:
+        _check_atmosphere(given, name)
+
+
+def _check_atmosphere(given: tuple[float, ...], name: str) -> None:
+    """Raise DataError where these are neither a lever arm, or none, nor one and the air."""
+    air = given[3:]
+    plausible = len(air) == 3 and (
+        PRESSURES[0] <= air[0] <= PRESSURES[1] and TEMPERATURES[0] <= air[1] <= TEMPERATURES[1]
+    )
+    if len(given) not in (0, 3, 6) or (any(air) and not plausible):
+        raise DataError(
+            f"{name}: parameters are {given}, where the lever arm, m forward, right, down, and then the "
+            f"pressure of the air in Pa, its temperature in K and the height in m are needed; leave the "
+            f"air out for the ICAO atmosphere"
+        )
 
 
 def placeholder(sensor: MeasurementModel) -> tuple[float, ...]:
     """Parameters of a source of this kind before anybody gives them: forward, or a place at sea."""
-    return (0.0, 0.0, 0.0, 1.0, 0.0, 0.0) if sensor.more_parameters else ()
+    needed = sensor.more_parameters in (DIRECTION, BEACON)
+    return (0.0, 0.0, 0.0, 1.0, 0.0, 0.0) if needed else ()
 
 
 def direction_of(given: Sequence[float]) -> tuple[float, ...]:

@@ -27,9 +27,14 @@ TYPICAL = {
     "water pressure": 6e5,
 }
 """A value of each quantity, SI; 1 of any other."""
-PARAMETERS = {"field": (2e-5, 1e-6, 4e-5), "atmosphere": (95e3, 290.0, 300.0)}
+PARAMETERS = {"field": (2e-5, 1e-6, 4e-5), "drag": (0.3, 0.35, 0.0)}
 """Those of a source by their meaning; others are a lever arm."""
-MORE = {"": (0.0, 0.0, 0.0), "direction": (0.48, -0.6, 0.64), "beacon": (0.80005, 0.2001, 250.0)}
+MORE = {
+    "": (0.0, 0.0, 0.0),
+    "direction": (0.48, -0.6, 0.64),
+    "beacon": (0.80005, 0.2001, 250.0),
+    "atmosphere": (95e3, 290.0, 300.0),
+}
 """Values of source.parameters[3:6], by their meaning."""
 PARTS = (
     ("position", "m", 10.0),

@@ -51,6 +51,8 @@ GYRO_SCALE = 0.01  # of the angle turned: scale and misalignment error of a MEMS
 SWAYING = 0.01  # rad/s: at rest, the mean rates of single seconds scatter by less
 MIN_LINE = 0.25  # s: the slope of a shorter line is noise, 8 times that over half a second
 UNFELT = 0.5  # m/s^2: steady acceleration that the samples of smooth motion do not show
+BACKWARDS_SPEED, BACKWARDS_FIXES, BACKWARDS = 3.0, 30, 0.9
+"""m/s from which a course counts, and fixes of two antennas, nearly all of which point backwards."""
 WEIGHTLESS = 0.8  # of gravity: a mean specific force that differs by more gives no level
 
 Level: TypeAlias = tuple[float, float, float | Array, str]
@@ -511,7 +513,8 @@ def _heading(
     pair = source(recording, "baseline")
     by_antennas = baseline_heading(recording, pair, t, b_g, LEVEL_STD_MOVING)
     if by_antennas is not None and by_antennas.known:
-        return by_antennas
+        if pair is None or not _is_reversed(recording, pair):
+            return by_antennas
     field, b_a_std = source(recording, "magnetic-field"), imu.bias_std()[0]
     rest = rests(recording, t).before if field is not None else []
     tilt_std = LEVEL_STD_REST if _age(recording.imu, rest, t) < 1.0 else LEVEL_STD_MOVING
@@ -524,6 +527,20 @@ def _heading(
         key=lambda each: each.std,
         default=HeadingFound(0.0, UNKNOWN_STD, ""),
     )
+
+
+def _is_reversed(recording: Recording, pair: Source) -> bool:
+    """True where the vector between two antennas points backwards while the vehicle moves: they are
+    swapped, and tell no heading to start from."""
+    _, velocity = position_and_velocity(recording)
+    if velocity is None or not find_vehicle(recording.meta.get("vehicle")).points_ahead:
+        return False
+    at = np.searchsorted(velocity.t, pair.t).clip(0, len(velocity.t) - 1)
+    v, l, y = velocity.y[at], pair.parameters, pair.y
+    fast = np.hypot(v[:, 0], v[:, 1]) > BACKWARDS_SPEED
+    off = np.arctan2(y[:, 1], y[:, 0]) - np.arctan2(l[1], l[0]) - np.arctan2(v[:, 1], v[:, 0])
+    back = np.cos(off[fast & np.isfinite(off)]) < 0
+    return bool(len(back) >= BACKWARDS_FIXES and back.mean() > BACKWARDS)
 
 
 def _or_course(

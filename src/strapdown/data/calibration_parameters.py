@@ -126,7 +126,7 @@ SCALE = CalibrationParameter(
     factor=1.0,
     std=(0.02,),
     most=0.3,
-    cause="odometer scale",
+    cause="scale",
     motions=("drive faster",),
     min_reported=0.003,
     min_doubted=0.005,
@@ -228,9 +228,32 @@ DECLINATION = CalibrationParameter(
     place="declination_state",
 )
 """The same about the vertical alone, for a field whose strength and dip are right."""
+VERTICAL_WIND = CalibrationParameter(
+    name="vertical-wind",
+    components=("",),
+    unit="m/s",
+    factor=1.0,
+    std=(1.0,),
+    most=20.0,
+    cause="unknown",
+    motions=("record an angle of attack, or pitch by many degrees",),
+    min_reported=0.1,
+)
+"""Downwards: no parameter of the installation, but a third state of the wind that its sources share. The prior
+is for level ground; beside mountains and in thermals give more."""
 
 OF_SOURCE = {
-    each.name: each for each in (CLOCK, LEVER_ARM, SCALE, HARD_IRON, SOFT_IRON, FIELD, DECLINATION)
+    each.name: each
+    for each in (
+        CLOCK,
+        LEVER_ARM,
+        SCALE,
+        HARD_IRON,
+        SOFT_IRON,
+        FIELD,
+        DECLINATION,
+        VERTICAL_WIND,
+    )
 }
 OF_IMU = {
     each.name: each

@@ -21,7 +21,7 @@ from ..units import quantities
 from ..units.wording import count_text
 from .rejections import runs
 from .rejections.contradictions import RejectedRun
-from .rejections.sequel import unresolved_spans
+from .rejections.sequel import repeated_spans, unresolved_spans
 from .rejections.texts import rejection_texts
 from .rejections.windows import WindowFixes
 
@@ -48,6 +48,7 @@ class Said(IntEnum):
     AHRS_SILENT = 112
     FIXES_AHEAD = 113
     FIXES_OF_WRONG_LENGTH = 114
+    SAMPLES_OVERLAP = 115
 
 
 LONG_LAG = 60.0
@@ -69,7 +70,9 @@ class Events:
         self.of_ahrs: tuple[str, ...] = ()  # conditions that an AHRS beside the filter may report
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # found by `look_at`
-        self.unresolved: list[tuple[float, float]] = []  # s: sequels of jumps and drifts
+        self.unresolved: list[
+            tuple[float, float]
+        ] = []  # s: sequels of jumps, drifts and repeated failures
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
         self._known = np.full(len(sources), -np.inf)  # s, end of these runs, by source
         self._begin = np.full(len(sources), np.inf)  # s, the first tested fix, by source
@@ -96,7 +99,9 @@ class Events:
         joined = runs.join_runs(self._runs, found)
         self.rejected = rejection_texts(joined, self._sources)
         own = [s for s, a in enumerate(self._sources) if a.kind in ("position", "velocity")]
-        self.unresolved = unresolved_spans(joined, own)
+        off = [row for row in self.rows if row.code == Code.MEAN_OFF]
+        again = repeated_spans((int(row.which) // 3, row.t, row.until) for row in off)
+        self.unresolved = unresolved_spans(joined, own) + again
         kept = [run for run in found if run.start < before]
         self._runs = runs.join_runs(self._runs, kept)
         for run in kept:
@@ -338,9 +343,24 @@ WORDS: dict[int, Words] = {
         f"{e.name(s)}: {_event_count(row, 'field')} left out{_till(row)}: its hard iron is estimated once "
         f"the heading is known to {np.degrees(KNOWN_HEADING):.0f} deg; accelerate, brake or turn"
     ),
+    Code.FROZEN: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'reading')} left out{_till(row)}: frozen at one value for up to "
+        f"{value:.0f} s; a pitot tube is blocked or iced, or its driver stopped"
+    ),
+    Code.UNCHECKED: lambda e, row, s, value: (
+        f"{e.name(s)}: {_event_count(row, 'reading')} left out{_till(row)}: with the wind it contradicts "
+        "positions or velocities, and nothing else checks it while they are missing; run `strapdown "
+        "inspect`, and let the filter estimate its `scale`"
+    ),
     Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (
         f"{e.name(s)}: its height agrees with the others again and is used"
+    ),
+    Code.CONTRADICTS: lambda e, row, s, value: (
+        f"{e.name(s)}: left out from here{_till(row)}, because it contradicts position and velocity"
+    ),
+    Code.AGREES_AGAIN: lambda e, row, s, value: (
+        f"{e.name(s)}: agrees with position and velocity again and is used"
     ),
     Code.OUT_OF_RANGE: _out_of_range,
     Code.FULL_SCALE: _full_scale,
@@ -392,6 +412,11 @@ WORDS: dict[int, Words] = {
     Said.SAMPLES_LATE: lambda e, row, s, value: (
         f"IMU: {_event_count(row, 'late sample')} dropped, up to {value:.3g} s "
         f"behind{_till(row)}: set a longer lag"
+    ),
+    Said.SAMPLES_OVERLAP: lambda e, row, s, value: (
+        f"IMU: {_event_count(row, 'sample')} overlap the one before, by up to {value:.2g} s"
+        f"{_till(row)}: the clock of the IMU stepped back and is now early by an unknown time, or `dt` "
+        "is too long"
     ),
     Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
         f"{e.name(s)}: {_event_count(row, 'row')} without time or value dropped{_till(row)}"

@@ -19,7 +19,10 @@ from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_STD, HeadingFound
 from ..alignment.rest import rests
 from ..core.loop.contract import InitialState, Noise
+from ..data.calibration_parameters import HARD_IRON
 from ..data.recording import Recording
+from ..data.solution import Source
+from ..data.vehicle import find as find_vehicle
 from ..geometry.geodesy import wrap
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Notify
@@ -41,6 +44,7 @@ TOGETHER = np.radians(20.0)  # spread of the remaining headings below which they
 DECIDED = np.radians(20.0)  # std below which the heading counts as found
 MAX_ROUNDS = 5
 OUTLIER = 100.0  # NIS above which a fix is an outlier, if it is so for every heading
+BACKWARDS_SPEED, BACKWARDS = 0.5, 0.9  # m/s, and share of the time
 MIN_STD = np.radians(1.0)
 FIXED_STD = np.radians(0.1)  # of a heading that is held as known
 
@@ -68,7 +72,13 @@ def align_start(
     fixes = source(part, "position")
     if fixes is None or fixes.t[-1] <= begin:
         return start
-    part = replace(part, sources=tuple(replace(a, gate=OUTLIER) for a in part.sources))
+    ahead = find_vehicle(recording.meta.get("vehicle")).points_ahead
+    used = [
+        a
+        for a in part.sources
+        if HARD_IRON.name not in a.estimate and not (ahead and _is_backwards(a))
+    ]
+    part = replace(part, sources=tuple(replace(a, gate=OUTLIER) for a in used))
     found = _decide_heading(_Trials(part, begin, imu, noise or imu.noise(), notify), start)
     return starts_around(recording, imu, start.t, [found])[0]
 
@@ -79,6 +89,19 @@ def _doubtful(start: InitialState) -> bool:
     if "heading from the course" not in start.note:
         return not start.std[8] < UNKNOWN_STD
     return bool(start.std[8] > DOUBTFUL or np.hypot(start.v_n[0], start.v_n[1]) < MOVING)
+
+
+def _is_backwards(source: Source) -> bool:
+    """True for a speed or velocity in the body that has a vehicle go backwards nearly all the time: rather
+    its sign is wrong, and it would decide for the opposite heading."""
+    if source.kind == "beam-velocity":
+        ahead = source.y[:, 0] * np.sign(source.parameters[3])
+    elif source.kind in ("speed", "body-velocity"):
+        ahead = source.y[:, 0]
+    else:
+        return False
+    moves = ahead[np.abs(ahead) > BACKWARDS_SPEED]
+    return len(moves) > 0 and bool(np.mean(moves < 0) > BACKWARDS)
 
 
 class _Trials(NamedTuple):

@@ -24,9 +24,11 @@ from ..data import calibration_parameters
 from ..data.calibration_parameters import (
     AXES,
     CLOCK,
+    FIELD,
     LEVER_ARM,
     MOUNTING,
     SCALE,
+    SOFT_IRON,
     CalibrationParameter,
 )
 from ..data.recording import Recording
@@ -173,6 +175,8 @@ def parameters(
     found: list[StateParameter] = []
     for name, what in calibration_parameters.OF_SOURCE.items():
         done: set[int] = set()
+        if not what.place:  # a state of its sources
+            continue
         for i, a in enumerate(sources):
             if name not in a.estimate or i in done:
                 continue
@@ -263,13 +267,27 @@ def as_given(
 
 
 def check_estimates(filter: Filter, found: Sequence[StateParameter]) -> None:
-    """Refuse a filter that cannot estimate an installation. Raises DataError."""
+    """Refuse a filter that cannot estimate an installation, and parameters that the data cannot separate.
+    Raises DataError."""
+    _check_separable(found)
     if found and not filter.installation:
         able = [name for name in filters.names() if filters.find(name).installation]
         raise DataError(
             f"{filter.name} cannot estimate {found[0].of.name}; these can: {', '.join(able)}; "
             "estimate=[] (--estimate none) estimates nothing"
         )
+
+
+def _check_separable(found: Sequence[StateParameter]) -> None:
+    """Refuse soft iron and the field together at one magnetometer. Raises DataError."""
+    of_field = {each.owner for each in found if each.of is FIELD}
+    for each in found:
+        if each.of is SOFT_IRON and each.owner in of_field:
+            raise DataError(
+                f"{each.owner}: soft-iron and field cannot be estimated together, because the strength "
+                "of the field and a common scale of the axes are one to the data; estimate soft-iron "
+                "with declination, or field without soft-iron"
+            )
 
 
 def delays(sources: Sequence[Source], of_imu: OfImu) -> list[float]:

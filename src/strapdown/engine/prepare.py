@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding, filters
+from ..aiding.air_data import WIND
 from ..aiding.more_parameters import check_more_parameters
 from ..alignment.missing_fields import MAX_HEADING, PARTS
 from ..checks import DataError, brief, check_number, one_line_repr
@@ -44,6 +45,7 @@ from ..core.loop.stages.clock import new_recent
 from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
+from ..data.calibration_parameters import VERTICAL_WIND
 from ..data.recording import Recording
 from ..data.solution import Source
 from ..data.vehicle import find as find_vehicle
@@ -75,7 +77,11 @@ MAX_OF_START = {
 """Generous bounds on the components of a start, and what is probably wrong beyond them."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
-OF_STATES = ("states", "state_std", "state_walk")
+REMEDIES = {
+    "baseline": "run closed-loop, or give the angle between the antennas as a source of kind heading"
+}
+"""Remedy where a filter does not use a kind that shows what nothing else of the recording may show."""
+OF_STATES = ("states", "more_states", "state_std", "state_walk")
 """Fields of a MeasurementModel in which kinds that share states agree."""
 MAX_SLIP = 0.1
 """rad per m/s^2: tyres on ice have less."""
@@ -160,10 +166,10 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:
-            row.walk, row.states = sensor.state_walk, len(sensor.states)
+            row.walk, row.states = sensor.state_walk, len(_own_states(sensor, sources))
             row.first_state = shared.setdefault(sensor.shared or s, states)
-            states += len(sensor.states) if row.first_state == states else 0
-        row.slip = checked_slip(a, sensor)
+            states += row.states if row.first_state == states else 0
+        row.slip, row.beside_gnss = checked_slip(a, sensor), is_beside_gnss(sensor)
         states += place_noise(row, a, states)
     installation.place(table, installation.parameters(sources, of_imu or {}), states)
     t, order = used_in_order(sources, after, table["delay"])
@@ -175,6 +181,13 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         rows_of(sources, "std")[order],
         table,
     )
+
+
+def is_beside_gnss(sensor: MeasurementModel) -> bool:
+    """True for a sensor that GNSS can judge. Errors of one that brings states along are theirs, two heights
+    contradict each other (core/loop/stages/heights.py), and an attitude is another filter's."""
+    others = ("position", "velocity", "altitude", "attitude")
+    return sensor.recorded and not sensor.states and sensor.name not in others
 
 
 def used_in_order(
@@ -229,7 +242,7 @@ def augmented_states(
         if (sensor.shared or s) not in shared:
             owner = sensor.shared or name
             states += [
-                AugmentedState(f"{owner} {each}", sensor.state_std) for each in sensor.states
+                AugmentedState(f"{owner} {each}", std) for each, std in _own_states(sensor, sources)
             ]
         _check_shared(sensor, shared.setdefault(sensor.shared or s, sensor))
         states += [
@@ -252,6 +265,16 @@ def augmented_states(
     return states
 
 
+def _own_states(sensor: MeasurementModel, sources: Sequence[Source]) -> list[tuple[str, float]]:
+    """Names and initial standard deviations of the states that sources of a kind bring along. A vertical
+    wind is one of all, with the largest prior, where one of them asks for it."""
+    states = [(each, sensor.state_std) for each in sensor.states]
+    asked = [a.estimate[VERTICAL_WIND.name] for a in sources if VERTICAL_WIND.name in a.estimate]
+    return states + [
+        (each, max(max(prior) for prior in asked)) for each in sensor.more_states if asked
+    ]
+
+
 def _check_shared(sensor: MeasurementModel, first: MeasurementModel) -> None:
     """Raise DataError where two kinds have states in common and say different things of them."""
     if any(getattr(sensor, each) != getattr(first, each) for each in OF_STATES):
@@ -265,8 +288,7 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     """(the sources that `filter` can use, notes about the others and about having none)."""
     sources, widened = with_correlated_errors(filter, sources)
     fits = [filter.uses is None or a.kind in filter.uses for a in sources]
-    others = dict.fromkeys(a.name or a.kind for a, fit in zip(sources, fits) if not fit)
-    notes = [f"{filter.name} does not use {', '.join(others)}"] if others else []
+    notes = _of_unused(filter, [a for a, fit in zip(sources, fits) if not fit])
     sources, said = weighable(filter, sources)
     notes += widened + said
     checked = [without_wrong_lengths(a) for a in sources]
@@ -275,6 +297,15 @@ def usable(filter: Filter, sources: Sequence[Source]) -> tuple[tuple[Source, ...
     return tuple(a for a, fit in zip(sources, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
+
+
+def _of_unused(filter: Filter, sources: Sequence[Source]) -> list[str]:
+    """A note on the sources that `filter` cannot use, with the remedy where there is one; [] without
+    any."""
+    names = dict.fromkeys(a.name or a.kind for a in sources)
+    remedies = dict.fromkeys(REMEDIES[a.kind] for a in sources if a.kind in REMEDIES)
+    said = "; ".join([f"{filter.name} does not use {', '.join(names)}", *remedies])
+    return [said] if sources else []
 
 
 def check_needs(
@@ -331,7 +362,9 @@ def new_cursor(
     cursor.axes["step"] = np.inf
     books["floor"] = floors(sources)
     books["last"] = books["last_used"] = books["followed_at"] = float(t)
-    books["tested"] = books["level_at"] = -np.inf
+    books["tested"] = books["level_at"] = books["contradicted_at"] = -np.inf
+    kinds = [aiding.find(a.kind) for a in sources]
+    books["through_air"] = [each.state_std * (each.shared == WIND["shared"]) for each in kinds]
     books["factor"] = 1.0
     books["power"] = 1.0
     return cursor

@@ -94,6 +94,7 @@ class RunBatch:
         self.cursor = LaneCursor(
             table,
             np.full(sources, first.start.t),
+            np.full(sources, -np.inf),
             cursor.limits,
             aligned_zeros(7, LANES),
             aligned_zeros(lane_loop.WORK, LANES),

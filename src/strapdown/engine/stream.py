@@ -70,6 +70,9 @@ HISTORY = 65536
 """Number of samples that a stream keeps, at least the newer half of them."""
 MAX_HISTORY = 10_000_000
 """Largest number of samples that it may keep, 4 GB; with covariances a fifth of that."""
+MAX_OVERLAP = 0.45
+"""Share of its `dt` by which a sample may begin before the end of the one before: of two interleaved
+series of stamps one in two overlaps by half and more."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
 
@@ -486,6 +489,9 @@ class Stream:
             if self._row is not None:
                 self._row(self, live)
         else:
+            overlap = self._late - t + sample[1]
+            if overlap > MAX_OVERLAP * sample[1] and self._late > self._began + SAME_TIME:
+                self._notifier.note(words.Said.SAMPLES_OVERLAP, 0, t, overlap)
             try:
                 said = live.take(sample, fixes)
             except DataError as error:

@@ -83,7 +83,7 @@ def fix_errors(gnss: Gnss, t: Array, stream: RandomStream, gate: float | None = 
     plan = gnss._replace(lever_arm=(0.0, 0.0, 0.0)).plan(nowhere, gate)
     noisy, exact = plan.fixes(stream), plan.exact()
     errors = []
-    for part, with_noise, without in zip([part for part in plan if part is not None], noisy, exact):
+    for part, with_noise, without in zip(plan.parts.values(), noisy, exact):
         error = with_noise.y - without.y
         errors.append(
             error * part.metres[slice(None) if part.keep is None else part.keep]

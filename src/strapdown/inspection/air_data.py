@@ -18,6 +18,7 @@ from ..aiding.pressure import LAPSE, T_0
 from ..data.solution import Source
 from ..data.verdict import Reason
 from ..typing import Array, Mask
+from ..units.constants import FROZEN_ROWS, FROZEN_TIME, LIVELY
 from .finding import MIN_FIXES, Checked, clustered_least_squares, label
 from .motion import InspectedRecording, Moved, source_velocity
 from .position_velocity import FACTORS
@@ -39,9 +40,14 @@ BLOCKED = 0.1
 """Share of the median speed over ground below which a pitot tube reads nothing."""
 UNIT = 0.15
 """Share within which a factor is that of a unit."""
-FROZEN_TIME, FROZEN_ROWS, FROZEN_CHANGE, LIVELY = 5.0, 10, 3.0, 0.5
-"""A reading is frozen that holds for so many seconds and rows in flight, while it should change by so many
-m/s or where so large a share of the others differs from the one before."""
+FROZEN_CHANGE = 3.0
+"""m/s by which a reading should change meanwhile that is frozen although it seldom changes."""
+
+
+LAGS, LASTING = 8.0, 2.0
+"""s within which errors are followed, and rows that they outlast before it is said."""
+FIRST = 1.0
+"""s of the first readings."""
 
 
 class Fit(NamedTuple):
@@ -51,6 +57,7 @@ class Fit(NamedTuple):
     measured: Array  # (n,) m/s, mean about each fix
     moves: Mask  # (n,) over ground
     flies: Mask  # (n,)
+    thinning: Array  # (n,) what it indicates over the true airspeed
     expected: Array  # (n,) m/s, of a true unit and scale
     scale: float
     scale_std: float
@@ -76,7 +83,7 @@ def check(subject: InspectedRecording) -> Checked:
         if fit is None:
             found.add(Checked.with_unknown(what, "it hardly turns in flight, or flies too little"))
             continue
-        found.facts.append(_fact(what, fit))
+        found.facts.append(_fact(what, fit) + _words_on_lasting_errors(source, fixes, fit))
         found.reasons.extend(_reasons(source, fit))
         found.reasons.extend(_frozen_reasons(source, fit))
     return found
@@ -117,11 +124,27 @@ def _at_rest(source: Source, fixes: Moved) -> list[str]:
     zero, moving = float(np.median(reading[stands])), speed[speed > FLYING]
     low, high = np.percentile(reading[stands], [1, 99])
     said = f"{label(source)} at rest: {zero:.1f} m/s ({low:.1f} to {high:.1f})"
+    said += _before_zero(source, fixes.t[stands][0], zero, high - low)
     if not len(moving):
         return [said]
     usual = float(np.median(moving))
     error = abs(zero) * zero / (2 * usual)
     return [f"{said}, an error of {error:.2g} m/s at {usual:.0f} m/s"]
+
+
+def _before_zero(source: Source, until: float, zero: float, spread: float) -> str:
+    """Words on first readings unlike those at rest, of a tube whose zero is taken at its start; `until` is
+    the first fix at rest."""
+    early = source.t < until
+    t, y = source.t[early], source.y[early, 0]
+    if not len(t) or spread <= 0:
+        return ""
+    first = float(np.median(y[t < t[0] + FIRST]))
+    if not abs(first - zero) > spread:
+        return ""
+    near = np.flatnonzero(np.abs(y - zero) < 0.5 * spread)
+    seconds = t[near[0] if len(near) else -1] - t[0]
+    return f", {first:.1f} m/s before its zero, for {seconds:.0f} s"
 
 
 def _silence(source: Source, fixes: Moved) -> list[Reason]:
@@ -168,8 +191,49 @@ def _fit(source: Source, thinning: Array, fixes: Moved) -> Fit | None:
     expected = np.linalg.norm(fixes.v - np.r_[x[1:], 0.0], axis=1)
     scatter = float(np.sqrt(np.mean(left**2)))
     return Fit(
-        fixes.t, reading, moves, flies, expected, x[0], std[0], step[3], std[3], x[1:], scatter
+        fixes.t,
+        reading,
+        moves,
+        flies,
+        thinning,
+        expected,
+        x[0],
+        std[0],
+        step[3],
+        std[3],
+        x[1:],
+        scatter,
     )
+
+
+def _words_on_lasting_errors(source: Source, fixes: Moved, fit: Fit) -> str:
+    """Words on errors that outlast several rows, such as gusts: how large they are and until when their
+    correlation falls below 1 / e; "" where they do not."""
+    t, error = _errors(source, fixes, fit)
+    step = float(np.median(np.diff(t))) if len(t) > MIN_FIXES else LAGS
+    for lag in range(1, int(LAGS / step) + 1):
+        follows = t[lag:] - t[:-lag] < (lag + 0.5) * step
+        if np.mean((error[lag:] * error[:-lag])[follows]) < np.exp(-1.0) * np.var(error):
+            break
+    else:
+        return ""
+    if lag <= LASTING:
+        return ""
+    rows = max(2 * lag, 1)
+    return (
+        f"; its errors of {error.std():.2g} m/s are correlated over {lag * step:.2g} s, so {rows} rows have "
+        "the weight of one"
+    )
+
+
+def _errors(source: Source, fixes: Moved, fit: Fit) -> tuple[Array, Array]:
+    """(times (n,), s, errors (n,), m/s about their mean) of the rows in flight, against the fit."""
+    known = np.isfinite(source.y[:, 0])
+    t, y = source.t[known], source.y[known, 0]
+    size = np.linalg.norm(fixes.at(t) - np.r_[fit.wind, 0.0], axis=1)
+    error = y - fit.scale * np.interp(t, fixes.t, fit.thinning) * size
+    flies = (np.interp(t, fixes.t, fit.flies) == 1) & np.isfinite(error)
+    return t[flies], error[flies] - error[flies].mean()
 
 
 def _fact(what: str, fit: Fit) -> str:

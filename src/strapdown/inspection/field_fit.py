@@ -24,6 +24,7 @@ ITERATIONS = 4
 BLOCK, MIN_BLOCKS = 15.0, 14
 """s within which errors may last, such as those of iron that is passed; how many of them a fit needs."""
 MAX_PAIRS = 3000
+OUTLIER = 3.0
 SURE, SURE_OF_AXES = 5.0, 3.0
 """Standard deviations from which a clock or a scale, and a mounting, is a reason."""
 MIN_LAG, MIN_ANGLE, MIN_SCALE = 0.05, np.radians(3.0), 0.03
@@ -78,7 +79,7 @@ NOTHING = np.zeros(len(PRIOR))
 def fit_field(pairs: FieldPairs, felt: Felt) -> FieldFit | None:
     """Return the least squares estimate of the unknowns (Gauss-Newton), with standard deviations that rest
     on how blocks of time disagree (Liang & Zeger 1986); None where there are too few blocks."""
-    pairs = pairs.take(slice(None, None, 1 + len(pairs.begin) // MAX_PAIRS))
+    pairs = thin_pairs(pairs)
     block = np.unique(np.floor(np.repeat(pairs.begin, 3) / BLOCK), return_inverse=True)[1]
     blocks = int(block.max(initial=-1)) + 1
     if blocks < MIN_BLOCKS:
@@ -86,7 +87,7 @@ def fit_field(pairs: FieldPairs, felt: Felt) -> FieldFit | None:
     x = NOTHING.copy()
     x[LAG] = min(LAGS, key=lambda lag: _squares(pairs, felt, lag))
     for _ in range(ITERATIONS):
-        J, left = _linearize(pairs, felt, x)
+        J, left = linearize(pairs, felt, x)
         variance = max(pairs.noise**2, float((left**2).mean()))
         N = np.linalg.inv(J.T @ J + variance * np.eye(len(x)))
         x = x + PRIOR * (N @ (J.T @ left - variance * x / PRIOR))
@@ -96,20 +97,31 @@ def fit_field(pairs: FieldPairs, felt: Felt) -> FieldFit | None:
     return FieldFit(x, PRIOR * np.sqrt(np.diag(N @ meat @ N)))
 
 
+def thin_pairs(pairs: FieldPairs) -> FieldPairs:
+    """At most MAX_PAIRS of them, evenly."""
+    return pairs.take(slice(None, None, 1 + len(pairs.begin) // MAX_PAIRS))
+
+
 def _squares(pairs: FieldPairs, felt: Felt, lag: float) -> float:
     x = NOTHING.copy()
     x[LAG] = lag
     return float(((pairs.last - predicted_field(pairs, felt, x)) ** 2).sum())
 
 
-def _linearize(pairs: FieldPairs, felt: Felt, x: Array) -> tuple[Array, Array]:
-    """((3n, 11) derivatives for each PRIOR, (3n,) T that is left)."""
+def linearize(pairs: FieldPairs, felt: Felt, x: Array) -> tuple[Array, Array]:
+    """Return ((3n, 11) derivatives for each PRIOR, (3n,) T that is left), both with the square roots of
+    weights that fall where more than OUTLIER medians are left (Huber 1964): windows across a step of the
+    field, or beside passing iron."""
     steps = 0.02 * np.diag(PRIOR)
     columns = [
         (predicted_field(pairs, felt, x + step) - predicted_field(pairs, felt, x - step)).ravel()
         for step in steps
     ]
-    return np.stack(columns, axis=1) / 0.04, (pairs.last - predicted_field(pairs, felt, x)).ravel()
+    left = pairs.last - predicted_field(pairs, felt, x)
+    size = np.linalg.norm(left, axis=1)
+    weight = np.minimum(1.0, OUTLIER * np.median(size) / np.maximum(size, 1e-15))
+    root = np.repeat(np.sqrt(weight), 3)
+    return np.stack(columns, axis=1) / 0.04 * root[:, None], left.ravel() * root
 
 
 def reasons_of_fit(fit: FieldFit, source: Source) -> list[Reason]:

@@ -8,16 +8,19 @@ from ..core.mathematics.rotation_vectors import exponentials
 from ..data.solution import Source
 from ..data.verdict import Reason
 from ..typing import Array
+from .field_changes import find_change, reason_of_change
 from .field_fit import (
+    BLOCK,
     LAGS,
     NOTHING,
+    SURE_OF_AXES,
     FieldPairs,
     fit_field,
     predicted_field,
     reasons_of_fit,
     turned_field,
 )
-from .finding import MIN_FIXES, Checked, label
+from .finding import MIN_FIXES, Checked, clustered_least_squares, label
 from .motion import STEP, Felt, InspectedRecording
 
 WINDOWS, MAX_TURN = (4.0, 2.0, 1.0, 0.4), 0.6
@@ -32,6 +35,11 @@ MEAN, FORCE_STD = 0.25, 0.1
 """s over which the specific force is averaged to either side; m/s^2 that count as its noise."""
 FITS_FORCE, BETTER_FORCE = 0.35, 0.5
 """FITS and BETTER of gravity: a ship's own accelerations leave 0.3, those of a car all."""
+AGAINST = 0.5
+"""Correlation from which an axis of the accelerometer that turns against the gyro has the wrong sign: of
+right ones the body's own accelerations leave -0.1 and more."""
+FORCE_WINDOW = 2.0
+"""s over which each axis of gravity is seen to turn."""
 UNLIKE = 0.5
 """Share of the change of the field that, left with any axes, is a reason: moved iron leaves less."""
 QUARTERS = tuple(
@@ -69,16 +77,19 @@ def _of_field(subject: InspectedRecording, source: Source) -> Checked:
     pairs = _choose_pairs(subject, source)
     if len(pairs.begin) < MIN_FIXES:
         return Checked.with_unknown(what, "the vehicle hardly turns")
+    left, others = _lefts(pairs, subject.felt)
+    best = min(others, key=others.__getitem__)
+    if others[best] <= min(BETTER * left, FITS):  # first: a fit would take a sign for a scale
+        return Checked([], [_reason(label(source), left, best, others[best])], [])
     fit = fit_field(pairs, subject.felt)
     found = NOTHING if fit is None else fit.value
     left = _share_left(pairs, predicted_field(pairs, subject.felt, found))
+    if fit is not None and left <= UNLIKE:
+        if change := find_change(pairs, subject.felt, found):
+            return Checked([], [reason_of_change(change, source)], [])
     if left <= FITS:
         fact = f"{what}: the gyro leaves {100 * left:.0f} % of the change of the field unexplained"
         return Checked([fact], [] if fit is None else reasons_of_fit(fit, source), [])
-    left, others = _lefts(pairs, subject.felt)
-    best = min(others, key=others.__getitem__)
-    if others[best] <= min(BETTER * left, FITS):
-        return Checked([], [_reason(label(source), left, best, others[best])], [])
     if fit is not None and left > UNLIKE:
         return Checked([], [_reason_unlike(source, left)], [])
     return Checked.with_unknown(what, "no axes of the gyro explain the change of the field")
@@ -94,6 +105,8 @@ def _of_gravity(subject: InspectedRecording) -> Checked:
         return Checked.empty()
     force = motion.mean(motion.body_v, t, MEAN)
     gravity = Source("specific-force", t, force, np.full_like(force, FORCE_STD))
+    if wrong := _reason_of_sign(_pairs(subject, gravity, FORCE_WINDOW), motion):
+        return Checked([], [wrong], [])
     pairs = _choose_pairs(subject, gravity)
     if len(pairs.begin) < MIN_FIXES:
         return Checked.empty()
@@ -102,6 +115,35 @@ def _of_gravity(subject: InspectedRecording) -> Checked:
     if left < UNLIKE or others[best] > min(BETTER_FORCE * left, FITS_FORCE):
         return Checked.empty()
     return Checked([], [_reason("gravity", left, best, others[best])], [])
+
+
+def _reason_of_sign(pairs: FieldPairs, felt: Felt) -> Reason | None:
+    """Return a Reason where one axis of the accelerometer turns against the gyro and the two others do
+    not; None otherwise. The body's own acceleration hides gravity but has no part in the turn, so that it
+    leaves the correlation between its change and that of the turn positive."""
+    if len(pairs.begin) < MIN_FIXES:
+        return None
+    expected = turned_field(pairs, pairs.turn(felt)) - pairs.first
+    seen = pairs.last - pairs.first
+    block = np.unique(np.floor(pairs.begin / BLOCK), return_inverse=True)[1]
+    signs = []
+    for axis in range(3):
+        slope, std, _ = clustered_least_squares(expected[:, [axis]], seen[:, axis], block)
+        size = float(np.linalg.norm(expected[:, axis]) * np.linalg.norm(seen[:, axis]))
+        alike = float(expected[:, axis] @ seen[:, axis]) / max(size, 1e-12)
+        sure = abs(alike) > AGAINST and abs(slope[0]) > SURE_OF_AXES * std[0]
+        signs.append(alike if sure else 0.0)
+    wrong = [axis for axis in range(3) if signs[axis] < 0]
+    if len(wrong) != 1:
+        return None
+    name = "xyz"[wrong[0]]
+    return Reason(
+        "axes",
+        f"gravity along {name} of the accelerometer turns against the gyro (correlation "
+        f"{min(signs):.2f})",
+        f"check the sign of accelerometer {name} against the gyro: `axes` of [imu]",
+        weight=10.0,
+    )
 
 
 def _choose_pairs(subject: InspectedRecording, source: Source) -> FieldPairs:

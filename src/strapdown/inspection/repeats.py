@@ -26,6 +26,11 @@ MIN_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
 and velocities, and of others, which may be coarse."""
 IMU_SHARE = 0.3
 """The same of IMU samples, which are often written twice and do little harm."""
+HEIGHTS = ("altitude", "pressure", "pressure-altitude")
+"""Kinds that change with each fix, if they are not rounded."""
+UNLIKELY, SELDOM = 25.0, 0.05
+"""-ln of the chance of so many repeated values at the end from which a source is stuck, where so small a
+share of values was repeated before."""
 STUCK_TIME, STUCK_FIXES, JUMP = 5.0, 10, 5.0
 """A source is stuck where a value lasts for so many seconds and fixes and ends in a jump of so many
 usual ones."""
@@ -38,6 +43,8 @@ def check(subject: InspectedRecording) -> Checked:
     for source in subject.recording.sources:
         if source.kind in ("position", "velocity"):
             found.reasons.extend(_check_stuck(source))
+        elif source.kind in HEIGHTS:
+            found.reasons.extend(_check_stuck_at_end(source))
     found.reasons.extend(_imu(subject.recording.imu))
     return found
 
@@ -115,6 +122,25 @@ def _check_stuck(source: Source) -> Iterator[Reason]:
         label(source),
         float(min(seconds[k] / STUCK_TIME, 10.0)),
     )
+
+
+def _check_stuck_at_end(source: Source) -> Iterator[Reason]:
+    """A height that repeats one value to the end and hardly ever did before: noise repeats none, at rest
+    either, and a rounded height repeats many."""
+    same = _same(source.y)
+    begin = int(np.flatnonzero(~same)[-1]) if len(same) else 0
+    stuck = len(same) - 1 - begin
+    if stuck < STUCK_FIXES or source.t[-1] - source.t[begin] < STUCK_TIME:
+        return
+    usual = (same[:begin].sum() + 1) / (begin + 2)
+    if usual < SELDOM and -stuck * np.log(usual) > UNLIKELY:
+        yield Reason(
+            "repeated",
+            f"the source is stuck at one value from {source.t[begin]:.1f} s to its end",
+            "leave those rows out, and check the sensor",
+            label(source),
+            float(stuck / STUCK_FIXES),
+        )
 
 
 def _imu(imu: Imu) -> Iterator[Reason]:

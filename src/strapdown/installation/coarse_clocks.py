@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..checks import DataError
-from ..data.calibration_parameters import CLOCK
 from ..inspection import plane, position_velocity
 from ..inspection.clock_offsets import coarse_lag
 from ..inspection.motion import InspectedRecording
 from ..typing import Array
+from .iteration import receiver_clocks
 from .model import Constant
 
 MIN_LAG = 0.5
@@ -34,7 +34,7 @@ def coarse_clocks(subject: InspectedRecording, constants: Sequence[Constant]) ->
     In the first, sources whose own lag is not believed go with the surest one; in the second each
     has its own. 0 below `MIN_LAG`, and for all other constants. A run must confirm them.
     """
-    clocks = [j for j, constant in enumerate(constants) if constant.of is CLOCK]
+    clocks = receiver_clocks(constants)
     lags = {
         j: lag
         for j in clocks

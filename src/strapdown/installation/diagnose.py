@@ -43,6 +43,8 @@ from .iteration import (
     Unknown,
     estimate_unknowns,
     full_theta,
+    receiver_clocks,
+    split_clocks,
     unknowns,
 )
 from .model import SHOWN_BY, InstallationModel, apply_constants, constants
@@ -63,8 +65,8 @@ def diagnose(
     progress: Progress | bool | None = None,
     **set_up: Unpack[SetUpOptions],
 ) -> Diagnosis:
-    """Find errors in the installation of a recording: clock offset of the GNSS, lever arm of its
-    antenna, mounting of the IMU, scale of the odometer.
+    """Find errors in the installation of a recording: clock offsets of the GNSS and of an odometer,
+    lever arm of the antenna, mounting of the IMU, scale of the odometer.
 
     Each parameter is estimated from the innovations of the filter (separate bias estimation,
     Friedland 1969) and applied; then the filter runs again until nothing changes:
@@ -148,8 +150,8 @@ class _Runs:
             raise DataError(
                 f"{self.filter.name} stops before the end of the recording: run `fuse` to see why"
             )
-        of_clocks = [c.of is CLOCK for c in self.constants]
-        split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
+        of_receivers = self.way.centre[receiver_clocks(self.constants)]
+        split = bool(np.ptp(of_receivers) > 0)
         clocks = [each for each in unknowns(self.constants, split) if each.of is CLOCK]
         last = self.way.iterate(last, clocks)
         if "velocity" not in self.kinds:
@@ -177,8 +179,9 @@ class _Runs:
     def clocks_differ(self, trial: Trial) -> bool:
         """Return True where the clocks of the GNSS sources differ from each other."""
         together = unknowns(self.constants)
-        clocks = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
-        others = clocks[1:]  # beside what is common to all: by how much they differ from the first
+        others = split_clocks(self.constants)[
+            1:
+        ]  # beside what is common to all: by how much they differ from the first
         found = estimate_unknowns(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
@@ -189,9 +192,8 @@ class _Runs:
         shared = [i for i, each in enumerate(sought) if each.of is CLOCK and len(each.sources) > 1]
         if not shared:
             return final
-        own = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
         small = CLOCK._replace(given_std=CLOCK.min_reported)
-        others = [each._replace(of=small) for each in own[1:]]
+        others = [each._replace(of=small) for each in split_clocks(self.constants)[1:]]
         found = estimate_unknowns(last, [*others, *sought], self.way.centre)
         place = shared[0]
         values = found.value[len(others) + place] + np.r_[0.0, found.value[: len(others)]]
@@ -322,8 +324,8 @@ class _Runs:
 
     def missing_source(self, of: CalibrationParameter, axis: int) -> str:
         """The source without which no motion shows a component."""
-        if of is MOUNTING and SHOWN_BY[axis] not in self.kinds:
+        if of is MOUNTING:
             return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
-        if of is SCALE and "speed" not in self.kinds:
-            return "add an odometer (kind speed)"
+        if of is SCALE:
+            return "add an odometer (kind speed) or a Doppler log"
         return "add a source of velocity"

@@ -176,8 +176,8 @@ def run_count_text(runs: int) -> str:
 def unknown_name(unknown: Unknown, names: Sequence[str], antennas: int) -> str:
     """The name of an unknown, with its sources where there may be others like it."""
     words = f"{unknown.of.cause} {unknown.of.components[unknown.axis]}".rstrip()
-    several = unknown.of is CLOCK or (unknown.of is LEVER_ARM and antennas > 1)
-    return f"{words} of {' and '.join(names)}" if several else words
+    several = unknown.of in (CLOCK, SCALE) or (unknown.of is LEVER_ARM and antennas > 1)
+    return f"{words} of {' and '.join(names)}" if several and names else words
 
 
 def edits(

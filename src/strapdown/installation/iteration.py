@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.calibration_parameters import CLOCK, CalibrationParameter
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, CalibrationParameter
 from ..engine.prepare import Run
 from ..engine.sensitivity import SensitivityFit, Sums
 from ..typing import Array
@@ -32,14 +32,25 @@ class Unknown(NamedTuple):
     direction: Array  # (m,) what it is in the constants
 
 
+def receiver_clocks(constants: Sequence[Constant]) -> list[int]:
+    """The constants that are clocks of sources with an antenna: one receiver stamps them all, as
+    long as nothing shows otherwise."""
+    antennas = {i for constant in constants if constant.of is LEVER_ARM for i in constant.sources}
+    return [
+        j
+        for j, constant in enumerate(constants)
+        if constant.of is CLOCK and antennas.issuperset(constant.sources)
+    ]
+
+
 def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown]:
-    """One Unknown per constant; but all clocks as one, unless `split`."""
+    """One Unknown per constant; but all clocks of receivers as one, unless `split`."""
     rows = np.eye(len(constants))
-    clocks = [j for j, constant in enumerate(constants) if constant.of is CLOCK]
+    clocks = receiver_clocks(constants)
     found = [
         Unknown(*constant, rows[j])
         for j, constant in enumerate(constants)
-        if split or constant.of is not CLOCK
+        if split or j not in clocks
     ]
     if split or not clocks:
         return found
@@ -54,14 +65,20 @@ def full_theta(some: Sequence[Unknown], values: Array) -> Array:
 
 
 def groups(constants: Sequence[Constant]) -> list[list[Unknown]]:
-    """The unknowns that are looked at alone: all clocks as one, each clock, the arm of each
-    antenna, the mounting, the scale."""
+    """The unknowns that are looked at alone: all clocks of receivers as one, each clock, the arm of
+    each antenna, the mounting, the scale."""
     together = unknowns(constants)
     alike: dict[tuple[str, tuple[int, ...]], list[Unknown]] = {}
     for each in together:
         alike.setdefault((each.of.name, each.sources), []).append(each)
-    own = [each for each in unknowns(constants, split=True) if each.of is CLOCK]
+    own = split_clocks(constants)
     return [*alike.values(), *([each] for each in own if len(own) > 1)]
+
+
+def split_clocks(constants: Sequence[Constant]) -> list[Unknown]:
+    """The clock of each source of a receiver."""
+    rows = np.eye(len(constants))
+    return [Unknown(*constants[j], rows[j]) for j in receiver_clocks(constants)]
 
 
 class Trial(NamedTuple):

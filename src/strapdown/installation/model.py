@@ -1,10 +1,10 @@
-"""The constants of an installation that a filter does not know: clock offset of each GNSS source,
-lever arm of the antenna, mounting of the IMU, scale of the odometer. What each does to the
+"""The constants of an installation that a filter does not know: clock offset of each GNSS source and of an
+odometer, lever arm of the antenna, mounting of the IMU, scale of an odometer or a Doppler log. What each does to the
 measurements, and a recording with them changed.
 
 A constant is true less assumed: clock, s to add to the time stamps of a source; lever arm, m forward, right, down;
 mounting, rad, the rotation vector exp(mu x) of the body axes of the IMU, of which forward motion
-shows pitch and heading; scale, by which the odometer's speed is too large.
+shows pitch and heading; scale, by which a measured speed is too large.
 """
 
 from collections.abc import Sequence
@@ -32,6 +32,11 @@ from ..typing import Array, Ints
 GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
 """{kind of measurement: body axis along which it sees the velocity of the vehicle}."""
+VECTOR, BEAM = "body-velocity", "beam-velocity"
+"""Kinds of measurement that see it along all body axes, and along a direction of their own."""
+OF_BODY = (*CONSTRAINED, VECTOR, BEAM)
+SCALED = ("speed", VECTOR, BEAM)
+"""Kinds of measurement that have a scale."""
 HEADING = "heading"
 """Kind of measurement that sees the x axis of the vehicle."""
 SHOWN_BY = {1: "zero-vertical-velocity", 2: "zero-lateral-velocity"}
@@ -60,13 +65,14 @@ def constants(sources: Sequence[Source]) -> tuple[Constant, ...]:
         antennas.setdefault(tuple(lever_arm_of(sources[i])), []).append(i)
     for own in antennas.values():
         found += [Constant(LEVER_ARM, tuple(own), axis) for axis in range(3)]
-    seen = tuple(i for i, kind in enumerate(kinds) if kind in (*CONSTRAINED, HEADING))
+    seen = tuple(i for i, kind in enumerate(kinds) if kind in (*OF_BODY, HEADING))
     found += [
         Constant(MOUNTING, (*gnss, *seen), axis)
         for axis, shown_by in SHOWN_BY.items()
-        if shown_by in kinds
+        if shown_by in kinds or VECTOR in kinds
     ]
-    found += [Constant(SCALE, (i,)) for i, kind in enumerate(kinds) if kind == "speed"]
+    found += [Constant(CLOCK, (i,)) for i, kind in enumerate(kinds) if kind == "speed"]
+    found += [Constant(SCALE, (i,)) for i, kind in enumerate(kinds) if kind in SCALED]
     return tuple(found)
 
 
@@ -112,6 +118,7 @@ class InstallationModel:
         self.found, sources = tuple(found), run.recording.sources
         self.kinds = np.array([a.kind for a in sources])
         self.arms = np.array([lever_arm_of(a) for a in sources])
+        self.directions = [_directions(a) for a in sources]
         # what the turning Earth adds to an acceleration, 0.015 m/s^2 at 100 m/s, is left out
         latitude, height = run.start.lla[0], run.start.lla[2]
         self.g = np.array([0.0, 0.0, gravity(np.sin(latitude), height)])
@@ -142,12 +149,12 @@ class InstallationModel:
         h, all_kinds = np.zeros((len(at.t), 3, len(self.found))), list(self.kinds)
         for s in np.unique(at.source):
             rows = np.flatnonzero(at.source == s)
-            kind, arm, C = all_kinds[s], self.arms[s], at.C[rows]
+            kind, C = all_kinds[s], at.C[rows]
             if kind in GNSS:
                 h[rows] = self._of_antenna(at, rows, s)
-            elif kind in CONSTRAINED:
-                body = rotate_stack(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
-                h[rows, 0] = self._of_body(body, CONSTRAINED[kind], s)
+            elif kind in OF_BODY:
+                for k, direction in enumerate(self.directions[s]):
+                    h[rows, k] = self._of_body(at, rows, direction, s)
             elif kind == HEADING:
                 h[rows, 0] = self._of_heading(C, s)
         return h
@@ -165,10 +172,19 @@ class InstallationModel:
         by = {CLOCK: by_time[:, :, None], LEVER_ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
         return self._columns(by, s)
 
-    def _of_body(self, body: Array, axis: int, s: int) -> Array:
-        """Return the derivatives of a velocity along a body axis, of the source s; `body` (k, 3) is
-        the velocity of the vehicle in body axes."""
-        by = {SCALE: body[:, None, :1], MOUNTING: cross(body, np.eye(3)[axis])[:, None]}
+    def _of_body(self, at: Corrections, rows: Ints, direction: Array, s: int) -> Array:
+        """Return the derivatives of a velocity along a direction (3,) of the body, of the source s. The
+        arm does not turn with the IMU."""
+        to_body, omega = at.C[rows].transpose(0, 2, 1), at.omega[rows]
+        body, swung = rotate_stack(to_body, at.v[rows]), np.cross(self.arms[s], direction)
+        changing = at.f[rows] + rotate_stack(to_body, self.g) - cross(omega, body)
+        along = body @ direction + omega @ swung
+        turned = cross(body, direction) + cross(omega, swung)
+        by = {
+            CLOCK: (changing @ direction)[:, None, None],
+            SCALE: along[:, None, None],
+            MOUNTING: turned[:, None],
+        }
         return self._columns(by, s)[:, 0]
 
     def _of_heading(self, C: Array, s: int) -> Array:
@@ -191,9 +207,21 @@ class InstallationModel:
         )
 
 
+def _directions(source: Source) -> Array:
+    """(rows, 3) unit vectors in the body along which a source sees the velocity of the vehicle; none of
+    others."""
+    if source.kind == VECTOR:
+        return np.eye(3)
+    if source.kind == BEAM:
+        return np.array([source.parameters[3:6]])
+    axis = CONSTRAINED.get(source.kind)
+    return np.empty((0, 3)) if axis is None else np.eye(3)[[axis]]
+
+
 def rotate_stack(C: Array, vectors: Array) -> Array:
-    """(k, 3) C (k, 3, 3) times vectors (k, 3)."""
-    return np.einsum("kij,kj->ki", C, vectors)
+    """(k, 3) C (k, 3, 3) times vectors (k, 3) or (3,)."""
+    rotated: Array = (C @ vectors[..., None])[..., 0]
+    return rotated
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -22,7 +22,7 @@ from ..typing import Array
 from .diagnose import MIN_CLOCK_ALONE
 from .findings import MIN_GAIN, MIN_Z
 from .iteration import Trial, Unknown, estimate_unknowns, groups, nis_decrease
-from .model import CONSTRAINED, GNSS, InstallationModel, apply_constants, constants, rotation
+from .model import GNSS, OF_BODY, InstallationModel, apply_constants, constants, rotation
 from .states import estimated_installation
 
 STEP, PACE = 0.5, 1.0
@@ -293,7 +293,7 @@ def harm(solution: Solution, suspect: Suspect) -> float:
 
 def of_installation(sources: Sequence[Source]) -> list[Source]:
     """Those that say something of the installation."""
-    return [a for a in sources if a.kind in (*GNSS, *CONSTRAINED)]
+    return [a for a in sources if a.kind in (*GNSS, *OF_BODY)]
 
 
 def _matters(suspect: Suspect, alone: bool) -> bool:

@@ -41,8 +41,8 @@ PRESSURE_SLIPS = {
     1e5: "Pa read as bar",
 }
 """Factors of mistaken units in the pressure near the ground, and their messages."""
-AIR_PRESSURE, AIR_TEMPERATURE = (10e3, 110e3), (180.0, 340.0)
-"""Pa and K, of a weather station or aloft."""
+DRAG, MAX_DRAG = "drag", 5.0
+"""Meaning of parameters, and 1/s: multicopters have 0.1 to 0.6."""
 
 
 def clean_recording(
@@ -61,24 +61,20 @@ def clean_recording(
 
 
 def _check_parameters(source: Source) -> None:
-    """Raise DataError where the parameters of a source are no field of the Earth or no air."""
+    """Raise DataError where the parameters of a source are no field of the Earth or no drag."""
     meaning, given = find(source.kind).parameters, tuple(source.parameters)
     if meaning == "field" and not 1e-6 <= np.linalg.norm(given) <= 100e-6:
         raise DataError(
             f"{source.name or source.kind}: parameters are {given}, but the Earth's field north, "
             f"east, down in T is needed; geomagnetic_field returns it"
         )
-    if meaning == "atmosphere" and any(given):
-        pressure, temperature, *_ = *given, 0.0, 0.0
-        if not (
-            AIR_PRESSURE[0] <= pressure <= AIR_PRESSURE[1]
-            and AIR_TEMPERATURE[0] <= temperature <= AIR_TEMPERATURE[1]
-        ):
-            raise DataError(
-                f"{source.name or source.kind}: parameters are {given}, where the pressure of the air "
-                f"in Pa, its temperature in K and the height in m are needed; leave them out for the "
-                f"ICAO atmosphere"
-            )
+    if meaning == DRAG and not (
+        len(given) >= 2 and 0 < min(given[:2]) and max(given[:2]) <= MAX_DRAG
+    ):
+        raise DataError(
+            f"{source.name or source.kind}: parameters are {given}, where the drag coefficients forward "
+            f"and to the right in 1/s are needed, each above 0 and at most {MAX_DRAG:g}"
+        )
 
 
 def checked_sources(imu: Imu, sources: Iterable[Source]) -> tuple[tuple[Source, ...], list[str]]:

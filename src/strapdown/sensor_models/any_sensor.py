@@ -100,11 +100,19 @@ class Simulated:
         """The true values of the states of its kind, with zeros where none are given."""
         return np.array(self.states or [0.0] * len(self.measurement.states))
 
-    def plan(self, truth: Trajectory, ideal: Imu, gate: float | None = None) -> "SimulatedPlan":
+    def plan(
+        self,
+        truth: Trajectory,
+        ideal: Imu,
+        gate: float | None = None,
+        states: Callable[[Array], Array] | None = None,
+    ) -> "SimulatedPlan":
         """Return the SimulatedPlan that all runs over one trajectory share. `ideal`: the samples of
-        an IMU without errors on it; `gate`: that of the source. Raises DataError."""
+        an IMU without errors on it; `gate`: that of the source; `states`: the true states of its
+        kind (n, k) at times (n,) where they change. Raises DataError."""
         t = sample_times(truth, self.rate)
-        y, gain = _solve_values(self, _beliefs(truth, ideal, t, self.own_states()))
+        own = np.tile(self.own_states(), (len(t), 1)) if states is None else states(t)
+        y, gain = _solve_values(self, _beliefs(truth, ideal, t, own))
         reads: Mask = np.asarray(np.isfinite(y).any(axis=1))
         t, y, gain = t[reads], y[reads], gain[reads]
         std = np.tile(self.std, (len(t), 1))
@@ -137,8 +145,8 @@ class SimulatedPlan(NamedTuple):
 
 
 def _beliefs(truth: Trajectory, ideal: Imu, t: Array, own: Array) -> list[FilterState]:
-    """Return the states of a filter without any error at times t (n,) s, with `own` as its augmented
-    states; rate and specific force are those between the middles of two samples."""
+    """Return the states of a filter without any error at times t (n,) s, with `own` (n, k) as its
+    augmented states; rate and specific force are those between the middles of two samples."""
     from scipy.interpolate import make_interp_spline
 
     at = interpolate_trajectory(truth, t)
@@ -146,10 +154,10 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, own: Array) -> list[Filter
     samples = np.c_[ideal.dtheta, ideal.dv] / ideal.dt[:, None]
     felt = make_interp_spline(ideal.t - ideal.dt / 2, samples, k=1)(t)  # on beyond the last middle
     attitude = np.ascontiguousarray(rotation_at(truth, t).as_matrix())
-    none, P = np.zeros(3), np.zeros((STATES + len(own),) * 2)
+    none, P = np.zeros(3), np.zeros((STATES + own.shape[1],) * 2)
     return [
-        FilterState(lla, v, C, none, none, P, now[:3], now[3:], np.zeros(1), own)
-        for lla, v, C, now in zip(at.lla, at.v_n, attitude, felt)
+        FilterState(lla, v, C, none, none, P, now[:3], now[3:], np.zeros(1), states)
+        for lla, v, C, now, states in zip(at.lla, at.v_n, attitude, felt, own)
     ]
 
 

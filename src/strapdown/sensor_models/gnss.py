@@ -41,6 +41,20 @@ class Kept(NamedTuple):
 
 
 _ALL = Kept()
+RECEIVER = "GNSS"
+"""Name of the device that the classes share."""
+
+
+class Spell(NamedTuple):
+    """A time in which a receiver is in another state than its usual one: positions of another class, with
+    the errors of that, or of the usual class and off by a constant, as a wrongly fixed ambiguity makes them."""
+
+    start: float  # s
+    stop: float  # s; itself outside
+    name: str = ""  # of the class; "": the usual one
+    position_std: tuple[float, ...] | float | None = None  # m; as of Gnss, of another class
+    position_correlated: Correlated | None = None
+    off: tuple[float, ...] = (0.0, 0.0, 0.0)  # m NED
 
 
 class Gnss(NamedTuple):
@@ -57,6 +71,9 @@ class Gnss(NamedTuple):
     # errors that last beside the white ones, standard deviations north, east, down; None: none
     position_correlated: Correlated | None = None  # m
     velocity_correlated: Correlated | None = None  # m/s
+    # times in which it is in another state, and the name of its usual one; a source for each class
+    spells: tuple[Spell, ...] = ()
+    usual: str = "fixed"
     # whether the fixes state them as such; else their `std` is that of both parts together, as if
     # all were white
     stated: bool = True
@@ -73,15 +90,9 @@ class Gnss(NamedTuple):
         rows = self._measured_rows(fix_times(trajectory, self.interval), trajectory.t[-1])
         kept = Kept(rows, self.latency, gate, self.stated)
         position = velocity = None
+        classes: list[PositionPlan] = []
         if self.position_std is not None:
-            position = PositionPlan.of(
-                trajectory,
-                self.interval,
-                self.position_std,
-                self.lever_arm,
-                kept=kept,
-                correlated=self.position_correlated,
-            )
+            position, *classes = self._positions(trajectory, kept)
         if self.velocity_std is not None:
             velocity = VelocityPlan.of(
                 trajectory,
@@ -91,7 +102,30 @@ class Gnss(NamedTuple):
                 kept=kept,
                 correlated=self.velocity_correlated,
             )
-        return Plan(position, velocity)
+        return Plan(position, velocity, tuple(classes))
+
+    def _positions(self, trajectory: Trajectory, kept: Kept) -> "list[PositionPlan]":
+        """The plan of the positions of the usual class, and those of the other classes."""
+        t = fix_times(trajectory, self.interval)
+        state = np.full(len(t), self.usual, object)
+        off, models = np.zeros((len(t), 3)), {self.usual: self.position_std}
+        lasting = {self.usual: self.position_correlated}
+        for spell in self.spells:
+            within = (t >= spell.start) & (t < spell.stop)
+            state[within] = name = spell.name or self.usual
+            off[within] = spell.off
+            if spell.name:
+                models[name], lasting[name] = spell.position_std, spell.position_correlated
+        measured = np.arange(len(t)) if kept.rows is None else kept.rows
+        made = []
+        for name, std in models.items():
+            assert std is not None  # `check` has seen to it
+            own = kept._replace(rows=measured[state[measured] == name]) if self.spells else kept
+            plan = PositionPlan.of(
+                trajectory, t, std, self.lever_arm, kept=own, correlated=lasting[name]
+            )
+            made.append(plan.of_class(name, off) if self.spells else plan)
+        return made
 
     def check(self, rate: float = np.inf) -> None:
         """Raise DataError, in one line, where no receiver can be like that, beside an IMU of
@@ -107,6 +141,8 @@ class Gnss(NamedTuple):
             if std is not None:
                 _deviations(std, name)
             _check_correlated(correlated, name, std is not None)
+        for spell in self.spells:
+            _check_spell(spell)
         check_flag(self.stated, "stated (whether GNSS fixes state their correlated errors)")
         check_lever_arm(self.lever_arm, "GNSS")
         check_number(self.latency, "latency of the fixes", "s", least=0)
@@ -123,7 +159,7 @@ class Gnss(NamedTuple):
         """{field: value} for a manifest; without those of correlated errors where there are none,
         so that a receiver of before is described as before."""
         values = self._asdict()
-        later = ("position_correlated", "velocity_correlated", "stated")
+        later = ("position_correlated", "velocity_correlated", "stated", "spells", "usual")
         return {
             name: value
             for name, value in values.items()
@@ -144,20 +180,24 @@ class Plan(NamedTuple):
 
     position: "PositionPlan | None"
     velocity: "VelocityPlan | None"
+    classes: "tuple[PositionPlan, ...]" = ()  # the positions of other classes of the receiver
+
+    @property
+    def parts(self) -> "dict[str, PositionPlan | VelocityPlan]":
+        """{name of its random stream: plan} of what is measured."""
+        own = {"position": self.position, "velocity": self.velocity}
+        measured = {name: part for name, part in own.items() if part is not None}
+        return measured | {part.source.name: part for part in self.classes}
 
     def fixes(self, seed: SeedLike) -> tuple[Source, ...]:
         """The sources of one run: position and velocity each from a random stream of its own."""
         stream = RandomStream.of(seed)
-        return tuple(
-            part.fixes(stream.child(name))
-            for name, part in self._asdict().items()
-            if part is not None
-        )
+        return tuple(part.fixes(stream.child(name)) for name, part in self.parts.items())
 
     def exact(self) -> tuple[Source, ...]:
         """The sources with the noise left out but its standard deviations stated, and its
         correlated part as states whatever the noisy ones say of it: what a bound needs."""
-        return tuple(part.fixes(None) for part in self if part is not None)
+        return tuple(part.fixes(None) for part in self.parts.values())
 
 
 class Lasting(NamedTuple):
@@ -181,6 +221,7 @@ class PositionPlan(NamedTuple):
     std: Array  # (3,) m
     keep: Ints | None  # rows that become fixes; None: all
     lasting: Lasting | None = None
+    off: Array | float = 0.0  # (n, 3) m NED, by which wrong fixes are off
 
     @classmethod
     def of(
@@ -215,11 +256,16 @@ class PositionPlan(NamedTuple):
             lasting,
         )
 
+    def of_class(self, name: str, off: Array) -> "PositionPlan":
+        """The plan of a class of a receiver, whose fixes are `off` (n, 3) m NED."""
+        source = replace(self.source, name=f"{RECEIVER} position {name}", receiver=RECEIVER)
+        return self._replace(source=source, off=off)
+
     def fixes(self, seed: SeedLike | None) -> Source:
         """Source of the antenna's position, errors added; without `seed` the exact one."""
-        offset = (
-            self.antenna if seed is None else _errors(self, RandomStream.of(seed)) + self.antenna
-        )
+        offset = self.antenna
+        if seed is not None:
+            offset = _errors(self, RandomStream.of(seed)) + self.antenna + self.off
         y = offset / self.metres
         y += self.lla
         y[:, 1] = wrap(y[:, 1])
@@ -386,6 +432,21 @@ def _deviations(std: float | Sequence[float] | Array, name: str) -> Array:
         what="numbers: north, east, down, or one for all",
         above=0,
     )
+
+
+def _check_spell(spell: Spell) -> None:
+    """Raise DataError for a state of a receiver that cannot be."""
+    what = f"state of the receiver from {spell.start} s"
+    check_number(spell.start, what)
+    check_number(spell.stop, f"{what}, its end", "s", above=spell.start)
+    check_array(spell.off, f"{what}, off", (3,), what="numbers: north, east, down, m")
+    if spell.name and spell.position_std is None:
+        raise DataError(f"{what}: class {spell.name!r} has no position_std")
+    if not spell.name and (spell.position_std is not None or not np.any(spell.off)):
+        raise DataError(f"{what}: give it the name of a class, or how far its fixes are off")
+    if spell.position_std is not None:
+        _deviations(spell.position_std, what)
+        _check_correlated(spell.position_correlated, what)
 
 
 def _check_correlated(correlated: Correlated | None, name: str, measured: bool = True) -> None:

@@ -30,6 +30,7 @@ from ..fileio.toml_keys import (
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.any_sensor import Simulated
 from ..sensor_models.barometer import Barometer
+from ..sensor_models.gnss import Spell
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
 from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
 from ..typing import File
@@ -120,6 +121,21 @@ DISTURBANCE_KEYS = {
     "field_uT": Key("field", in_unit(MICRO, exactly_three), ""),
     "frame": Key("frame", text),
 }
+SPELL_KEYS = {
+    "start_s": Key("start", number, ""),
+    "stop_s": Key("stop", number, ""),
+    "class": Key("name", text),
+    "receiver": Key("receiver", text),
+    "position_std_m": Key("position_std", three),
+    "position_correlated": GNSS_KEYS["position_correlated"],
+    "off_m": Key("off", exactly_three),
+}
+RECEIVER_KEYS = GNSS_KEYS | {
+    "receiver": Key("receiver", text),
+    "class": Key("usual", text),
+    "spells": Key("spells", list_of(table_reader(dict, SPELL_KEYS))),
+}
+"""Keys of a receiver in a scenario, and of its spells in other classes."""
 MEASURED = "position_std", "velocity_std"
 """Fields of a receiver, of which it needs at least one."""
 MAGNETOMETER_KEYS = {
@@ -177,9 +193,7 @@ TOP_KEYS = {
     "gravity": Key("gravity", text),
     "date": Key("date", _date),
     "motion": Key("motion", section(entries), "write a section [motion] with its kind"),
-    "gnss": Key(
-        "gnss", section(table_reader(dict, GNSS_KEYS | {"receiver": Key("receiver", text)}))
-    ),
+    "gnss": Key("gnss", section(table_reader(dict, RECEIVER_KEYS))),
     "magnetometer": Key("magnetometer", section(table_reader(Magnetometer, MAGNETOMETER_KEYS))),
     "barometer": Key("barometer", section(table_reader(Barometer, BAROMETER_KEYS))),
     "attitude": Key("attitude", section(table_reader(Ahrs, ATTITUDE_KEYS))),
@@ -189,6 +203,7 @@ TOP_KEYS = {
 """Keys of a scenario and of its tables, each with its field and its reader."""
 GO_WITH = (
     ("", "accel_offset_decays", ("accel_offset_m_s2",)),
+    ("gnss", "class", ("spells",)),
     ("gnss", "stated", ("position_correlated", "velocity_correlated", "receiver")),
     ("barometer", "drift_time_s", ("drift_Pa",)),
 )
@@ -226,8 +241,23 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
                 "[gnss] measures nothing: give position_std_m, velocity_std_m_s or receiver, or leave "
                 "the section empty where there is no receiver"
             )
-        values["gnss"] = carried._replace(**values["gnss"])
+        spells = values["gnss"].pop("spells", ())
+        values["gnss"] = carried._replace(
+            **values["gnss"], spells=tuple(_spell(each, path) for each in spells)
+        )
     return Scenario(**values | values.pop("start", {}))
+
+
+def _spell(values: dict[str, Any], path: Path) -> Spell:
+    """A time in another class, whose receiver may be named. Raises DataError."""
+    named = values.pop("receiver", None)
+    if named is not None:
+        carried = receiver(_beside(path, named))
+        values = {
+            "position_std": carried.position_std,
+            "position_correlated": carried.position_correlated,
+        } | values
+    return Spell(**values)
 
 
 def _together(table: dict[str, Any]) -> None:

@@ -19,3 +19,6 @@ MAX_TIME_CONSTANT = 1e6
 change within a recording."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the size of N(0, 1)."""
+FROZEN_TIME, FROZEN_ROWS, LIVELY = 5.0, 10, 0.5
+"""A reading is frozen that holds its value for so many seconds and rows, where so large a share of the others
+differs from the one before: of such readings, ten alike in a row come by chance once in a thousand."""

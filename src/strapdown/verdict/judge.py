@@ -13,9 +13,10 @@ from ..installation import screening
 from ..installation.states import estimated_installation, in_motion
 from ..io.facts import check_parts, own_reasons
 from ..plugins import one_line
-from . import evidence
+from . import accelerating_fixes, alternating_fixes, beside_gnss, evidence, height_clock
 from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
+from .mean_slip import mean_slip
 from .observability import MIN_TIME, bounds, untested_claims
 from .second_filter import SECOND, run_second_filter
 
@@ -45,8 +46,11 @@ def judge(solution: Solution) -> Verdict:
     installed = estimated_installation(solution)
     causes = [*evidence.gaps(solution), *evidence.heights(solution), *installed.reasons]
     causes += attempt("guessed axes", of_guessed_axes, recording) or []
+    sensors = attempt("sensors beside GNSS", lambda: list(beside_gnss.reasons(solution))) or []
     looked = attempt("clock and lever arm", _look, solution, sources) or screening.NOTHING
-    causes += looked.reasons
+    # a scale alone is not the whole of what is wrong with a sensor
+    told = {reason.source for reason in sensors}
+    causes += sensors + [each for each in looked.reasons if each.source not in told]
     unknown += looked.unknown
     shown = attempt("its bounds", lambda: list(bounds(solution, sources))) or []
     shown += looked.bounds
@@ -58,17 +62,26 @@ def judge(solution: Solution) -> Verdict:
     found = {each.cause for each in installed.parameters if each.status != "not observable"}
     inspected = [reason for reason in inspected if reason.cause not in found]
     verdict = Verdict.of(_once(inspected, causes), unknown, symptoms, shown)
-    if verdict.trusted and (more := attempt("a second filter", _second, solution)):
+    if verdict.trusted and (more := _ask_last(attempt, solution)):
         verdict = Verdict.of(_once(inspected, causes), unknown, more, shown)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
 def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
-    """Findings of a quick look at the installation; without motion the reasons alone."""
+    """Findings of a quick look at the installation; without motion the reasons alone, without positions
+    those on the clocks of heights."""
     if not any(source.kind == "position" for source in sources):
-        return screening.NOTHING
+        return height_clock.look(solution, sources)
     looked = screening.look(solution)
     return looked if in_motion(solution) else screening.NOTHING._replace(reasons=looked.reasons)
+
+
+def _ask_last(attempt: Callable[..., Any], solution: Solution) -> list[Reason]:
+    """Return the reasons of the first check that has any, of those that cost a run of their own."""
+    for what, check in (("a second filter", _second), ("fixes", accelerating_fixes.check)):
+        if more := attempt(what, check, solution):
+            return list(more)
+    return []
 
 
 def _second(solution: Solution) -> list[Reason]:
@@ -108,13 +121,14 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
         yield from evidence.check_divergence(solution)
         return
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
-    yield from (*biases, *smoother, *evidence.near_pole(solution))
+    yield from (*biases, *smoother, *evidence.near_pole(solution), *mean_slip(solution))
     of_sources, runs = [], solution.rejected
     gaps = np.add(*evidence.long_gaps(solution))
     left_out = {each["source"] for each in solution.meta.get("heights_apart", ())}
     for source in (each for each in sources if each.name not in left_out):
         found = [
             *evidence.noise(source),
+            *alternating_fixes.check(solution, source),
             *(evidence.explain_reason(each, runs) for each in evidence.rejections(source)),
             *(evidence.explain_reason(each, runs) for each in evidence.jumps(source, gaps)),
         ]

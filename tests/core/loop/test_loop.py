@@ -317,7 +317,7 @@ def test_a_gate_returns_after_reacquisition():
     ]
 
 
-def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
+def test_a_source_that_nothing_explains_is_left_out():
     """Half of a field that is 14 % stronger than it should be, which passes for the Earth's: no attitude
     explains it, and the
     covariance must not grow without end."""
@@ -340,11 +340,10 @@ def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
         (at, text.partition(":")[2][:12]) for at, text in said(solution, "gate opened", "left out")
     ]
     assert given_up == [
-        (pytest.approx(13.1, abs=0.2), " gate opened"),
-        (pytest.approx(19.1, abs=0.4), " left out fr"),
+        (pytest.approx(13.1, abs=0.4), " left out fr"),
     ]
     accepted = solution.innovations.accepted[solution.innovations.source == 2]
-    assert accepted[:99].all() and accepted[101:398].sum() == 3 and accepted[410:].all()
+    assert accepted[:99].all() and not accepted[135:].any()  # barred for 60 s
     for name in ("position", "velocity"):
         worst = [
             np.abs(getattr(sd.errors(each, base.reference), name)[each.t > 25]).max()

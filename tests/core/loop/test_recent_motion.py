@@ -162,14 +162,50 @@ def test_a_clock_that_ran_away_stays_at_the_limit(age):
     assert limit
 
 
+def line_left(path, s, sigma):
+    """(3,) mean square distance of a motion from its line, with weights of two sigma about s."""
+    u = 0.5 * (EVEN[1:] + EVEN[:-1]) - s
+    u = u[np.abs(u) < 6 * sigma]
+    w = np.exp(-0.5 * (u / (2 * sigma)) ** 2)
+    y = np.array([path(s + each) for each in u])
+    slope, value = np.polyfit(u, y, 1, w=np.sqrt(w))
+    return w @ (y - value - u[:, None] * slope) ** 2 / w.sum(), value
+
+
 @pytest.mark.parametrize("sigma", [0.02, 0.1])
-def test_what_an_uncertain_clock_bends_is_the_second_difference(sigma):
-    """Of position and velocity over its standard deviation, without a lever arm."""
-    motion, age = Swinging(), 0.3
+def test_what_an_uncertain_clock_bends_is_what_a_line_leaves(sigma):
+    """Of position and velocity, without a lever arm."""
+    motion, s = Swinging(), EVEN[-1] - 0.3
     cursor, belief = moved_through(motion, EVEN)
     belief.P[15, 15] = sigma**2
-    _, found = looked_back(cursor, belief, age)
-    s = EVEN[-1] - age
-    for bent, path in ((found.bent_position, motion.p), (found.bent_velocity, motion.v)):
-        second = path(s + sigma) - 2 * path(s) + path(s - sigma)
-        np.testing.assert_allclose(bent, np.sqrt(0.75) * np.abs(second), atol=2e-4, rtol=0.03)
+    _, found = looked_back(cursor, belief, 0.3)
+    left, _ = line_left(motion.v, s, sigma)
+    np.testing.assert_allclose(found.bent_velocity, np.sqrt(left), atol=2e-4, rtol=0.03)
+    left, value = line_left(motion.p, s, sigma)
+    left += (value - motion.p(s)) ** 2
+    np.testing.assert_allclose(found.bent_position, np.sqrt(left), atol=2e-4, rtol=0.03)
+
+
+class Shaking(Swinging):
+    """A velocity that swings within 0.3 s."""
+
+    rate = 2 * np.pi / 0.3
+
+    def v(self, t):
+        return V0 + self.a * np.sin(self.rate * t)
+
+    def p(self, t):
+        return V0 * t + self.a * (1 - np.cos(self.rate * t)) / self.rate
+
+
+def test_a_swing_that_repeats_within_an_uncertain_clock_is_noise():
+    """By its slope the clock would settle at another of the swings."""
+    times = np.arange(0, 2.0, 0.005)
+    cursor, belief = moved_through(Shaking(), times)
+    belief.P[15, 15] = 0.1**2
+    _, found = looked_back(cursor, belief, 0.5)  # where the velocity changes fastest
+    swing = Shaking.a * Shaking.rate
+    assert np.abs(belief.C_nb @ found.force_then + G).max() < 0.02 * np.abs(swing).max()
+    np.testing.assert_allclose(
+        found.bent_velocity, np.abs(Shaking.a) / np.sqrt(2), rtol=0.1, atol=0.02
+    )

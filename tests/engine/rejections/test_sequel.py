@@ -9,7 +9,7 @@ import strapdown as sd
 from strapdown.core.loop.contract import DOUBTFUL
 from strapdown.engine.rejections.causes import CLOCK, DRIFT, JUMP, CauseFound
 from strapdown.engine.rejections.contradictions import RejectedRun
-from strapdown.engine.rejections.sequel import unresolved_spans
+from strapdown.engine.rejections.sequel import SOON, repeated_spans, unresolved_spans
 
 NORTH = np.array([10.0, 0.0, 0.0])
 
@@ -50,6 +50,14 @@ def test_a_drift_is_doubtful_from_its_beginning():
 )
 def test_others_leave_nothing(other):
     assert unresolved_spans([other], [0]) == []
+
+
+def test_a_source_that_contradicts_again_was_wrong_meanwhile():
+    soon, late = 50.0 + 0.9 * SOON, 50.0 + 1.1 * SOON
+    assert repeated_spans([(0, 40.0, 50.0), (0, soon, soon + 5)]) == [(40.0, soon + 5)]
+    assert repeated_spans([(0, 40.0, 50.0), (0, late, late)]) == [(40.0, 50.0), (late, late)]
+    assert repeated_spans([(1, soon, soon), (0, 40.0, 50.0)]) == [(40.0, 50.0), (soon, soon)]
+    assert repeated_spans([(0, 40.0, 90.0), (0, 45.0, 50.0)]) == [(40.0, 90.0)]
 
 
 def test_rows_after_a_jump_for_good_are_doubtful_and_those_before_are_not():

@@ -234,7 +234,7 @@ def test_a_heading_takes_the_place_of_the_course():
     truth = recording.reference
     row = np.searchsorted(truth.t, np.arange(1.0, 30.0) - 1e-9)
     heading = Source(
-        "heading", truth.t[row], truth.rph[row, 2:3] + 0.5, np.full((len(row), 1), 0.01)
+        "heading", truth.t[row], truth.rph[row, 2:3] + 0.5, np.full((len(row), 1), 0.3)
     )
     solution = sd.fuse(
         replace(recording, sources=(*recording.sources, heading)),

@@ -31,6 +31,7 @@ PAGES = {
     "vehicle-kit": ("table.md", "../../how-to/vehicle.md"),
     "verdicts": ("table.md", "verdicts.md"),
     "worth": ("table.md", "sensor-worth.md"),
+    "wrong-sensors": ("table.md", "wrong-sensors.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""

@@ -13,7 +13,7 @@ from ..common.runner import StudyTables, campaigns, on_threads, part_of
 from . import runs
 from .summary import PICTURE, STUDY, size
 from .twin import SETS, right
-from .worlds import FILTERS, GRADES, SCENARIOS, WorldCell, check_filter, is_fed
+from .worlds import FILTERS, GRADES, SCENARIOS, check_filter, is_fed
 
 RUNS, QUICK_RUNS = 60, 10
 QUICK_FILTERS, QUICK_SCENARIOS = ("closed-loop",), ("straight", "hand-held")
@@ -52,20 +52,15 @@ def table(
     asked: Asked,
 ) -> pd.DataFrame:
     """A row per cell."""
-    studies = {
-        (label, name): runs.study(label, name, GRADES, count, asked.seed)
-        for label in labels
-        for name in names
-    }
+    cells = runs.cells(labels, names, GRADES)
+    studies = {cell: runs.study(cell, count, asked.seed) for cell in cells}
     found = campaigns(
         studies,
-        lambda key: runs.folder(out, *key),
+        lambda cell: runs.folder(out, cell),
         part_of(asked.progress, 0.0, OF_RUNS),
         workers=asked.workers,
     )
-    worlds = dict.fromkeys(
-        (name, grade, is_fed(label)) for label, name in studies for grade in GRADES
-    )
+    worlds = dict.fromkeys((cell.scenario, cell.grade, is_fed(cell.filter)) for cell in cells)
     twins = dict(
         zip(
             worlds,
@@ -78,10 +73,7 @@ def table(
     )
     return pd.DataFrame(
         [
-            runs.row(
-                campaign, WorldCell(label, name, grade), place, twins[name, grade, is_fed(label)]
-            )
-            for (label, name), campaign in found.items()
-            for place, grade in enumerate(GRADES)
+            runs.row(campaign, cell, twins[cell.scenario, cell.grade, is_fed(cell.filter)])
+            for cell, campaign in found.items()
         ]
     )

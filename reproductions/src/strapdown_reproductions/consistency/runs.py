@@ -1,4 +1,4 @@
-"""The runs: a campaign for each filter and scenario, which can be resumed, and a row per cell."""
+"""The runs: a campaign for each cell, which can be resumed, and the cell's row."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,6 +10,7 @@ from strapdown.core.loop.contract import STATES
 from strapdown.evaluation.consistency import INCONSISTENT, POSITION_LOST, SURVIVED
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.typing import Array
 
 from . import verdicts
@@ -21,20 +22,22 @@ CAMPAIGNS = "campaigns"
 """Folder of the campaigns in that of the results."""
 
 
-def study(filter: str, scenario: str, grades: tuple[str, ...], runs: int, seed: int) -> Study:
-    """The runs of a filter in a scenario."""
-    own = world(scenario, is_fed(filter))
-    return Study((own,), (filter,), grades, runs, seed, EPOCH, keep(own))
+def study(cell: WorldCell, runs: int, seed: int) -> Study:
+    """The runs of a cell, with random numbers of their own."""
+    own, stream = world(cell.scenario, is_fed(cell.filter)), RandomStream.of(seed)
+    for name in cell:
+        stream = stream.child(name)
+    return Study((own,), (cell.filter,), (cell.grade,), runs, stream.key[0], EPOCH, keep(own))
 
 
-def folder(out: Path, filter: str, scenario: str) -> Path:
-    """Where the campaign of a filter in a scenario is, below `out`."""
-    return out / CAMPAIGNS / filter.replace(":", "-") / scenario
+def folder(out: Path, cell: WorldCell) -> Path:
+    """Where the campaign of a cell is, below `out`."""
+    return out / CAMPAIGNS / cell.filter.replace(":", "-") / cell.scenario / cell.grade
 
 
-def row(campaign: Campaign, cell: WorldCell, place: int, right: Right) -> dict[str, Any]:
-    """Return the figures of a cell, the `place`-th of its campaign, and a consistent filter's."""
-    name = campaign.cells[place]
+def row(campaign: Campaign, cell: WorldCell, right: Right) -> dict[str, Any]:
+    """Return the figures of a cell, and a consistent filter's."""
+    (name,) = campaign.cells
     numbers = campaign.numbers(name)
     parts = campaign.read(name, ("nees_rows",))
     nees = np.concatenate([part["nees_rows"][0] for part in parts]).astype(float)

@@ -25,7 +25,7 @@ FILTERS = (
 )
 FED = ("direct-ahrs", "direct-euler", "indirect-ahrs-closed", "indirect-ahrs-open")
 """Those that get the records of an AHRS beside GNSS."""
-SCENARIOS = ("demo", "straight", "car", "ship", "hand-held")
+SCENARIOS = ("demo", "straight", "car", "ship", "hand-held", "robot", "hover", "ship-heave")
 GRADES = ("consumer", "industrial", "dmu10", "tactical", "navigation")
 LONG = 120.0
 """s: of longer scenarios every third epoch is kept."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, VALID
-from strapdown.data.solution import Trajectory
+from strapdown.data.solution import Innovations, Trajectory
 from strapdown.data.verdict import NOT_JUDGED, Verdict
 from strapdown.evaluation.metrics import errors, interpolate_reference
 from strapdown.typing import Array, Ints
@@ -43,6 +43,7 @@ class FaultOutcome(NamedTuple):
     notes: tuple[str, ...]
     events: tuple[tuple[float, str], ...]  # (t in s, text)
     ask: Callable[[], Verdict] = _not_judged  # for the verdict, which takes longer
+    innovations: Innovations | None = None
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -59,6 +60,7 @@ class Nominal(NamedTuple):
     # the truth at its rows, which most runs have too: interpolating it takes half the time
     truth: Trajectory | None = None
     ask: Callable[[], Verdict] = _not_judged
+    innovations: Innovations | None = None
 
 
 class JudgedRun(NamedTuple):
@@ -72,6 +74,7 @@ class JudgedRun(NamedTuple):
     position_m: float  # largest error
     attitude_deg: float
     says: str  # what the run without a fault does not say
+    shown_std: float = np.nan  # `deflection`
 
 
 def plain(text: str) -> str:
@@ -110,7 +113,21 @@ def nominal(outcome: FaultOutcome, reference: Trajectory) -> tuple[Nominal, Judg
     own = judge_run(outcome, reference, Nominal(largest, notes))
     truth = interpolate_reference(reference, outcome.trajectory.t)
     says = notes | events if own.verdict == OK else notes
-    return Nominal(largest, says, truth, outcome.ask), own
+    return Nominal(largest, says, truth, outcome.ask, outcome.innovations), own
+
+
+def deflection(innovations: Innovations | None, right: Innovations | None) -> float:
+    """Return how much of a fault the innovations of a filter show, in standard deviations: the length of
+    the difference of all its whitened innovations from those without the fault.
+
+    Whitened innovations are N(0, 1) without a fault, so that of all tests of them the likelihood ratio of
+    this very fault, with onset and size known, tells most, and it is shifted by so many standard
+    deviations (Van Trees 1968, section 2.6). NaN where the two do not have the same fixes."""
+    if innovations is None or right is None or not np.array_equal(innovations.t, right.t):
+        return np.nan
+    if innovations.whitened is None or right.whitened is None:
+        return np.nan
+    return float(np.sqrt(np.nansum((innovations.whitened - right.whitened) ** 2)))
 
 
 def judge_error(error: Exception) -> JudgedRun:
@@ -153,6 +170,7 @@ def judge_run(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> J
         _largest(e.size[:, :3]),
         float(np.degrees(_largest(e.size[:, 6:]))),
         text,
+        deflection(outcome.innovations, right.innovations),
     )
 
 

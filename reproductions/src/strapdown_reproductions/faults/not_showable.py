@@ -113,6 +113,20 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         "only a body that turns over would separate them",
     ),
     HiddenFault(
+        ("IMU late by 0.1 s", "IMU late by 1 s", "clock of the IMU 1000 ppm fast"),
+        (HEAVE,),
+        (AFLOAT,),
+        "heights of 2 m once a second show a clock to 0.25 s only, since the swell heaves by 0.8 m: an "
+        "offset shows from 1.3 s on",
+    ),
+    HiddenFault(
+        ("second height drifts by 0.2 m/s",),
+        (HEAVE,),
+        (AFLOAT,),
+        "only one source measures the height, an IMU cannot measure a constant velocity, and what its "
+        "onset shows is hidden by heights of 2 m",
+    ),
+    HiddenFault(
         ("mounted 5 deg off in heading", "box slips by 10 deg in heading at 90 s"),
         (HEAVE,),
         (AFLOAT,),

@@ -109,7 +109,12 @@ def outcome(solution: Solution) -> FaultOutcome:
     """The Outcome of a Solution."""
     notes = tuple(solution.meta["notes"])
     return FaultOutcome(
-        solution.trajectory, solution.status, notes, solution.events, lambda: solution.verdict
+        solution.trajectory,
+        solution.status,
+        notes,
+        solution.events,
+        lambda: solution.verdict,
+        solution.innovations,
     )
 
 

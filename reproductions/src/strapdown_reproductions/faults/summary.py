@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from strapdown import filters
+
 from ..common import markdown
 from ..common.runner import StudyTables
 from ..common.study import Claims, ReproducedStudy, held_against
@@ -10,8 +12,8 @@ from ..common.tables import Tables, outcomes
 from ..common.targets import Target, in_docs
 from .judging import CRASH, ORDER, SILENT
 from .jumps import FOR_GOOD, LASTING, NONE, SIZES
-from .not_showable import NOT_SHOWABLE
-from .runs import BATCH, SMOOTHED, STREAM
+from .not_showable import NOT_SHOWABLE, HiddenFault
+from .runs import BATCH, SMOOTHED, STREAM, family
 
 CELLS, TRIALS = "cells", "trials"
 """Tables of the StudyTables: rows of cells.py and of jumps.py."""
@@ -192,19 +194,34 @@ def tables(found: StudyTables) -> Tables:
         "jumps": ("Jumps of the position, closed loop", count_jumps(trials)),
         "without-fault": ("Flights without a fault", count_doubted(trials)),
         "matrix": ("Every fault and filter: the worst of all motions and seeds", matrix(rows)),
-        "not-showable": ("What the data cannot show, and why", not_showable()),
+        "not-showable": ("What the data cannot show, and why", not_showable(rows)),
     }
 
 
-def not_showable() -> pd.DataFrame:
-    """The table of not_showable, as text."""
+def not_showable(rows: pd.DataFrame) -> pd.DataFrame:
+    """The table of not_showable, as text, with the median of what innovations of the filters show."""
     return pd.DataFrame(
         [
-            ("; ".join(h.faults), ", ".join(h.families), ", ".join(h.motions) or "all", h.reason)
+            (
+                "; ".join(h.faults),
+                ", ".join(h.families),
+                ", ".join(h.motions) or "all",
+                _median_deflections(rows, h),
+                h.reason,
+            )
             for h in NOT_SHOWABLE
         ],
-        columns=["faults", "filters of", "motions", "reason"],
+        columns=["faults", "filters of", "motions", "std shown", "reason"],
     )
+
+
+def _median_deflections(rows: pd.DataFrame, hidden: HiddenFault) -> str:
+    """The median `deflection` of each fault that is hidden from some filters; empty without a run."""
+    families = rows["filter"].map(lambda name: family(filters.find(name)))
+    own = rows[families.isin(hidden.families) & rows["motion"].isin(hidden.motions)]
+    own = own[~own["showable"]]
+    each = [own.loc[own["fault"] == fault, "shown_std"].median() for fault in hidden.faults]
+    return "; ".join(f"{value:.1f}" for value in each if np.isfinite(value))
 
 
 IN_DOCS = ("silent", "by-filter", "jumps", "without-fault", "not-showable")

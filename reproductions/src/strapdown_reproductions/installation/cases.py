@@ -83,11 +83,9 @@ def simulation(name: str) -> Simulation:
     return (MOTIONS | UNSEEN)[name]
 
 
-def case(name: str, seed: int, start: str, priors: Installation | None = None) -> InstallationCase:
-    """The InstallationCase of a motion and a seed; start: KNOWN or ALIGNED; priors: others than the
-    motion has."""
-    motion, usual, _ = simulation(name)
-    priors = usual if priors is None else priors
+def case(name: str, seed: int, start: str) -> InstallationCase:
+    """The InstallationCase of a motion and a seed; start: KNOWN or ALIGNED."""
+    motion, priors, _ = simulation(name)
     right, at = simulator(motion).run(motion.imu, np.random.SeedSequence(seed))
     rng = np.random.default_rng([seed, 1])
     if motion.constrained:

@@ -4,26 +4,20 @@ their own alignment, with the intervals that they claim."""
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from strapdown.experiments.monte_carlo.wrong_installation import Installation, parameters_of
+from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
 from strapdown.units.constants import NORMAL_95
 
-from .cases import ALIGNED, CLOCK, OF_CAR, WITH_ODOMETER, case, simulation
+from .cases import ALIGNED, case
 from .methods import METHODS
 
 COMMANDS = ("diagnose", "calibrate installation")
 """Those of METHODS whose intervals are judged."""
-OF_GNSS_CLOCK: Installation = {
-    "GNSS position clock": CLOCK,
-    **{name: std for name, std in OF_CAR.items() if name != "clock"},
-}
-"""Priors of the parameters that both commands seek in a car with an odometer, whose clock they take as right."""
 
 
 def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
     """A row per seed, command and parameter that the command knows."""
-    priors = OF_GNSS_CLOCK if simulation(name).motion is WITH_ODOMETER else None
     for seed in seeds:
-        made = case(name, seed, ALIGNED, priors)
+        made = case(name, seed, ALIGNED)
         sought = parameters_of(made.recording, made.priors)
         for command in COMMANDS:
             found = METHODS[command](made.recording, made.priors)

@@ -10,19 +10,36 @@ from strapdown.data.recording import Recording
 from strapdown.data.solution import Source
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import outages
+from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.magnetometer import Magnetometer
+from strapdown.sim.scenario import scenario
 
 from ..common.motions import ON_MAST, ON_WING, StudyMotion, constraints, simulator
 
 NONE = "none"
 GNSS = ("position", "velocity")
+ON_BUOY = ON_MAST._replace(lever_arm=(0.0, 0.0, -0.5))
 HARD_IRON = (15e-6, -10e-6, 20e-6)
 """T: of the simulated magnetometer, which the filter estimates from a prior of 50 uT."""
 COMPASS = Magnetometer(rate=10.0, std=0.5e-6, hard_iron=HARD_IRON, field=(21e-6, 1.5e-6, 43e-6))
 WIND = (4.0, -3.0)  # m/s, north and east
 BODY = Simulated("body-velocity", 0.05, 5.0)
+BEAM = Simulated("beam-velocity", 0.05, 5.0, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
 BASELINE = Simulated("baseline", 0.01, 5.0, (1.0, 0.0, 0.0))
+BEACONS = ((900.0, 200.0, 40.0), (-300.0, 800.0, 60.0), (-500.0, -700.0, 50.0))
+"""m NED from the start."""
+
+
+def beacons(name: str) -> tuple[Simulated, ...]:
+    """Ranges to BEACONS about the start of a scenario."""
+    start = np.array(scenario(name).motion.lla)
+    return tuple(
+        Simulated(
+            "range", 0.5, 1.0, (0.0, 0.0, 0.0, *displace_lla(start, np.array(ned))), f"beacon {k}"
+        )
+        for k, ned in enumerate(BEACONS, 1)
+    )
 
 
 class SensorMotion(NamedTuple):
@@ -46,6 +63,7 @@ IN_AIR = {
     "barometer": ("pressure-altitude",),
 }
 AT_SEA = {"Doppler log": ("body-velocity",), "one beam of it": ("beam-velocity",)}
+UNDER_WATER = AT_SEA | {"depth": ("depth",), "ranges": ("range",)}
 MOTIONS = {
     "car": SensorMotion(
         StudyMotion(
@@ -81,7 +99,7 @@ MOTIONS = {
             ON_MAST,
             sensors=(
                 BODY,
-                Simulated("beam-velocity", 0.05, 5.0, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)),
+                BEAM,
                 BASELINE,
             ),
             magnetometer=COMPASS,
@@ -91,6 +109,26 @@ MOTIONS = {
     ),
 }
 """By name."""
+WITH_DIVE = MOTIONS | {
+    "underwater": SensorMotion(
+        StudyMotion(
+            "underwater",
+            420.0,
+            ON_BUOY,
+            sensors=(
+                BODY,
+                BEAM,
+                Simulated("depth", 0.1, 5.0),
+                Simulated("water-pressure", 0.1, 5.0),
+                *beacons("underwater"),
+            ),
+            magnetometer=COMPASS,
+        ),
+        250.0,
+        {NONE: (), "magnetometer": ("magnetic-field",)} | UNDER_WATER,
+    ),
+}
+"""The same with an underwater vehicle, whose fixes come from a buoy above it."""
 OUTAGES = (30.0, 120.0)
 """s."""
 
@@ -103,7 +141,7 @@ def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
         for sensor, kinds in case.uses.items():
             for seconds in OUTAGES:
                 window = [(case.lost, case.lost + seconds)]
-                solution = fuse(_with(whole, kinds).hidden(window, GNSS))
+                solution = fuse(with_kinds(whole, kinds).hidden(window, GNSS))
                 found = outages(solution, whole.reference, window)[0]
                 yield {
                     "motion": name,
@@ -129,6 +167,6 @@ def _with_estimates(a: Source) -> Source:
     return replace(a, estimate=estimate.get(a.kind, {}))
 
 
-def _with(whole: Recording, kinds: tuple[str, ...]) -> Recording:
+def with_kinds(whole: Recording, kinds: tuple[str, ...]) -> Recording:
     """The recording with GNSS and these kinds."""
     return replace(whole, sources=tuple(a for a in whole.sources if a.kind in (*GNSS, *kinds)))

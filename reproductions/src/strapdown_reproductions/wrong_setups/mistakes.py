@@ -251,7 +251,7 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake(
         "odometer 2 % off",
         "odometer",
-        ("odometer scale",),
+        ("scale",),
         _on(("speed",), lambda a: replace(a, y=a.y * 1.02)),
     ),
     Mistake(

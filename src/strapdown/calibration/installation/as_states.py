@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ...core.loop.contract import Filter
-from ...data.calibration_parameters import CLOCK, MOUNTING, CalibrationParameter
+from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, CalibrationParameter
 from ...data.recording import Recording
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions
@@ -61,9 +61,10 @@ def as_states(
 
 
 def _runs(sought: Sequence[Diagnosed]) -> Iterator[list[Diagnosed]]:
-    """Yield the parameters of each run: all together, but one clock at a time."""
-    clocks = [each for each in sought if each.of is CLOCK]
-    others = [each for each in sought if each.of is not CLOCK]
+    """Yield the parameters of each run: all together, but one clock of a receiver at a time."""
+    antennas = {name for each in sought if each.of is LEVER_ARM for name in each.sources}
+    clocks = [each for each in sought if each.of is CLOCK and antennas.issuperset(each.sources)]
+    others = [each for each in sought if each not in clocks]
     yield [*clocks[:1], *others]
     for clock in clocks[1:]:
         yield [clock, *others]

@@ -41,8 +41,8 @@ def calibrate_installation(
     progress: Progress | bool | None = None,
     **set_up: Unpack[SetUpOptions],
 ) -> Installation:
-    """Find the installation of a recording: clock offset of each GNSS source, lever arm of its
-    antenna, mounting of the IMU, scale of the odometer.
+    """Find the installation of a recording: clock offset of each GNSS source and of the odometer,
+    lever arm of the antenna, mounting of the IMU, scale of the odometer.
 
     `diagnose` runs on its own result until it finds nothing wrong. The smoother, with the same
     parameters as states about that result, gives a second estimate. A parameter counts as found if
@@ -165,22 +165,27 @@ def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
 def _check_imu_clock(recording: Recording, parameters: tuple[CalibratedParameter, ...]) -> None:
     """Refuse to blame the clock of the IMU where not all sources share the offset."""
     clocks = [each for each in parameters if each.of is CLOCK]
-    if len(clocks) > 1:
+    if not any(each.status == FOUND for each in clocks):
+        return
+    shown = [each for each in clocks if each.status != NOT_OBSERVABLE]
+    apart = [abs(each.change - shown[0].change) for each in shown]
+    if any(x > MIN_Z * np.hypot(each.std, shown[0].std) for x, each in zip(apart, shown)):
         values = ", ".join(f"{each.name} {each.seen}" for each in clocks)
         raise DataError(
             f"--imu-clock: the sources do not share one offset ({values}); leave the option out, "
             "so that each source gets its own offset"
         )
+    covered = {name for each in shown for name in each.sources}
     others = [
         a.name or a.kind
         for a in recording.sources
-        if find(a.kind).recorded and (a.name or a.kind) not in clocks[0].sources
+        if find(a.kind).recorded and (a.name or a.kind) not in covered
     ]
-    if clocks[0].status == FOUND and others:
+    if others:
         raise DataError(
             f"--imu-clock: no offset was estimated for {', '.join(others)}, which would shift "
             "relative to the IMU; leave the option out, so that only "
-            f"{' and '.join(clocks[0].sources)} are moved"
+            f"{' and '.join(sorted(covered))} are moved"
         )
 
 

@@ -361,20 +361,24 @@ class MeasurementModel(NamedTuple):
     # "acceleration", "angular rate", "magnetic field", "pressure"
     quantities: tuple[str, ...]
     # what source.parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
-    # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body; "atmosphere":
-    # pressure, Pa, and temperature, K, at a height, m
+    # point, m, body; "field": T, NED; "baseline": from one antenna to another, m, body; "drag":
+    # coefficients forward and to the right, 1/s
     parameters: str = ""
     # what source.parameters[3:6] is: "" nothing, "direction": unit vector, body;
-    # "beacon": latitude and longitude, rad, height above the ellipsoid, m
+    # "beacon": latitude and longitude, rad, height above the ellipsoid, m; "atmosphere": pressure, Pa,
+    # and temperature, K, at a height, m, or none
     more_parameters: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
-    when: str = ""  # a constraint that holds only then: "at rest"
-    mean_of: str = ""  # y of a constraint is the mean of that over the step before it: "gyro"
+    when: str = ""  # a constraint that holds only then: "at rest" or "moving"
+    # y of a constraint is the mean of that over the step before it: "gyro" or "accel"
+    mean_of: str = ""
     slips: bool = False  # whether side slip in turns can widen its standard deviation
     reference: str = ""
     # names, with units, of the states that each source of this kind brings along
     states: tuple[str, ...] = ()
+    # states behind these that are there where a source asks to estimate "vertical-wind"
+    more_states: tuple[str, ...] = ()
     state_std: float = 0.0  # their initial standard deviation
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)
     # a name for these states where all sources of the kinds that give it have them in common, as

@@ -51,6 +51,10 @@ NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
 """The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
 MAX_NIS = 8.0  # of one second over its expectation
 MAX_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
+ROOM = 4.0
+"""Growth of P where a sensor is left out that the filter has used: twice the standard deviations."""
+BARRED = 60.0
+"""s for which a sensor is left out at least; each time again twice as long."""
 NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
 NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
@@ -68,7 +72,7 @@ def confirm(cursor: Cursor, t: float) -> None:
     heard of lately: one that fell silent cannot take back what it said."""
     books, contradicted = cursor.books, False
     for s in range(books.size):
-        if t - books[s].tested <= HEARD:
+        if t - books[s].tested <= HEARD and books[s].contradicts == 0:
             contradicted |= books[s].rejecting > 0
             for channel in range(CHANNELS):
                 contradicted |= books[s].fails[channel] > 0
@@ -81,6 +85,60 @@ def exclude_source(cursor: Cursor, s: int) -> None:
     """Source `s` contradicts nothing any more, until one of its fixes passes."""
     forget(cursor.books[s])
     cursor.books[s].rejecting = LEFT
+
+
+@inline
+def is_gnss(kind: int) -> bool:
+    """True for positions and velocities over ground."""
+    return kind == Kind.POSITION or kind == Kind.VELOCITY
+
+
+@helper
+def gnss_is_used(fixes: Fixes, t: float, cursor: Cursor) -> bool:
+    """True where the filter has used a position or a velocity lately, at time `t` s."""
+    for s in range(fixes.sources.size):
+        if is_gnss(fixes.sources[s].kind) and t - cursor.books[s].last_used <= HEARD:
+            return True
+    return False
+
+
+@helper
+def gnss_contradicts(fixes: Fixes, t: float, cursor: Cursor) -> bool:
+    """True where the tests of positions and those of velocities fail together: the two do not depend on
+    each other, so that the belief is wrong."""
+    position, velocity = False, False
+    for s in range(fixes.sources.size):
+        if is_gnss(fixes.sources[s].kind) and t - cursor.books[s].tested <= HEARD:
+            if fails(cursor.books[s]):
+                position |= fixes.sources[s].kind == Kind.POSITION
+                velocity |= fixes.sources[s].kind == Kind.VELOCITY
+    return position and velocity
+
+
+@helper
+def exclude_contradicting(s: int, t: float, cursor: Cursor) -> None:
+    """Leave out source `s`, which contradicts positions and velocities, until the sum of its NIS has
+    fallen again."""
+    books = cursor.books[s]
+    books.contradicts, books.rejecting = 1, 0
+    books.barred = t + BARRED * (1 << min(books.exclusions, 10))
+    books.exclusions += 1
+    books.fails[6], books.sums[6] = 1.0, MAX_OF_BOUND * NIS_ALARM
+    notify(cursor, Code.CONTRADICTS, s, t, 0.0)
+
+
+@helper
+def was_used(books: Books, t: float) -> bool:
+    """True where the filter used a source lately."""
+    return books.accepted > 0 and t - books.last_used <= HEARD
+
+
+@helper
+def make_room_for_gnss(P: Array) -> None:
+    """Let P grow as a whole: what a sensor that is left out has done to the belief shall be undone."""
+    for i in range(P.shape[0]):
+        for j in range(P.shape[0]):
+            P[i, j] *= ROOM
 
 
 @helper
@@ -342,6 +400,9 @@ def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t:
     if total > bound or fails[channel] > 0 and total > RECOVERED * bound:
         fails[channel] = 1.0
         mean = min(total / terms[channel] + allowed, most)
+        if books.contradicts > 0:
+            notify(cursor, Code.CONTRADICTS, s, t, 0.0)
+            return
         if of_nis:
             notify(cursor, Code.NIS_OFF, s, t, mean)
         else:

@@ -32,16 +32,31 @@ from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
 from ..mathematics.source import NAMED_KINDS, OBSERVE, Kind, SourceRow
 from .contract import IN_LANES
-from .cursor import Limits
-from .integrity import HEARD, NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
+from .cursor import CHANNELS, Limits
+from .integrity import (
+    HEARD,
+    MAX_NIS,
+    MAX_WHITENED,
+    MEAN_ALARM,
+    MEAN_ALLOWED,
+    NEAR_NULL,
+    NIS_ALARM,
+    NIS_ALLOWED,
+    SAME_VALUE,
+    SECOND,
+    STUCK_SAMPLES,
+)
 from .kernels import CORRECT, PREDICT
 from .loop import SAME_TIME
 from .measurement import LIFT_AFTER, REJECTED, share_states, walk
 from .tables import FIXES, Fixes
 
-IN_A_ROW, SINCE, BOOKS = range(3)
+IN_A_ROW, SINCE, NIS_SUM, NIS_COUNT = range(4)
+WHITENED, COUNTS, SUMS, BOOKS = slice(4, 7), slice(7, 10), slice(10, 10 + CHANNELS), 10 + CHANNELS
 """Columns of LaneCursor.books, a row per source: rejections since the last accepted fix, and time of
-the first of them, s."""
+the first of them, s; the running tests of its innovations, as in Books."""
+NEARLY = 0.99
+"""Part of the bound of a test from which a run goes alone."""
 NIS, USED, INNOVATION, FIX_NUMBERS = 0, 1, 2, 5
 """Columns of LaneOutput.fix: NIS, 1 where the fix was used, innovation (3)."""
 LEFT, ENDED = 0, 1
@@ -74,6 +89,7 @@ class LaneCursor(NamedTuple):
 
     state: Table[LaneState]  # one row
     last: Array  # per source: time of its last fix
+    tested: Array  # per source: when its innovations were tested last, s
     limits: Table[Limits]  # as Cursor.limits
     previous: Array  # lanes (7,): increments of the sample before, seconds
     work: Array  # lanes (WORK,)
@@ -98,6 +114,7 @@ LANE_CURSOR = record(
     LaneCursor,
     state=rows_of(LaneState, 1),
     last=reals("sources"),
+    tested=reals("sources"),
     limits=rows_of(Limits, 1),
     previous=lanes(7),
     work=lanes("work"),
@@ -256,11 +273,55 @@ def _use_fix(
     _mark(LEFT, lift | (rejected & _may_be_alone(fixes, s, t, cursor)), t, cursor)
     books[SINCE] = where(rejected & (books[IN_A_ROW] == 0.0), t, books[SINCE])
     books[IN_A_ROW] = where(rejected, books[IN_A_ROW] + 1, where(nis <= gate, 0.0, books[IN_A_ROW]))
+    if _is_tested(fixes, s):
+        _test(nis, s, t, cursor)
     nothing = math.isnan(innovation[0]) & math.isnan(innovation[1]) & math.isnan(innovation[2])
     row[NIS], row[USED] = nis, where(rejected | (nothing & math.isnan(nis)), 0.0, 1.0)
     for i in range(3):
         row[INNOVATION + i] = innovation[i]
     cursor.state[0].fix += 1
+
+
+@inline
+def _is_tested(fixes: Fixes, s: int) -> bool:
+    """True of the sources of a run with a sensor that GNSS judges, and of GNSS itself there."""
+    tested, kind = False, fixes.sources[s].kind
+    for i in range(fixes.sources.size):
+        tested |= fixes.sources[i].beside_gnss > 0
+    gnss = (kind == Kind.POSITION) | (kind == Kind.VELOCITY)
+    return tested & (gnss | (fixes.sources[s].beside_gnss > 0))
+
+
+@inline
+def _test(nis: float, s: int, t: float, cursor: LaneCursor) -> None:
+    """The running tests of a source, as `core.loop.integrity.test` has them: runs in
+    which one nearly fails must go alone."""
+    innovation, books, rows = cursor.work[SEEN], cursor.books[s], 0.0
+    whitened, counts, sums = books[WHITENED], books[COUNTS], books[SUMS]
+    for i in range(3):
+        rows += where(innovation[i] == innovation[i], 1.0, 0.0)
+        known = innovation[3 + i] == innovation[3 + i]
+        whitened[i] += where(known, innovation[3 + i], 0.0)
+        counts[i] += where(known, 1.0, 0.0)
+    several = max(rows, 1.0)
+    books[NIS_SUM] += where(nis == nis, nis / several, 0.0)
+    books[NIS_COUNT] += where(nis == nis, 1.0, 0.0)
+    if t - cursor.tested[s] < SECOND:
+        return
+    cursor.tested[s] = t
+    for i in range(3):
+        mean = whitened[i] / max(counts[i], 1.0)
+        for channel, value in ((i, mean), (3 + i, -mean)):
+            value = min(max(value, -MAX_WHITENED), MAX_WHITENED) - MEAN_ALLOWED
+            sums[channel] = max(sums[channel] + value, 0.0)
+            _mark(LEFT, sums[channel] > NEARLY * MEAN_ALARM, t, cursor)
+        whitened[i] = 0.0 * mean
+        counts[i] = 0.0 * mean
+    value = min(books[NIS_SUM] / max(books[NIS_COUNT], 1.0), MAX_NIS) - NIS_ALLOWED
+    sums[6] = max(sums[6] + value, 0.0)
+    _mark(LEFT, sums[6] * several > NEARLY * NIS_ALARM, t, cursor)
+    books[NIS_SUM] = 0.0 * value
+    books[NIS_COUNT] = 0.0 * value
 
 
 @inline

@@ -37,6 +37,10 @@ class Code(IntEnum):
     HEIGHT_AGAIN = 22
     DISTURBED = 23
     IRON_WAITS = 24
+    FROZEN = 25
+    UNCHECKED = 26
+    CONTRADICTS = 27
+    AGREES_AGAIN = 28
 
 
 class LogRow:

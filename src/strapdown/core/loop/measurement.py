@@ -2,7 +2,8 @@
 filter, the opening of its gate, and the counts of its source.
 
 Rules of the gate (docs/reference/conventions.md):
-- A source whose measurements were rejected REJECTED times in a row over at least LIFT_AFTER seconds
+- A sensor beside GNSS that contradicts it is left out (stages/contradicting.py).
+- Another source whose measurements were rejected REJECTED times in a row over at least LIFT_AFTER seconds
   has its gate opened until one passes it again. Before such a measurement is used, P is multiplied by
   NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is
   added to the variances of position. Sources of neither position nor velocity are given LIFTS such
@@ -25,12 +26,16 @@ from .integrity import (
     CONFIRM,
     LEFT,
     confirm,
+    exclude_contradicting,
     exclude_source,
     flag_unreliable,
+    gnss_is_used,
     is_plausible,
     length,
+    make_room_for_gnss,
     reachable,
     test,
+    was_used,
 )
 from .kernels import Kernels, correct_at, observe_at
 from .log import Code, notify
@@ -113,10 +118,15 @@ def _ask(
     use."""
     s, state, work = fixes.source[k], cursor.state[0], cursor.work[0]
     source, t = fixes.sources[s], fixes.t[k]
-    weighed = source.robust > 0 or source.memory > 0
+    weighed = (source.robust > 0 or source.memory > 0) and work.gate >= 0
     gate = ASK_FIRST if weighed else work.gate
     work.nis = _correct(kernels, belief, fixes, k, cursor, gate)
     lift = work.nis > max(gate, source.gate) and _is_due(cursor.books[s], work.alone, t)
+    if lift and source.beside_gnss > 0 and gnss_is_used(fixes, t, cursor):
+        exclude_contradicting(s, t, cursor)
+        if was_used(cursor.books[s], t):
+            make_room_for_gnss(belief.P)
+        lift = False
     if weighed and not lift and work.nis > gate:
         call_stage(kernels.weigh, kernels, belief, fixes, k, cursor, out.record)
     save_step(belief, state, out.record)
@@ -148,6 +158,7 @@ def _is_due(books: Books, alone: int, t: float) -> bool:
         books.in_a_row >= REJECTED
         and t - books.since >= (LIFT_ALONE if alone else LIFT_AFTER)
         and (books.lifts < LIFTS or alone > 0)
+        and books.contradicts == 0
     )
 
 
@@ -189,6 +200,8 @@ def _use(source: SourceRow, gate: float, cursor: Cursor) -> Use:
     if math.isnan(work.nis):
         if math.isnan(e[0]) and math.isnan(e[1]) and math.isnan(e[2]):
             use = Use.UNMEASURED
+    elif work.gate < 0:
+        use = Use.REJECTED
     elif work.nis > source.gate:
         # a gate that was opened from the start is no second call of `correct`
         if work.lifted > 0:
@@ -216,7 +229,7 @@ def _keep_books(
     if state.unconfirmed > 0:
         if use == Use.ACCEPTED:
             confirm(cursor, t)
-        elif use != Use.UNMEASURED and books.rejecting != LEFT:
+        elif use != Use.UNMEASURED and books.rejecting != LEFT and books.contradicts == 0:
             state.unconfirmed = CONFIRM  # measurements in a row
     if use > 0 and source.kind == Kind.POSITION and state.status == Status.INVALID:
         state.status = Status.VALID

@@ -38,6 +38,16 @@ def rotate_vector(C: Array, x: float, y: float, z: float) -> tuple[float, float,
 
 
 @helper
+def axis(k: int) -> Three:
+    """The unit vector along axis 0, 1 or 2."""
+    return (
+        1.0 if k == 0 else 0.0,
+        1.0 if k == 1 else 0.0,
+        1.0 if k == 2 else 0.0,
+    )
+
+
+@helper
 def turned_on(C: Array, r: Three, out: Array) -> None:
     """out = C (I + S(r)): C after a small rotation r (rad) in the frame on its right, to first
     order."""

@@ -90,6 +90,7 @@ class SourceRow:
     kept: float  # share of them left of the measurement before: exp(-dt / correlation_time)
     robust: int  # 1: a heavy-tailed likelihood stands in place of the gate
     memory: float  # s over which the measurement noise is followed; 0: it is as given
+    beside_gnss: int  # 1: a sensor that is left out while it contradicts positions and velocities
 
 
 SOURCE = row_of(SourceRow)

@@ -33,11 +33,31 @@ def fade(P: Array, states: Array, source: SourceRow, seconds: float, record: Arr
         if record.size > 0:
             record[2 + i] = k
         if k > 0:
-            states[k - STATES] *= keep
-            for j in range(P.shape[0]):
-                P[k, j] *= keep
-                P[j, k] *= keep
-            P[k, k] += std * std * (1 - keep * keep)
+            fade_state(P, states, k, keep, std * std * (1 - keep * keep))
+
+
+@helper
+def fade_state(P: Array, states: Array, k: int, keep: float, variance: float) -> None:
+    """c <- phi c of the state k, which gains a variance."""
+    states[k - STATES] *= keep
+    for j in range(P.shape[0]):
+        P[k, j] *= keep
+        P[j, k] *= keep
+    P[k, k] += variance
+
+
+@helper
+def forget_states(
+    P: Array, states: Array, first: int, count: int, std: float, record: Array
+) -> None:
+    """`count` states, 3 at most, from `first` on become 0 +- std again, whatever was known of them: a
+    `fade` of which nothing is left. Phi goes on the record (0,) or (5,)."""
+    if record.size > 0:
+        record[0], record[1] = FADED, 0.0
+        for i in range(3):
+            record[2 + i] = first + i if i < count else 0
+    for i in range(count):
+        fade_state(P, states, first + i, 0.0, std * std)
 
 
 @helper

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..description.source_files import times_of
-from ..reader import GUESS, Log, Section
+from ..reader import GUESS, ROLES, Log, Section
 from ..tables.table_arrays import tables_of
 from ..tables.table_file import FileTable
+from .airspeed_columns import airspeed_section
 from .column_names import ACCEL, GYRO, ColumnNames, plain
 from .gnss_columns import fix_sections
 from .imu_columns import attitude_section, imu_section, magnetometer_section
@@ -29,7 +30,7 @@ def open_table(path: Path) -> Log:
         log = _of_table(table, name if len(found) > 1 else None)
         made = any(section.keys.get("table") == MADE for section in log.sections)
         tables[MADE if made else name] = next(iter(log.tables.values()))
-        instance = {role: 0 for role in ("imu", "gnss", "magnetometer", "attitude")}
+        instance = {role: 0 for role in ROLES}
         for section in sections:
             instance[section.role] = max(instance[section.role], section.instance + 1)
         sections += [
@@ -72,11 +73,13 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     taken = [
         name for section in (imu, magnetometer) if section for name in column_names(section.keys)
     ]
+    airspeed, of_airspeed = airspeed_section(columns.without(taken), clock.keys, t)
+    taken += column_names(airspeed.keys) if airspeed else []
     fixes = fix_sections(columns.without(taken), clock.keys, t, is_imu)
     attitude, of_attitude = attitude_section(columns, clock.keys)
     sections = [
         _with_table(section, clock.assumed, name)
-        for section in (imu, *fixes.sections, magnetometer, attitude)
+        for section in (imu, *fixes.sections, magnetometer, airspeed, attitude)
         if section is not None
     ]
     asked += fixes.asked
@@ -87,7 +90,7 @@ def _of_table(table: FileTable, name: str | None) -> Log:
         )
     if fixes.made:
         table = table.with_columns(fixes.made)
-    facts += [*more, *fixes.facts, *of_field, *of_attitude]
+    facts += [*more, *fixes.facts, *of_field, *of_airspeed, *of_attitude]
     used = [
         *column_names([each.keys for each in sections]),
         *column_names(clock.keys),

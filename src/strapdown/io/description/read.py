@@ -279,11 +279,9 @@ def _make_source(
     part: SourcePart, imu_lever_arm: list[float], t: Array, y: Array, std: Array
 ) -> Source:
     """Return the Source of these rows with the other keys of its section."""
-    own: Iterable[float] = part.atmosphere.parameters if part.atmosphere else ()
+    own: Iterable[float] = part.parameters
     if part.sensor.parameters in ("antenna", "reference"):
         own = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
-    elif part.baseline:
-        own = part.baseline
     return Source(
         part.kind,
         t,
@@ -380,9 +378,9 @@ def _constraint(
     t, notes = _constraint_times(part, imu, others, where)
     shape = (len(t), len(part.sensor.quantities))
     std = np.broadcast_to(np.array(part.std, float), shape).copy()
-    if part.sensor.mean_of != "gyro":
+    if not part.sensor.mean_of:
         return t, np.full(shape, part.level or 0.0), std, notes
-    y, std, scatter = _gyro_means(part, t, std, imu)
+    y, std, scatter = _imu_means(part, t, std, imu)
     return t, y, std, notes + scatter
 
 
@@ -401,29 +399,33 @@ def _constraint_times(
     t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate
     sample = np.minimum(np.searchsorted(imu.t, t - 1e-9), len(imu.t) - 1)
     use = t > imu.t[sample] - imu.dt[sample] - 1e-9
-    if part.sensor.when != "at rest":
+    if not part.sensor.when:
         return t[use], []
-    t = t[use & vehicle_at_rest(imu, others)[sample]]
+    rests = vehicle_at_rest(imu, others)[sample]
+    if part.sensor.when == "moving":
+        return t[use & ~rests], []
+    t = t[use & rests]
     return t, [
         f"{part.kind}: "
         f"{f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never applies'}"
     ]
 
 
-def _gyro_means(part: SourcePart, t: Array, std: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
-    """(y, std, notes): the mean gyro rate over the step before each of the times t, which lie in
-    rests of at least 1 s; no std is below the scatter of these means from step to step."""
+def _imu_means(part: SourcePart, t: Array, std: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
+    """(y, std, notes): the mean reading of the IMU over the step before each of the times t. At rest, of at
+    least 1 s, no std is below the scatter of these means from step to step."""
     assert part.rate is not None
     edges, step = np.r_[imu.t[0] - imu.dt[0], imu.t], 1.0 / part.rate
     over_time = min(step, WINDOW)
-    sums = np.vstack([np.zeros(4), np.cumsum(np.c_[imu.dtheta, imu.dt], axis=0)])
+    increments = imu.dtheta if part.sensor.mean_of == "gyro" else imu.dv
+    sums = np.vstack([np.zeros(4), np.cumsum(np.c_[increments, imu.dt], axis=0)])
     over = np.stack(
         [np.interp(t, edges, each) - np.interp(t - over_time, edges, each) for each in sums.T],
         axis=1,
     )
-    y = over[:, :3] / over[:, 3:]
+    y = (over[:, :3] / over[:, 3:])[:, : std.shape[1]]
     neighbours = np.diff(t) < 1.5 * step
-    if not neighbours.any():
+    if part.sensor.when != "at rest" or not neighbours.any():
         return y, std, []
     # half, because the difference of two means has twice the variance of one
     scatter = np.sqrt(0.5 * np.mean(np.diff(y, axis=0)[neighbours] ** 2, axis=0))

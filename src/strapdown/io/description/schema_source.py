@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...aiding import find
-from ...aiding.more_parameters import BEACON, DIRECTION, direction_of
+from ...aiding.more_parameters import ATMOSPHERE, BEACON, DIRECTION, direction_of
 from ...checks import DataError, check_number, is_number
 from ...core.loop.contract import MeasurementModel
 from ...data.calibration_parameters import asked_at, requested_priors
@@ -17,6 +17,7 @@ from ...data.solution import Correlated
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...preprocessing.baseline_length import KIND as BASELINE, MIN_LENGTH
+from ...preprocessing.fixes import DRAG, MAX_DRAG
 from ...typing import Array
 from ...units.constants import MAX_TIME_CONSTANT
 from ...units.conversion import factor, spread_factor
@@ -113,6 +114,11 @@ class SourcePart(KeyPart):
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
     atmosphere: AtmospherePart | None = None
+    drag: (
+        Annotated[Finite, Field(gt=0, le=MAX_DRAG)]
+        | list[Annotated[Finite, Field(gt=0, le=MAX_DRAG)]]
+        | None
+    ) = None
     estimate: Any = None
     slip_test: bool = True
     slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
@@ -219,9 +225,18 @@ class SourcePart(KeyPart):
     @property
     def more_parameters(self) -> tuple[float, ...]:
         """Its parameters behind the lever arm. Raises DataError."""
+        if self.atmosphere is not None:
+            return self.atmosphere.parameters
         if self.beacon is not None:
             return tuple(np.radians([self.beacon.lat, self.beacon.lon])) + (self.beacon.height,)
         return () if self.direction is None else direction_of(self.direction)
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """Its first parameters, where they are no lever arm."""
+        if self.drag is not None:
+            return tuple(self.drag if isinstance(self.drag, list) else [self.drag] * 2) + (0.0,)
+        return () if self.baseline is None else tuple(self.baseline)
 
     @property
     def matrix(self) -> Array | None:
@@ -358,6 +373,19 @@ class SourcePart(KeyPart):
                 self.receiver is not None and sensor.name not in ("position", "baseline"),
                 f"receiver: {sensor.name} takes none; only a position or a baseline has classes",
             ),
+            (
+                (self.drag is None) == (sensor.parameters == DRAG),
+                f"drag: {sensor.name} "
+                + (
+                    "takes none"
+                    if self.drag
+                    else "needs it: of the rotors, 1/s, 0.1 to 0.6 as a rule"
+                ),
+            ),
+            (
+                isinstance(self.drag, list) and len(self.drag) != 2,
+                "drag: give one coefficient, or two: forward and to the right",
+            ),
             *(
                 (
                     getattr(self, key) is not None and not is_field,
@@ -371,7 +399,7 @@ class SourcePart(KeyPart):
                 f"ellipsoid",
             ),
             (
-                self.atmosphere is not None and sensor.parameters != "atmosphere",
+                self.atmosphere is not None and sensor.more_parameters != ATMOSPHERE,
                 f"atmosphere: {sensor.name} takes none; an indicated airspeed does",
             ),
             (

@@ -255,7 +255,7 @@ def _sections(
         for keys in every
     ]
     if quality is not None:
-        made[:1] = by_class(made[0], quality, "Q", CARRIER)
+        made[:1] = by_class(made[0], quality, "Q", CARRIER, "ns" if "ns" in there else "")
     return [
         *made,
         Section("reference", "reference", reference, 0, title, left=why),

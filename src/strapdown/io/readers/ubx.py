@@ -13,6 +13,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...units.time_scales import gps_from_unix
+from ..decoding.antenna_pair import baseline_section
 from ..decoding.carrier_classes import by_class
 from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
@@ -123,7 +124,7 @@ def _fixes(
         moving = bool(np.isfinite(columns["velN"]).any())
         pair = _pair(table, moving, time, instance, title, why)
         if "carrSoln" in columns:
-            pair[:1] = by_class(pair[0], columns["carrSoln"], "carrSoln", CARRIER)
+            pair[:1] = by_class(pair[0], columns["carrSoln"], "carrSoln", CARRIER, "numSV")
         sections += pair
         if late or twice:
             left.append(
@@ -200,21 +201,14 @@ def _baseline(
         return []
     name = UbxMessage.NAV_RELPOSNED.title
     tables[name] = _table(path, name, columns, time)
-    vectors = np.stack([columns[f"relPos{axis}"] for axis in "NED"], axis=1)
-    length = round(float(np.median(np.linalg.norm(vectors, axis=1))), 3)
     keys = {
-        "kind": "baseline",
         "table": name,
         "time": time.time,
         "columns": ["relPosN", "relPosE", "relPosD"],
-        "unit": "m",
         "std": ["accN", "accE", "accD"],
-        "baseline": [length, 0.0, 0.0],
     }
-    assumed = {"baseline": "forward, and as long as measured: the file does not say how it lies"}
-    title = f"{name}, {many} vectors of {length:g} m"
-    why = "how it lies in the vehicle is not in the file; --take baseline=0 takes it as forward"
-    return [Section("source", "baseline", keys, 0, title, assumed, why)]
+    vectors = np.stack([columns[column] for column in keys["columns"]], axis=1)
+    return [baseline_section(keys, vectors, name)]
 
 
 def _epochs(found: Columns, time: CyclicClock, sentences: Sentences) -> ImuEpochs:

@@ -12,6 +12,7 @@ from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.px4 import (
     DELAYS,
     SINCE_2001,
+    baselines,
     imus,
     is_unix,
     others,
@@ -57,9 +58,10 @@ def open_ulog(path: Path) -> Log:
     }
     sections, left = imus(log)
     of_receivers, more = receivers(log)
-    left += more
+    of_antennas, vectors_left = baselines(log)
+    left += more + vectors_left
     head = _head(log, of_receivers)
-    sections += of_receivers + others(log, "date" in head)
+    sections += of_receivers + of_antennas + others(log, "date" in head)
     for columns, section in trajectories(log):
         table = section.keys["table"]
         makers[table] = partial(FileTable.of, f"{path} [{table}]", columns)

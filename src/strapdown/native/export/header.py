@@ -27,13 +27,14 @@ PARAMETERS = {
     "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
     "field": "magnetic field, T, NED (3)",
     "baseline": "vector from the first to the second antenna, m, body (3)",
-    "atmosphere": "air pressure, Pa, and temperature, K, at a height, m (3); 0 is the ICAO atmosphere",
+    "drag": "drag coefficients of the rotors forward and to the right, 1/s (2), then 0",
 }
 """Meanings of the parameters of a source, by `MeasurementModel.parameters`."""
 MORE_PARAMETERS = {
     "": "",
     "direction": ", then the direction, a unit vector, body (3)",
     "beacon": ", then latitude and longitude, rad, and ellipsoidal height, m, of the beacon (3)",
+    "atmosphere": ", then air pressure, Pa, and temperature, K, at a height, m (3); 0 is the ICAO atmosphere",
 }
 """The same by `MeasurementModel.more_parameters`."""
 

@@ -167,6 +167,12 @@ CODE = ExportNames(
             "Earth's; value: its strength, T",
             "IRON_WAITS": "magnetic field of source `which` left out until the heading is known well enough "
             "to estimate its hard iron; value: standard deviation of the heading, rad",
+            "FROZEN": "measurement through the air of source `which` left out, because it holds one value; "
+            "value: for how long, s",
+            "UNCHECKED": "measurement through the air of source `which` left out, because such measurements "
+            "contradict positions or velocities; value: since when, s",
+            "CONTRADICTS": "source `which` left out, because it contradicts position and velocity",
+            "AGREES_AGAIN": "source `which` agrees with position and velocity again and is used",
             "TOO_FAR": "position of source `which` farther away than the vehicle can have moved",
             "OUT_OF_RANGE": "axis `which` (gyro 0-2, accelerometer 3-5) read value, beyond its range",
             "FULL_SCALE": "axis `which` at full scale",

@@ -15,6 +15,7 @@ from ..tables import Fixes
 from . import (
     adaptive,
     clock,
+    contradicting,
     dead_reckoning,
     disturbed_field,
     heights,
@@ -22,15 +23,18 @@ from . import (
     robust,
     side_slip,
     time_correlated,
+    unchecked_air,
 )
 
 PREPARE = (
     (disturbed_field.exclude_disturbed_field, disturbed_field.is_needed),
+    (unchecked_air.exclude_unchecked_air, unchecked_air.is_needed),
     (clock.look_back, clock.is_needed),
     (side_slip.inflate_side_slip, side_slip.is_needed),
     (time_correlated.fade_errors, time_correlated.is_needed),
     (adaptive.inflate_std, adaptive.is_needed),
     (heights.compare_heights, heights.is_needed),
+    (contradicting.judge_beside_gnss, contradicting.is_needed),
     (dead_reckoning.alone, dead_reckoning.is_needed),
 )
 """(kernel, whether a run with these sources and this cursor needs it) in the order in which a measurement goes through

@@ -27,7 +27,7 @@ def alone(
     then in the work."""
     s, work = fixes.source[k], cursor.work[0]
     source = fixes.sources[s]
-    if work.believable and _carries_alone(kernels, belief, fixes, k, cursor):
+    if work.believable and work.gate >= 0 and _carries_alone(kernels, belief, fixes, k, cursor):
         work.alone = 1
         if source.robust == 0 and not source.memory > 0 and fails(cursor.books[s]):
             work.gate *= OPENED

@@ -240,7 +240,8 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
         ({**columns, **std.key, **geoid}, std.assumed),
         ({**velocity, **std_of_velocity.key}, std_of_velocity.assumed),
     )
-    return [*by_class(position, fixes["Status"], "Status", CARRIER), of_velocity]
+    satellites = "NSats" if "NSats" in fixes else ""
+    return [*by_class(position, fixes["Status"], "Status", CARRIER, satellites), of_velocity]
 
 
 def others(log: DataFlash, dated: bool) -> dict[str, tuple[Columns, Section]]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ....preprocessing.plausible import is_temperature
 from ....units.time_scales import rate_of
 from ...reader import GUESS, Section
+from ..antenna_pair import baseline_section
 from ..carrier_classes import by_class
 from . import autopilot
 from .ulog import ULog
@@ -54,6 +55,10 @@ FIX |= VELOCITY
 OLD = FIX | {"lat", "lon", "alt", "alt_ellipsoid"}
 NEW = FIX | {"latitude_deg", "longitude_deg", "altitude_msl_m", "altitude_ellipsoid_m"}
 INTEGRALS = {f"delta_{of}{k}" for of in ("angle", "velocity") for k in TRIPLE}
+VECTOR, VECTOR_STD = ([f"{name}{k}" for k in TRIPLE] for name in ("position", "position_accuracy"))
+RELATIVE = ("gnss_fix_ok", "relative_position_valid", "moving_base_mode")
+"""Flags of a vector between two antennas of the vehicle that is right; then its carrier solution counts."""
+CARRIER_FLAGS = ("carrier_solution_fixed", "carrier_solution_floating")
 NEEDED: dict[str, list[set[str]]] = {
     "vehicle_imu": [INTEGRALS | {"delta_angle_dt", "delta_velocity_dt"}],
     "sensor_combined": [{*GYRO, *ACCEL}],
@@ -65,6 +70,7 @@ NEEDED: dict[str, list[set[str]]] = {
     "vehicle_air_data": [{"baro_pressure_pa"}],
     "airspeed": [{"true_airspeed_m_s"}],
     "airspeed_validated": [{"true_airspeed_m_s", "selected_airspeed_index"}],
+    "sensor_gnss_relative": [{*VECTOR, *VECTOR_STD, *RELATIVE, *CARRIER_FLAGS}],
 }
 """Fields that a topic must have, with the alternatives."""
 EQUAL = (
@@ -75,8 +81,8 @@ EQUAL = (
 
 def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
     """(columns, their rows in the log) of a topic, with times as signed numbers. A receiver keeps
-    only fixes with a height, an airspeed only rows of a sensor, not those of ground speed and wind;
-    increments get mean rates as well."""
+    only fixes with a height, a pair of antennas only vectors with a carrier solution, an airspeed only rows
+    of a sensor, not those of ground speed and wind; increments get mean rates as well."""
     found = {
         key: values.astype(np.int64) if key.startswith("timestamp") else values
         for key, values in log.columns(name, instance).items()
@@ -84,6 +90,10 @@ def topic_columns(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray
     rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
     if "selected_airspeed_index" in found:
         rows = np.flatnonzero(found["selected_airspeed_index"] > 0)
+        found = {key: values[rows] for key, values in found.items()}
+    if found.keys() >= {*RELATIVE, *CARRIER_FLAGS}:
+        good = np.all([found[flag] for flag in RELATIVE], axis=0)
+        rows = np.flatnonzero(good & np.any([found[flag] for flag in CARRIER_FLAGS], axis=0))
         found = {key: values[rows] for key, values in found.items()}
     if "fix_type" in found:
         rows = np.flatnonzero(np.isin(found["fix_type"], FIX_3D))
@@ -360,8 +370,37 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
         ({**moved, **std_of_velocity.key}, std_of_velocity.assumed),
         left,
     )
-    classes = by_class(of_position_alone, fixes["fix_type"], "fix_type", CARRIER)
+    classes = by_class(
+        of_position_alone,
+        fixes["fix_type"],
+        "fix_type",
+        CARRIER,
+        "satellites_used" if "satellites_used" in fixes else "",
+    )
     return [*classes, of_velocity]
+
+
+def baselines(log: ULog) -> tuple[list[Section], list[str]]:
+    """(sections, lines on what is left out) of the vectors between two antennas of the vehicle."""
+    name, sections = "sensor_gnss_relative", []
+    left = missing_field_lines(log, name)
+    for instance in sorted(instances(log, name)):
+        found, rows = topic_columns(log, name, instance)
+        table, every = f"{name} {instance}", len(log.columns(name, instance)["timestamp"])
+        if every > len(rows):
+            left.append(
+                f"{table}: {every - len(rows)} of {every} rows without a carrier solution to an antenna "
+                "that moves along"
+            )
+        if not len(rows):
+            continue
+        time, why = _time(log, found, _slot(log.parameters, found, instance))
+        keys = {"table": table, "time": time, "columns": VECTOR, "std": VECTOR_STD}
+        vectors = np.stack([found[column] for column in VECTOR], axis=1)
+        section = baseline_section(keys, vectors, table, instance)
+        assumed = {**section.assumed, **({"time": why} if why else {})}
+        sections.append(section._replace(assumed=assumed))
+    return sections, left
 
 
 def _slot(parameters: Mapping[str, float], fixes: Columns, instance: int) -> int:

@@ -152,7 +152,13 @@ def _positions(found: Sorting) -> list[Section]:
             assumed["geoid"] = "the sentences do not state its separation"
         title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
         section = Section("source", "gnss", keys, 0, title, assumed)
-        return by_class(section, table.cells("quality"), "quality", CARRIER)
+        return by_class(
+            section,
+            table.cells("quality"),
+            "quality",
+            CARRIER,
+            "satellites" if name in ("GGA", "GNS") else "",
+        )
     return []
 
 
@@ -205,6 +211,8 @@ def _place_columns(name: str, kind: SentenceKind) -> dict[str, NDArray[Any]]:
             "altitude": kind.numbers(9),
             "separation": separation,
             "hdop": kind.numbers(8),
+            "satellites": kind.numbers(7),
+            "age": kind.numbers(13 if name == "GGA" else 11),
         }
     return found | {"altitude": nothing, "separation": nothing, "hdop": nothing}
 

@@ -7,13 +7,15 @@ from numpy.typing import NDArray
 
 from ....typing import Array, Ints
 from .cyclic_times import CyclicClock, in_order, same_time
-from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
+from .ubx_frames import FIRST_RELATIVE, LAYOUTS, UbxFrames, UbxMessage
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
 """Flags of NAV-PVT: date and time of day are valid."""
 RELATIVE = 0x25
 """Flags of NAV-RELPOSNED: the fix is right, its components are valid, and the base moves."""
+AGES = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120] + [np.inf] * 4)
+"""s: upper bounds of the ages of corrections that flags3 of NAV-PVT has as a number; NaN without any."""
 MIN_STD = 1e-3
 """m and m/s, the resolution of NAV-PVT: a smaller standard deviation appears as 0."""
 
@@ -31,7 +33,7 @@ def solutions(frames: UbxFrames, clock: CyclicClock) -> tuple[str, Columns]:
         if len(records):
             found = read(frames, clock, place, records)
             if key == UbxMessage.NAV_PVT:
-                found = _high_precision(frames, clock, found)
+                found = _high_precision(frames, clock, found) | _protection(frames, clock, found)
             return key.title, found
     return "", {}
 
@@ -50,12 +52,12 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
 def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
     """NAV-RELPOSNED of a base that moves with the vehicle, in m: vectors from its antenna to that of
     this receiver, in the order of time. Rows without a carrier solution are left out."""
-    place, records = frames.records(UbxMessage.NAV_RELPOSNED, LAYOUTS[UbxMessage.NAV_RELPOSNED])
+    row, place, records = _relative(frames)
     flags = records["flags"]
-    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0) & (records["version"] == 1)
-    place, records = place[good], records[good]
+    good = (flags & RELATIVE == RELATIVE) & (carrier_of(flags) > 0)
+    row, place, records = row[good], place[good], records[good]
     found: Columns = {
-        "row": np.flatnonzero(good),
+        "row": row,
         "t": clock.ms(place, records["iTOW"]),
         "carrier": carrier_of(records["flags"]),
     }
@@ -65,6 +67,17 @@ def baselines(frames: UbxFrames, clock: CyclicClock) -> Columns:
         found[f"acc{axis}"] = np.maximum(records[f"acc{axis}"] / 1e4, MIN_STD)
     order, _, _ = in_order(found["t"])
     return {name: values[order] for name, values in found.items()}
+
+
+def _relative(frames: UbxFrames) -> tuple[Ints, Ints, NDArray[Any]]:
+    """(rows among all of them, places, records) of NAV-RELPOSNED of either version; a file has one."""
+    key = UbxMessage.NAV_RELPOSNED
+    for version, layout in enumerate((FIRST_RELATIVE, LAYOUTS[key])):
+        place, records = frames.records(key, layout)
+        row = np.flatnonzero(records["version"] == version)
+        if len(row) or version:
+            break
+    return row, place[row], records[row]
 
 
 def carrier_of(flags: NDArray[Any]) -> NDArray[Any]:
@@ -100,6 +113,8 @@ def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[An
     found |= {name: records[name] / 1e3 for name in names}
     if records.dtype == LAYOUTS[UbxMessage.NAV_PVT]:
         found["ok"] &= records["flags3"] & 1 == 0
+        found["numSV"] = records["numSV"]
+        found["correctionAge"] = AGES[records["flags3"] >> 1 & 15]
     return found
 
 
@@ -144,6 +159,19 @@ def _high_precision(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Co
         at = same_time(found["t"], t, values)
         found[name] = np.where(np.isfinite(at), at, found[name])
     return found
+
+
+def _protection(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Columns:
+    """The protection levels of NAV-PL at the epochs, m: plPos1 to plPos3, of which the third is vertical;
+    {} without the message, NaN where the receiver holds them for invalid."""
+    place, records = frames.records(UbxMessage.NAV_PL, LAYOUTS[UbxMessage.NAV_PL])
+    valid = records["plPosValid"] == 1
+    t = clock.ms(place, records["iTOW"])
+    return {
+        name: same_time(found["t"], t, np.where(valid, records[name] / 1e3, np.nan))
+        for name in ("plPos1", "plPos2", "plPos3")
+        if len(records)
+    }
 
 
 def _at(

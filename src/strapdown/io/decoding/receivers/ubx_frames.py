@@ -31,6 +31,7 @@ class UbxMessage(IntEnum):
     NAV_PVAT = 0x0117
     NAV_TIMEGPS = 0x0120
     NAV_RELPOSNED = 0x013C
+    NAV_PL = 0x0162
     ESF_MEAS = 0x1002
     ESF_RAW = 0x1003
     ESF_ALG = 0x1014
@@ -147,6 +148,19 @@ def _solution(at: int) -> dict[str, tuple[int, str]]:
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
 
 
+def _relative(finer: int, accuracy: int, flags: int) -> dict[str, tuple[int, str]]:
+    """The fields of a NAV-RELPOSNED whose high-precision parts, accuracies and flags begin at these
+    offsets."""
+    found = {"version": (0, "u1"), "iTOW": (4, "u4"), "flags": (flags, "u4")}
+    for i, axis in enumerate("NED"):
+        found |= {
+            f"relPos{axis}": (8 + 4 * i, "i4"),
+            f"relPosHP{axis}": (finer + i, "i1"),
+            f"acc{axis}": (accuracy + 4 * i, "u4"),
+        }
+    return found
+
+
 LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     UbxMessage.NAV_PVT: _layout(
         iTOW=(0, "u4"),
@@ -154,6 +168,7 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
         valid=(11, "u1"),
         fixType=(20, "u1"),
         flags=(21, "u1"),
+        numSV=(23, "u1"),
         **_solution(24),
         sAcc=(68, "u4"),
         flags3=(78, "u2"),
@@ -198,19 +213,13 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
     ),
     UbxMessage.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
     UbxMessage.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
-    UbxMessage.NAV_RELPOSNED: _layout(
-        version=(0, "u1"),
-        iTOW=(4, "u4"),
-        relPosN=(8, "i4"),
-        relPosE=(12, "i4"),
-        relPosD=(16, "i4"),
-        relPosHPN=(32, "i1"),
-        relPosHPE=(33, "i1"),
-        relPosHPD=(34, "i1"),
-        accN=(36, "u4"),
-        accE=(40, "u4"),
-        accD=(44, "u4"),
-        flags=(60, "u4"),
+    UbxMessage.NAV_RELPOSNED: _layout(**_relative(32, 36, 60)),
+    UbxMessage.NAV_PL: _layout(
+        plPosValid=(3, "u1"),
+        iTOW=(12, "u4"),
+        plPos1=(16, "u4"),
+        plPos2=(20, "u4"),
+        plPos3=(24, "u4"),
     ),
     UbxMessage.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
@@ -218,6 +227,8 @@ LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
 }
 """From the interface descriptions of u-blox 6, M8 and F9 (UBX-NAV, UBX-ESF). A layout ends with the
 last necessary field, because newer receivers append fields."""
+FIRST_RELATIVE = _layout(**_relative(20, 24, 36))
+"""NAV-RELPOSNED of version 0, of the M8P."""
 
 
 # ---- moments
