@@ -31,7 +31,7 @@ from ..core.loop.contract import (
     kernel,
 )
 from ..core.mathematics.elementary import arctangent2, exponential, logarithm
-from ..core.mathematics.rotation import wrap
+from ..core.mathematics.rotation import axis, wrap
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from . import augmented
@@ -78,7 +78,7 @@ def air_velocity(belief: FilterState, arm: Three, source: SourceRow, H: Array) -
 @helper
 def along(k: int, a: Three, belief: FilterState, arm: Three, source: SourceRow, H: Array) -> float:
     """Component k of the velocity through the air, of an IMU whose own is a in n, and its row of H."""
-    d = augmented.axis(k)
+    d = axis(k)
     if augmented.any_of(belief, source):
         return augmented.speed_along(d, arm, k, a, 1.0, belief, source, H)
     C, w = belief.C_nb, belief.omega
