@@ -2,27 +2,20 @@
 
 import subject
 
-from adapters import Result, judged
+from adapters import judged
 
 
 def closed_loop(workload, seconds=float("inf")):
     """strapdown's closed loop; its time is that of the compiled loop, as `make bench` takes it."""
-    return _result(workload.first(seconds), subject.fuse, "closed-loop")
-
-
-def _result(w, run, name, **options):
-    path = run(w, name, **options).trajectory
-    again = subject.timed_run(w, name, **options)
+    w = workload.first(seconds)
+    path = subject.fuse(w, "closed-loop").trajectory
+    again = subject.timed_run(w, "closed-loop")
     took = min(again() for _ in range(20))  # a loop of milliseconds, on a machine with other work
     return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
 
 
 def smoothed(workload, seconds=float("inf")):
     """strapdown's RTS smoother over the closed loop; its time is that of the whole call."""
-    import time
-
-    import strapdown as sd
-
     w = workload.first(seconds)
     log, about = (
         subject.recording(w),
@@ -33,6 +26,3 @@ def smoothed(workload, seconds=float("inf")):
     path = sd.smooth(log, "closed-loop", **about).trajectory
     took = time.process_time() - begin
     return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
-
-
-__all__ = ["Result", "closed_loop", "smoothed"]
