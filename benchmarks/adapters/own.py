@@ -1,7 +1,10 @@
 """strapdown itself: the closed loop and the smoother, without a gate, as the others have none."""
 
+import time
+
 import subject
 
+import strapdown as sd
 from adapters import judged
 
 
