@@ -16,10 +16,10 @@ from ....typing import Array
 from ....units.constants import FROZEN_ROWS, FROZEN_TIME, LIVELY
 from ...compile.jit import helper, kernel
 from ...mathematics.belief import FilterState
-from ...mathematics.source import Kind, SourceRow
+from ...mathematics.source import SourceRow
 from ...mathematics.time_correlated import forget_states
 from ..cursor import Books, Cursor
-from ..integrity import fails, forget
+from ..integrity import fails, forget, is_gnss
 from ..kernels import STAGE, Kernels
 from ..log import Code, notify
 from ..tables import Fixes
@@ -77,8 +77,7 @@ def _last_check(fixes: Fixes, cursor: Cursor) -> float:
     """When a position or a velocity was used last, s."""
     last = -math.inf
     for s in range(fixes.sources.size):
-        kind = fixes.sources[s].kind
-        if kind == Kind.POSITION or kind == Kind.VELOCITY:
+        if is_gnss(fixes.sources[s].kind):
             last = max(last, cursor.books[s].last_used)
     return last
 
