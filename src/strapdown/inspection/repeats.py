@@ -13,6 +13,7 @@ from ..data.solution import Source
 from ..data.verdict import Reason
 from ..preprocessing.stationary import at_rest
 from ..typing import Array, Mask
+from ..units.constants import FROZEN_ROWS, FROZEN_TIME
 from .finding import Checked, label
 from .motion import InspectedRecording
 
@@ -31,8 +32,8 @@ HEIGHTS = ("altitude", "pressure", "pressure-altitude")
 UNLIKELY, SELDOM = 25.0, 0.05
 """-ln of the chance of so many repeated values at the end from which a source is stuck, where so small a
 share of values was repeated before."""
-STUCK_TIME, STUCK_FIXES, JUMP = 5.0, 10, 5.0
-"""A source is stuck where a value lasts for so many seconds and fixes and ends in a jump of so many
+JUMP = 5.0
+"""A source is stuck where a value lasts for FROZEN_TIME and FROZEN_ROWS and ends in a jump of so many
 usual ones."""
 
 
@@ -110,7 +111,7 @@ def _check_stuck(source: Source) -> Iterator[Reason]:
     # what is not measured does not jump
     change = np.nan_to_num(np.abs(np.diff(source.y[new] * metres, axis=0)))
     jumps = np.r_[change.max(axis=1), 0.0]
-    stuck = (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES) & (jumps > JUMP * np.median(jumps))
+    stuck = (seconds > FROZEN_TIME) & (fixes >= FROZEN_ROWS) & (jumps > JUMP * np.median(jumps))
     if not stuck.any():
         return
     k = int(np.argmax(np.where(stuck, seconds, 0)))
@@ -120,7 +121,7 @@ def _check_stuck(source: Source) -> Iterator[Reason]:
         f"s and then jumps (in all {int(stuck.sum())} times)",
         "leave those rows out",
         label(source),
-        float(min(seconds[k] / STUCK_TIME, 10.0)),
+        float(min(seconds[k] / FROZEN_TIME, 10.0)),
     )
 
 
@@ -130,7 +131,7 @@ def _check_stuck_at_end(source: Source) -> Iterator[Reason]:
     same = _same(source.y)
     begin = int(np.flatnonzero(~same)[-1]) if len(same) else 0
     stuck = len(same) - 1 - begin
-    if stuck < STUCK_FIXES or source.t[-1] - source.t[begin] < STUCK_TIME:
+    if stuck < FROZEN_ROWS or source.t[-1] - source.t[begin] < FROZEN_TIME:
         return
     usual = (same[:begin].sum() + 1) / (begin + 2)
     if usual < SELDOM and -stuck * np.log(usual) > UNLIKELY:
@@ -139,7 +140,7 @@ def _check_stuck_at_end(source: Source) -> Iterator[Reason]:
             f"the source is stuck at one value from {source.t[begin]:.1f} s to its end",
             "leave those rows out, and check the sensor",
             label(source),
-            float(stuck / STUCK_FIXES),
+            float(stuck / FROZEN_ROWS),
         )
 
 

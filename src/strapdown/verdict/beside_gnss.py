@@ -24,7 +24,7 @@ from ..geometry.rotations import Rotation
 from ..inspection.finding import clustered_least_squares, label
 from ..inspection.position_velocity import FACTORS
 from ..typing import Array, Ints, Mask
-from ..units.constants import STANDARD_GRAVITY
+from ..units.constants import FROZEN_ROWS, FROZEN_TIME, STANDARD_GRAVITY
 
 GNSS = ("position", "velocity")
 LENGTHS = {1 / 0.3048: "feet read as m", 0.3048: "m read as feet"}
@@ -56,8 +56,8 @@ WITHIN = 3.0
 """Prior standard deviations within which a scale or a clock that the filter estimates is no reason."""
 EXPLAINED = 0.3
 """Share of the squares of what is off that a scale, a clock or a place must explain."""
-HELD_TIME, HELD_ROWS, HELD_CHANGE = 5.0, 10, 5.0
-"""A value is held for so many seconds and rows, while it should change by so many standard deviations."""
+HELD_CHANGE = 5.0
+"""Standard deviations by which a value should change while it is held FROZEN_TIME and FROZEN_ROWS."""
 MAX_FIELD, PART = 0.1, 0.1
 """Share of the strength by which a field may be off, and the share of time in which it may be more."""
 FAR = 10.0
@@ -197,7 +197,7 @@ def _held_value(each: ExpectedReadings) -> Reason | None:
     """A Reason where a value is held while it should change."""
     new = np.flatnonzero(np.r_[True, (each.y[1:] != each.y[:-1]).any(axis=1)])
     last = np.r_[new[1:], len(each.t)] - 1
-    long = np.flatnonzero((each.t[last] - each.t[new] > HELD_TIME) & (last - new >= HELD_ROWS))
+    long = np.flatnonzero((each.t[last] - each.t[new] > FROZEN_TIME) & (last - new >= FROZEN_ROWS))
     should = np.array(
         [
             float((np.ptp(each.h[a : b + 1], axis=0) / each.std[a]).max())
@@ -216,7 +216,7 @@ def _held_value(each: ExpectedReadings) -> Reason | None:
         f"contradicts{times}"
     )
     remedy = "leave those rows out, or their cells empty: the sensor is stuck, or sees nothing then"
-    weight = min(float(seconds.max()) / HELD_TIME, 10.0)
+    weight = min(float(seconds.max()) / FROZEN_TIME, 10.0)
     return Reason("repeated", seen, remedy, label(each.source), weight)
 
 
