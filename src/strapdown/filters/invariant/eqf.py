@@ -22,8 +22,8 @@ from ..ins.closed_loop import predict
 from .adjoint_change import SMOOTHER
 from .composed import FIRST, SECOND_ORDER, SLOTS, compose
 from .group_errors import IN_GROUP, RIGHT
-from .half_way import measure_half_way
 from .iekf import on_group, say_usual
+from .second_order import measure_to_second_order
 
 
 def start(start: InitialState, noise: Noise, form: str = SECOND_ORDER) -> FilterState:
@@ -46,7 +46,7 @@ def correct(
 ) -> float:
     """Correct P; compose the correction along the group, on the right."""
     whole = belief.workspace[FIRST]
-    nis = measure_half_way(belief, y, std, observe, source, gate, innovation, whole)
+    nis = measure_to_second_order(belief, y, std, observe, source, gate, innovation, whole)
     if nis <= gate:
         compose(belief, RIGHT)
     return nis

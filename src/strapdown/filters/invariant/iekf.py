@@ -28,7 +28,7 @@ from ..ins.closed_loop import predict
 from .adjoint_change import SMOOTHER
 from .composed import BIASES, FIRST, FORMS, PUBLISHED, SECOND_ORDER, SLOTS, compose
 from .group_errors import ADDED, IN_GROUP, LEFT, RIGHT
-from .half_way import IN_BODY, measure_half_way
+from .second_order import IN_BODY, measure_to_second_order
 
 BIAS_ERRORS = ("added", "two-frame")
 NOT_OF_THE_POSE = ("heading", "course", "attitude", "range")
@@ -82,7 +82,7 @@ def correct(
     if belief.workspace[FIRST] > 0:
         nis = measure(belief, y, std, observe, source, gate, innovation)
     else:
-        nis = measure_half_way(belief, y, std, observe, source, gate, innovation, 0.0)
+        nis = measure_to_second_order(belief, y, std, observe, source, gate, innovation, 0.0)
     if nis <= gate:
         compose(belief, RIGHT if source.pose_axes == IN_BODY else LEFT)
     return nis
