@@ -37,7 +37,11 @@ def flown(chi, r, a):
 
 def begun(seed):
     rng = np.random.default_rng(seed)
-    return pose(Rotation.random(random_state=seed).as_matrix(), 50 * rng.normal(size=3), 1e3 * rng.normal(size=3))
+    return pose(
+        Rotation.random(random_state=seed).as_matrix(),
+        50 * rng.normal(size=3),
+        1e3 * rng.normal(size=3),
+    )
 
 
 def test_a_large_error_goes_its_way_whatever_the_trajectory():
@@ -47,7 +51,9 @@ def test_a_large_error_goes_its_way_whatever_the_trajectory():
     ends = []
     for seed in (2, 3):
         known = begun(seed)
-        ends.append(error_on_group(flown(known @ expm(algebra(xi)), r, a), flown(known, r, a), LEFT))
+        ends.append(
+            error_on_group(flown(known @ expm(algebra(xi)), r, a), flown(known, r, a), LEFT)
+        )
     assert np.linalg.norm(ends[0] - xi) > 10
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-10 * np.linalg.norm(ends[0]))
 
