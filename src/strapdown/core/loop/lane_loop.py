@@ -45,10 +45,11 @@ from .integrity import (
     SAME_VALUE,
     SECOND,
     STUCK_SAMPLES,
+    share_states,
 )
 from .kernels import CORRECT, PREDICT
 from .loop import SAME_TIME
-from .measurement import LIFT_AFTER, REJECTED, share_states, walk
+from .measurement import LIFT_AFTER, REJECTED, walk
 from .tables import FIXES, Fixes
 
 IN_A_ROW, SINCE, NIS_SUM, NIS_COUNT = range(4)
