@@ -71,7 +71,7 @@ def judge_beside_gnss(
     if books.contradicts > 0:
         work.gate = ASK_FIRST
         notify(cursor, Code.CONTRADICTS, s, t, 0.0)
-    elif not checked and last <= books.proven:
+    elif not checked and last < books.proven:
         _exclude(Code.UNCHECKED, s, t, t - last, cursor)
     if source.states > 0 and _is_frozen(books, fixes.y[k, 0], t):
         _exclude(Code.FROZEN, s, t, t - books.held_since, cursor)
