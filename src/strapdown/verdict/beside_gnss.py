@@ -55,7 +55,8 @@ factor is that of a unit."""
 WITHIN = 3.0
 """Prior standard deviations within which a scale or a clock that the filter estimates is no reason."""
 EXPLAINED = 0.3
-"""Share of the squares of what is off that a scale, a clock or a place must explain."""
+"""Share of the squares of what is off that a scale or a place must explain, and a clock that comes before
+other causes: of a precise sensor a clock explains little, and other mistakes look like one."""
 HELD_CHANGE = 5.0
 """Standard deviations by which a value should change while it is held FROZEN_TIME and FROZEN_ROWS."""
 MAX_FIELD, PART = 0.1, 0.1
@@ -113,6 +114,8 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
         found = _disturbance(each)
     if found is None and each.source.kind == "range":
         found = _far_off(each)
+    if found is None and fit is not None:
+        found = _of_clock(each, fit)
     if found is not None:
         yield found
 
@@ -224,7 +227,8 @@ def _fit(each: ExpectedReadings) -> ReadingFit | None:
     """Scale and clock by least squares, without what is far off; None where the motion does not show
     them."""
     count, k = each.y.shape
-    slope = np.gradient(each.h, each.t, axis=0)
+    # backwards: what comes after has the correction by this reading in it
+    slope = np.diff(each.h, axis=0, prepend=each.h[:1]) / np.diff(each.t, prepend=-np.inf)[:, None]
     w = 1 / each.std
     constants = np.zeros((count, k, k))
     constants[:, range(k), range(k)] = 1.0
@@ -262,12 +266,18 @@ def _known_prior(each: ExpectedReadings, name: str, least: float) -> float:
 
 def _of_fit(each: ExpectedReadings, fit: ReadingFit) -> Reason | None:
     """A Reason of a wrong sign, unit, scale or clock."""
-    name, off = label(each.source), abs(fit.scale - 1)
+    off = abs(fit.scale - 1)
     least = max(_known_prior(each, "scale", MAX_SCALE), SURE * fit.scale_std)
     if fit.explained < EXPLAINED:
         return None
     if off > least:
         return _of_scale(each, fit, min(off / least, 10.0))
+    return _of_clock(each, fit)
+
+
+def _of_clock(each: ExpectedReadings, fit: ReadingFit) -> Reason | None:
+    """A Reason of a wrong clock."""
+    name = label(each.source)
     least = max(_known_prior(each, "clock", MAX_LAG), SURE * fit.lag_std)
     if abs(fit.lag) > least:
         seen = f"it is {fit.lag:+.2f} +- {fit.lag_std:.2f} s late against the solution"
