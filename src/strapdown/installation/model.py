@@ -20,7 +20,7 @@ from ..core.mathematics.error_dynamics import cross_matrix
 from ..core.mathematics.rotation_vectors import exponentials
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
-from ..data.solution import Source
+from ..data.solution import GNSS, Source
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
@@ -30,7 +30,6 @@ from ..preprocessing.lever_arm import lever_arm_of
 from ..preprocessing.rotated_imu import with_the_imu
 from ..typing import Array, Ints
 
-GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
 """{kind of measurement: body axis along which it sees the velocity of the vehicle}."""
 VECTOR, BEAM = "body-velocity", "beam-velocity"

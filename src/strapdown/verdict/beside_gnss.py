@@ -17,7 +17,7 @@ from ..aiding.depth import SEAWATER
 from ..aiding.pressure import P_0
 from ..core.loop.contract import ATT
 from ..core.loop.integrity import HEARD
-from ..data.solution import Innovations, Solution, Source
+from ..data.solution import GNSS, Innovations, Solution, Source
 from ..data.verdict import Reason
 from ..geometry.geodesy import displacement
 from ..geometry.rotations import Rotation
@@ -26,7 +26,6 @@ from ..inspection.position_velocity import FACTORS
 from ..typing import Array, Ints, Mask
 from ..units.constants import FROZEN_ROWS, FROZEN_TIME, STANDARD_GRAVITY
 
-GNSS = ("position", "velocity")
 LENGTHS = {1 / 0.3048: "feet read as m", 0.3048: "m read as feet"}
 FIELDS = {
     1e-2: "gauss read as uT",
