@@ -16,7 +16,7 @@ import numpy as np
 from ..aiding.depth import SEAWATER
 from ..aiding.pressure import P_0
 from ..core.loop.contract import ATT
-from ..core.loop.integrity import HEARD
+from ..core.loop.integrity import BARRED, HEARD
 from ..data.solution import GNSS, Innovations, Solution, Source
 from ..data.verdict import Reason
 from ..geometry.geodesy import displacement
@@ -62,8 +62,14 @@ MAX_FIELD, PART = 0.1, 0.1
 """Share of the strength by which a field may be off, and the share of time in which it may be more."""
 FAR = 10.0
 """m by which a beacon must be off."""
+OF_SET_UP = ("unit", "scale", "clock")
+"""Causes that are there from the beginning."""
 KNOWN_HEADING = np.radians(3.0)
 """rad: standard deviation of a heading from which no field is compared."""
+
+
+AGREED = 0.9
+"""Share of readings that a filter uses of a sensor that agrees with GNSS."""
 
 
 class ExpectedReadings(NamedTuple):
@@ -75,6 +81,13 @@ class ExpectedReadings(NamedTuple):
     h: Array  # (n, k)
     std: Array  # (n, k) of y - h, as stated
     towards: Array  # (n, 3) of a range: by what it grows with each metre of the beacon's place, NED
+    until: float  # s, until when the filter used it, where it agreed for some time before; else inf
+
+    def before(self) -> "ExpectedReadings":
+        """Those of the time when it agreed."""
+        early = self.t < self.until
+        parts = (self.t, self.y, self.h, self.std, self.towards)
+        return ExpectedReadings(self.source, *(part[early] for part in parts), self.until)
 
 
 class ReadingFit(NamedTuple):
@@ -115,8 +128,44 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
         found = _far_off(each)
     if found is None and fit is not None:
         found = _of_clock(each, fit)
+    if (found is None or found.cause in OF_SET_UP) and _has_changed(each):
+        found = _change(each)
     if found is not None:
         yield found
+
+
+def _has_changed(each: ExpectedReadings) -> bool:
+    """True where a sensor agreed for some time, without what its readings show later."""
+    if not np.isfinite(each.until):
+        return False
+    early = each.before()
+    fit = _fit(early) if len(early.t) >= MIN_ROWS else None
+    return fit is None or (_of_fit(early, fit) or _of_clock(early, fit)) is None
+
+
+def _change(each: ExpectedReadings) -> Reason:
+    """A Reason of a sensor or GNSS that has become wrong, in place of one of a constant."""
+    seconds, left = each.until - each.t[0], each.t[-1] - each.until
+    seen = (
+        f"it agreed with position and velocity for {seconds:.0f} s and contradicts them from "
+        f"{each.until:.1f} s on: either has become wrong"
+    )
+    remedy = "compare both with a third source, and leave out the one that errs: GNSS may be spoofed"
+    return Reason("outliers", seen, remedy, label(each.source), min(left / BARRED, 10.0))
+
+
+def _agreed_until(t: Array, accepted: Mask) -> float:
+    """s until when a filter used a sensor that it left out later for BARRED s or more, and that agreed as
+    long before; inf of others."""
+    first = np.flatnonzero(accepted)
+    if not len(first):
+        return np.inf
+    ends = np.flatnonzero(np.diff(np.r_[t[accepted], t[-1]]) >= BARRED)
+    if not len(ends):
+        return np.inf
+    last = first[ends[0]]
+    agreed = t[last] - t[0] >= BARRED and np.mean(accepted[: last + 1]) >= AGREED
+    return float(t[last]) if agreed else np.inf
 
 
 # ---- what is expected
@@ -148,7 +197,9 @@ def _expected_readings(
     whole = np.isfinite(y).all(axis=1) & np.isfinite(h).all(axis=1)
     if whole.sum() < MIN_ROWS:
         return None
-    return ExpectedReadings(source, own_t[whole], y[whole], h[whole], std[whole], towards[whole])
+    until = _agreed_until(every.t[own], every.accepted[own])
+    parts = (own_t, y, h, std, towards)
+    return ExpectedReadings(source, *(part[whole] for part in parts), until)
 
 
 def _sources(solution: Solution) -> tuple[Source, ...]:
