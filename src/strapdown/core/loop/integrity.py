@@ -132,14 +132,13 @@ def share_states(a: SourceRow, b: SourceRow) -> bool:
 @helper
 def exclude_contradicting(fixes: Fixes, s: int, t: float, cursor: Cursor) -> bool:
     """Leave out source `s`, which contradicts positions and velocities, and all that share its states: they
-    rest on what it made of these. True where P must grow, to undo what the source has done to the belief;
-    states of its own are forgotten instead."""
+    rest on what it made of these. True where P must grow, to undo what the source has done to the belief."""
     source, books = fixes.sources[s], cursor.books[s]
     seconds = BARRED * (1 << min(books.exclusions, 10))
     for i in range(fixes.sources.size):
         if i == s or share_states(source, fixes.sources[i]):
             _bar(i, t, seconds, cursor)
-    return source.states == 0 and was_used(books, t)
+    return was_used(books, t)
 
 
 @helper

@@ -7,8 +7,9 @@ clock is wrong, it is stuck, or what it looks at is disturbed. One that is more 
 the belief to itself, and then position and velocity fail their tests together: all such sensors that
 were used are left out, and come back by themselves where they are right.
 
+P grows, so that what the sensor has done to the belief is undone.
+
 - Without states of its own, a sensor that is left out is compared on, and used again once it agrees.
-  P grows, so that what it has done to the belief is undone.
 - States that sensors share, the wind of velocities through the air, take up what a wrong one is off.
   Sensors that share them are left out together and tried again, with states that are as unknown as at
   the start.
