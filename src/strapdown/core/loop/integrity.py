@@ -412,16 +412,23 @@ def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> Non
         books.nis_sum = books.nis_count = 0.0
 
 
+@inline
+def cumulative_sum(total: float, value: float, allowed: float, most: float) -> float:
+    """A one-sided cumulative sum with one term more, which counts by what it exceeds the allowed mean, and
+    `most` at most; of one run, or of runs side by side."""
+    return max(total + min(max(value, -most), most) - allowed, 0.0)
+
+
 @helper
 def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t: float) -> None:
     """One term of a cumulative sum, which fails above its bound until it is well below."""
     books, of_nis = cursor.books[s], channel == 6
     allowed, most = (NIS_ALLOWED, MAX_NIS) if of_nis else (MEAN_ALLOWED, MAX_WHITENED)
     sums, terms, fails = books.sums, books.terms, books.fails
-    total = sums[channel] + min(max(value, -most), most) - allowed
+    total = cumulative_sum(sums[channel], value, allowed, most)
     terms[channel] += 1
     if total <= 0:
-        total = terms[channel] = 0.0
+        terms[channel] = 0.0
     sums[channel] = min(total, MAX_OF_BOUND * bound)
     if total > bound or fails[channel] > 0 and total > RECOVERED * bound:
         fails[channel] = 1.0
