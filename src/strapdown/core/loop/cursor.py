@@ -92,6 +92,7 @@ class Books:
     last: float  # s, the last measurement that could be true
     walked: float  # s, up to when its own states have walked
     last_used: float  # s
+    used_since: float  # s, the first of those that follow each other within HEARD
     floor: Annotated[Array, 3]  # least standard deviations
     rejecting: int  # 1: rejected so long that the gate was or must be lifted; -1: left out
     lifted_at: int  # rejections in a row when the gate was opened last, 0 since one passed

@@ -111,16 +111,19 @@ def gnss_is_used(fixes: Fixes, t: float, cursor: Cursor) -> bool:
 
 
 @helper
-def gnss_contradicts(fixes: Fixes, t: float, cursor: Cursor) -> bool:
-    """True where the tests of positions and those of velocities fail together: the two do not depend on
-    each other, so that the belief is wrong."""
-    position, velocity = False, False
+def gnss_contradicts_since(fixes: Fixes, t: float, cursor: Cursor) -> float:
+    """Since when innovations of positions and velocities are off whose tests fail together, s: the two do not
+    depend on each other, so that the belief is wrong. inf where these tests hold."""
+    position, velocity, since = False, False, math.inf
     for s in range(fixes.sources.size):
-        if is_gnss(fixes.sources[s].kind) and t - cursor.books[s].tested <= HEARD:
-            if fails(cursor.books[s]):
-                position |= fixes.sources[s].kind == Kind.POSITION
-                velocity |= fixes.sources[s].kind == Kind.VELOCITY
-    return position and velocity
+        books = cursor.books[s]
+        if is_gnss(fixes.sources[s].kind) and t - books.tested <= HEARD:
+            for channel in range(CHANNELS):
+                if books.fails[channel] > 0:
+                    position |= fixes.sources[s].kind == Kind.POSITION
+                    velocity |= fixes.sources[s].kind == Kind.VELOCITY
+                    since = min(since, books.tested - books.terms[channel] + 1)
+    return since if position and velocity else math.inf
 
 
 @helper

@@ -24,6 +24,7 @@ from ..mathematics.source import Kind, SourceRow
 from .cursor import Books, Cursor
 from .integrity import (
     CONFIRM,
+    HEARD,
     LEFT,
     confirm,
     exclude_contradicting,
@@ -216,6 +217,8 @@ def _keep_books(
     elif work.believable and not math.isnan(work.nis):
         books.in_a_row = books.lifts = books.lifted_at = books.rejecting = 0
     if use > 0:
+        if books.accepted == 0 or t - books.last_used > HEARD:
+            books.used_since = t
         books.last_used = t
         books.accepted += 1
     if use == Use.REJECTED:

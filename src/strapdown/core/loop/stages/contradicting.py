@@ -33,7 +33,7 @@ from ..integrity import (
     exclude_contradicting,
     fails,
     forget,
-    gnss_contradicts,
+    gnss_contradicts_since,
     is_gnss,
     last_gnss,
     make_room_for_gnss,
@@ -57,8 +57,10 @@ def judge_beside_gnss(
     source, books = fixes.sources[s], cursor.books[s]
     if not work.believable:
         return 0
-    if is_gnss(source.kind) and gnss_contradicts(fixes, t, cursor):
-        _exclude_used(belief.P, fixes, t, cursor)
+    if is_gnss(source.kind):
+        since = gnss_contradicts_since(fixes, t, cursor)
+        if since < math.inf:
+            _exclude_used(belief.P, fixes, since, t, cursor)
     if source.beside_gnss == 0:
         return 0
     last = last_gnss(fixes, cursor)
@@ -80,14 +82,14 @@ def judge_beside_gnss(
 
 
 @helper
-def _exclude_used(P: Array, fixes: Fixes, t: float, cursor: Cursor) -> None:
-    """Leave out all sensors beside GNSS that were used lately. One that brings states along is not more
+def _exclude_used(P: Array, fixes: Fixes, since: float, t: float, cursor: Cursor) -> None:
+    """Leave out all sensors beside GNSS that were used lately, and when GNSS began to contradict. One that brings states along is not more
     precise than GNSS: these take up what it says beside."""
     grows = False
     for s in range(fixes.sources.size):
         source, books = fixes.sources[s], cursor.books[s]
         judged = source.beside_gnss > 0 and source.states == 0
-        if judged and books.contradicts == 0 and was_used(books, t):
+        if judged and books.contradicts == 0 and was_used(books, t) and books.used_since < since:
             grows |= exclude_contradicting(fixes, s, t, cursor)
     if grows:
         make_room_for_gnss(P)
