@@ -85,9 +85,17 @@ class ExpectedReadings(NamedTuple):
 
     def before(self) -> "ExpectedReadings":
         """Those of the time when it agreed."""
-        early = self.t < self.until
-        parts = (self.t, self.y, self.h, self.std, self.towards)
-        return ExpectedReadings(self.source, *(part[early] for part in parts), self.until)
+        return self.where(self.t < self.until)
+
+    def where(self, some: Mask) -> "ExpectedReadings":
+        """Some of them."""
+        return self._replace(
+            t=self.t[some],
+            y=self.y[some],
+            h=self.h[some],
+            std=self.std[some],
+            towards=self.towards[some],
+        )
 
 
 class ReadingFit(NamedTuple):
@@ -150,7 +158,9 @@ def _change(each: ExpectedReadings) -> Reason:
         f"it agreed with position and velocity for {seconds:.0f} s and contradicts them from "
         f"{each.until:.1f} s on: either has become wrong"
     )
-    remedy = "compare both with a third source, and leave out the one that errs: GNSS may be spoofed"
+    remedy = (
+        "compare both with a third source, and leave out the one that errs: GNSS may be spoofed"
+    )
     return Reason("outliers", seen, remedy, label(each.source), min(left / BARRED, 10.0))
 
 
@@ -194,12 +204,11 @@ def _expected_readings(
     h, towards = _predict_readings(solution, source, own_t)
     if h is None:
         h = y - every.innovation[own, : y.shape[1]]
-    whole = np.isfinite(y).all(axis=1) & np.isfinite(h).all(axis=1)
+    whole: Mask = np.isfinite(y).all(axis=1) & np.isfinite(h).all(axis=1)
     if whole.sum() < MIN_ROWS:
         return None
     until = _agreed_until(every.t[own], every.accepted[own])
-    parts = (own_t, y, h, std, towards)
-    return ExpectedReadings(source, *(part[whole] for part in parts), until)
+    return ExpectedReadings(source, own_t, y, h, std, towards, until).where(whole)
 
 
 def _sources(solution: Solution) -> tuple[Source, ...]:
