@@ -81,13 +81,13 @@ def align_start(
     part = replace(part, sources=tuple(replace(a, gate=OUTLIER) for a in used))
     trials = _Trials(part, begin, imu, noise or imu.noise(), notify)
     found, likeliest = _decide_heading(trials, start)
-    if wrong := _contradicting(likeliest):
+    if wrong := _contradicting_sources(likeliest):
         left = tuple(a for a in part.sources if (a.kind, a.name) not in wrong)
         found, _ = _decide_heading(trials._replace(recording=replace(part, sources=left)), start)
     return starts_around(recording, imu, start.t, [found])[0]
 
 
-def _contradicting(run: Run) -> set[tuple[str, str]]:
+def _contradicting_sources(run: Run) -> set[tuple[str, str]]:
     """Kinds and names of sources beside GNSS that contradict it from the likeliest heading too: their unit, sign or scale is
     wrong, and what they say of the heading as well."""
     books = run.cursor.books

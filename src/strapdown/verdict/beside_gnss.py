@@ -204,7 +204,7 @@ def _expected_readings(
     h, towards = _predict_readings(solution, source, own_t)
     if h is None:
         h = y - every.innovation[own, : y.shape[1]]
-    whole: Mask = np.isfinite(y).all(axis=1) & np.isfinite(h).all(axis=1)
+    whole: Mask = np.isfinite(np.c_[y, h]).all(axis=1)
     if whole.sum() < MIN_ROWS:
         return None
     until = _agreed_until(every.t[own], every.accepted[own])
