@@ -57,7 +57,12 @@ def test_starts_that_are_lost_and_sure(claims, sure):
 @pytest.mark.short
 def test_figures_are_of_the_worst_setting_and_flight():
     flown = pd.DataFrame(
-        [("02", "closed-loop", 1.0), ("02", "iekf", 0.9), ("07", "closed-loop", 2.0), ("07", "iekf", 2.2)],
+        [
+            ("02", "closed-loop", 1.0),
+            ("02", "iekf", 0.9),
+            ("07", "closed-loop", 2.0),
+            ("07", "iekf", 2.2),
+        ],
         columns=["flight", "filter", "anees"],
     )
     ends = {"closed-loop": [1.0, 3.0], "iekf": [1.0, 1.0]}

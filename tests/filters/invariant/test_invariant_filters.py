@@ -18,8 +18,6 @@ from strapdown.sim.trajectory import DEG, demo_flight
 BOTH = ["iekf", "eqf"]
 
 
-
-
 def flown(imu, seed, duration=120.0, **sensors):
     return simulate(demo_flight(), duration, imu, seed, rate=50.0, **sensors)
 
@@ -85,7 +83,9 @@ def test_it_comes_home_from_starts_far_off():
     than the closed loop. Seeds that chose nothing."""
     recording = flown("tactical", 510)
     starts = list(far_off(recording, 511))
-    found = {name: sum(home(recording, name, s) for s in starts) for name in ("iekf", "closed-loop")}
+    found = {
+        name: sum(home(recording, name, s) for s in starts) for name in ("iekf", "closed-loop")
+    }
     assert found["iekf"] >= 25 and found["closed-loop"] < found["iekf"], found
 
 

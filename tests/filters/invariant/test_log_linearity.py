@@ -7,9 +7,9 @@ from scipy.linalg import expm, logm
 from scipy.spatial.transform import Rotation
 from test_group_errors import algebra, coordinates, error_on_group, pose
 
-from strapdown.core.mathematics.kalman import WORKSPACE, propagate_error
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import BLOCKS
+from strapdown.core.mathematics.kalman import WORKSPACE, propagate_error
 from strapdown.core.mathematics.rotation_vectors import exponentials
 from strapdown.filters.invariant.group_errors import LEFT, from_group, to_group
 
@@ -37,7 +37,11 @@ def flown(chi, r, a):
 
 def begun(seed):
     rng = np.random.default_rng(seed)
-    return pose(Rotation.random(random_state=seed).as_matrix(), 50 * rng.normal(size=3), 1e3 * rng.normal(size=3))
+    return pose(
+        Rotation.random(random_state=seed).as_matrix(),
+        50 * rng.normal(size=3),
+        1e3 * rng.normal(size=3),
+    )
 
 
 def test_a_large_error_goes_its_way_whatever_the_trajectory():
@@ -47,7 +51,9 @@ def test_a_large_error_goes_its_way_whatever_the_trajectory():
     ends = []
     for seed in (2, 3):
         known = begun(seed)
-        ends.append(error_on_group(flown(known @ expm(algebra(xi)), r, a), flown(known, r, a), LEFT))
+        ends.append(
+            error_on_group(flown(known @ expm(algebra(xi)), r, a), flown(known, r, a), LEFT)
+        )
     assert np.linalg.norm(ends[0] - xi) > 10
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-10 * np.linalg.norm(ends[0]))
 

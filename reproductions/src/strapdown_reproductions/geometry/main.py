@@ -39,7 +39,9 @@ INTRODUCTION = (
     "Flights: those of Hager & Bryne with their consumer IMU; ANEES and errors are medians of runs.",
 )
 TARGETS = {
-    "home": Target(f"of 27 starts far off, below {HOME:g} deg at the end, `iekf`", ">=", 25, "starts"),
+    "home": Target(
+        f"of 27 starts far off, below {HOME:g} deg at the end, `iekf`", ">=", 25, "starts"
+    ),
     "beside": Target("of 27, more than the closed loop", ">=", 0, "starts"),
     "flights": Target("largest ANEES of `iekf` over that of the closed loop, flights", "<=", 1.02),
 }

@@ -124,7 +124,9 @@ def begin(recording: Recording, grade: str, attitude: Rotation, spread: Array) -
     )
 
 
-def starts(recording: Recording, grade: str, seed: int) -> Iterator[tuple[float, float, InitialState]]:
+def starts(
+    recording: Recording, grade: str, seed: int
+) -> Iterator[tuple[float, float, InitialState]]:
     """(deg of heading, deg of tilt, start): every combination, to SIDES random sides each, with standard
     deviations as large as the errors."""
     true = true_attitude(recording)
