@@ -1,8 +1,9 @@
 """The alignment buffer of a stream: samples and measurements before the start, and the InitialState
 from them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Source
 from ..preprocessing.plausible import refuse_mistakes
 from ..sensor_models.imu import ImuSpec
-from .arrivals import Sample, UsableFix
+from .arrivals import Sample, UsableFix, fix_of, sample_of
 from .heading_hypotheses import DOUBTFUL, align_start
 from .options import RunOptions
 from .prepare import has_position
@@ -62,6 +63,17 @@ class Gathering:
         while self._due <= sample.t + 1e-6:  # a gap may be longer
             self._due += ALIGN_EVERY
         return True
+
+    def state(self) -> dict[str, Any]:
+        """Return the buffer as `put` takes it."""
+        samples, fixes = [*self.samples], [*self.fixes]
+        return {"samples": samples, "fixes": fixes, "first": self._first, "due": self._due}
+
+    def put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `state`. Raises ValueError, TypeError or KeyError where it is none."""
+        self.samples = [sample_of(each) for each in saved["samples"]]
+        self.fixes = [fix_of(each) for each in saved["fixes"]]
+        self._first, self._due = float(saved["first"]), float(saved["due"])
 
     def _forget(self) -> None:
         self.samples = self.samples[len(self.samples) // 2 :]

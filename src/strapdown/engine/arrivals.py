@@ -3,7 +3,7 @@ are those of arrays and files."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -72,6 +72,23 @@ class UsableFix(NamedTuple):
     source: int
     y: list[float]
     std: list[float]
+
+
+def sample_of(saved: Sequence[Any]) -> Sample:
+    """Return the Sample of these fields, as JSON has them."""
+    t, dt, dtheta, dv = saved
+    return Sample(float(t), float(dt), _three(dtheta), _three(dv))
+
+
+def fix_of(saved: Sequence[Any]) -> UsableFix:
+    """Return the UsableFix of these fields, as JSON has them."""
+    t, source, y, std = saved
+    return UsableFix(float(t), int(source), [*_three(y)], [*_three(std)])
+
+
+def _three(values: Iterable[Any]) -> tuple[float, float, float]:
+    a, b, c = map(float, values)
+    return a, b, c
 
 
 def refuse_event(event: object) -> NoReturn:

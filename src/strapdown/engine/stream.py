@@ -1,26 +1,29 @@
 """Live filters: `Stream` takes samples and fixes as they arrive, and returns the results and
 messages of `fuse`, bit for bit."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy, deepcopy
 from heapq import heapify, heappop, heappush
 from math import inf, isfinite, nan
-from typing import NoReturn, Unpack
+from typing import Any, NoReturn, Unpack
 
 import numpy as np
 
-from .. import filters
+from .. import __version__, filters
 from ..alignment.missing_fields import missing_fields
 from ..checks import DataError, check_number
+from ..core.compile.records import rows
 from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
 from ..core.loop.loop import SAME_TIME
+from ..core.loop.tables import FixRow
 from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Solution, Source
 from ..data.vehicle import Vehicle, find as find_vehicle
 from ..data.verdict import Verdict
 from ..preprocessing.imu_samples import MAX_INTERVAL
 from ..preprocessing.plausible import mistakes
-from ..typing import Array
+from ..typing import Array, File
 from ..units.constants import MAX_PAUSE
 from . import events as words
 from .alignment_buffer import Gathering
@@ -31,8 +34,10 @@ from .arrivals import (
     Sources,
     UsableFix,
     checked_sources,
+    fix_of,
     refuse_event,
     refuse_sample,
+    sample_of,
 )
 from .events import Events
 from .installation import (
@@ -45,7 +50,7 @@ from .installation import (
     parameters,
     without_estimates,
 )
-from .live_run import LiveRun, SetUp
+from .live_run import LiveRun, SetUp, start_of
 from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
 from .prepare import (
@@ -60,6 +65,7 @@ from .prepare import (
     stages_of,
     usable,
 )
+from .saved_state import check_set_up, contradiction, plain_source, read_state, write_state
 from .source_noise import with_correlated_errors
 from .source_weights import apply_weights
 from .with_ahrs import SILENT, attitudes, choose_ahrs, notes_on, taken_by, whose
@@ -210,6 +216,8 @@ class Stream:
         # events up to this time are too late
         self._late = self._late_fix = -inf
         self._began, self._stopped, self._looking = -inf, "", False
+        self._look_at = inf  # s, when samples are compared with gravity
+        self._decided: dict[str, Any] = {}  # options of the filter that its sources decided
         self._live: LiveRun | None = None
         self.belief = _nothing_known()
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
@@ -265,24 +273,12 @@ class Stream:
         sources = self._used
         if self._gathered.samples and not any(len(a.t) for a in sources):
             sources = usable(self._filter, self._gathered.recording().sources)[0]
-        options, notes = configure_options(self._filter, self._asked["options"] or {}, sources)
+        asked = self._asked["options"] or {}
+        options, notes = configure_options(self._filter, asked, sources)
+        self._decided = {name: value for name, value in options.items() if name not in asked}
         self.notes += notes
-        live = LiveRun(
-            SetUp(
-                self._filter,
-                self.noise,
-                self._spec,
-                options,
-                sources,  # with the fixes that the start is made of
-                self._vehicle,
-                self._of_imu,
-            ),
-            start,
-            self._rows,
-            self._asked["covariance"],
-            self._asked["notify"],
-            self._notifier.events,
-        )
+        # with the fixes that the start is made of
+        live = self._new_run(start, options, sources, self._notifier.events)
         samples, self._gathered.samples = self._gathered.samples, []
         fixes, self._gathered.fixes = self._gathered.fixes, []
         self._live, self.belief, self._began = live, live.belief, start.t
@@ -306,6 +302,31 @@ class Stream:
             else:
                 self._notifier.drop("before the start", 0, None, sample.t)
         return self.belief
+
+    def _new_run(
+        self,
+        start: InitialState,
+        options: dict[str, Any],
+        sources: tuple[Source, ...],
+        events: Events,
+    ) -> LiveRun:
+        """Return the run from this start, with these options of the filter."""
+        return LiveRun(
+            SetUp(
+                self._filter,
+                self.noise,
+                self._spec,
+                options,
+                sources,
+                self._vehicle,
+                self._of_imu,
+            ),
+            start,
+            self._rows,
+            self._asked["covariance"],
+            self._asked["notify"],
+            events,
+        )
 
     def _gather(self, sample: Sample, fixes: list[UsableFix]) -> None:
         """Buffer data before the start, and start as soon as a sufficient start is found."""
@@ -569,6 +590,156 @@ class Stream:
         self._notifier.tell(self._event_time(self.t))
         return self.belief
 
+    # ---- save and restore
+
+    def save(self, path: File) -> None:
+        """Write the state of the stream to a file, from which `restore` goes on bit for bit.
+
+        The file holds the filter state with its covariance, the sources' states, counts and open
+        waits, the samples and fixes that wait, and the events; no history. It is complete or
+        absent, whenever the process ends.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; an older one is replaced.
+
+        Raises
+        ------
+        DataError
+            If the stream has stopped, or the file cannot be written.
+        """
+        if self._stopped:
+            raise DataError(f"{self._stopped}; there is nothing to go on from: begin a new stream")
+        write_state(path, {"set-up": self._set_up(), **self._state()})
+
+    def restore(self, path: File) -> FilterState:
+        """Go on from a file that `save` wrote, with the same results as the stream that was saved.
+
+        Build the stream as the saved one was built; `lag`, `history`, `every` and callbacks may
+        differ. What it has done before is forgotten. The samples missed since are a gap. The
+        history, and so `solution` and `verdict`, begin at the save.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Returns
+        -------
+        FilterState
+            The filter state, NaN where the saved stream had not started.
+
+        Raises
+        ------
+        DataError
+            If the file is damaged or none that `save` wrote, or is of another version or of a
+            stream with another filter, other sources or another IMU. The stream is then unchanged.
+        """
+        saved = read_state(path)
+        check_set_up(path, saved.get("set-up"), self._set_up())
+        try:
+            self._put(saved)
+        except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
+            raise contradiction(path) from error
+        return self.belief
+
+    def _set_up(self) -> dict[str, str]:
+        """Return by name the parts that a saved stream and this one must have in common."""
+        options = (self._asked["options"] or {}).items()
+        sources = [len(self._places), *(plain_source(a) for a in self._used)]
+        return {
+            "strapdown": __version__,
+            "filter": self._filter.name,
+            "options": repr(sorted((name, getattr(v, "name", v)) for name, v in options)),
+            "sources": repr(sources),
+            "IMU": repr((self.noise, self._spec, self._of_imu)),
+            "vehicle": repr(self._vehicle),
+            "AHRS": repr(self._ahrs.stream._set_up() if self._ahrs else None),
+        }
+
+    def _state(self) -> dict[str, Any]:
+        """Return everything that the stream needs to go on, except the history, as `_put` takes
+        it."""
+        live = self._live
+        return {
+            "notes": [*self.notes],
+            "before": [*self._before],
+            "samples": [row[2] for row in self._samples],
+            "waiting": [row[2:] for row in sorted(self._waiting)],
+            "number": self._number,
+            "times": [self.newest, self._late, self._late_fix, self._began, self._look_at],
+            "dropped": {**self._notifier.dropped_by},
+            "live": live.state() if live else None,
+            "decided": self._decided,
+            "events": None
+            if live
+            else self._notifier.events.state(rows(FixRow, 0), np.empty((0, 3))),
+            "gathered": self._gathered.state(),
+            "ahrs": self._ahrs.state() if self._ahrs else None,
+        }
+
+    def _put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `_state`; where it is none of this stream, raise ValueError, TypeError,
+        KeyError, IndexError or OverflowError and leave the stream as it was."""
+        before = {**vars(self)}
+        try:
+            self._replace_state(saved)
+        except Exception:
+            vars(self).update(before)
+            raise
+
+    def _replace_state(self, saved: Mapping[str, Any]) -> None:
+        notifier, gathered = self._notifier.anew(saved["dropped"]), copy(self._gathered)
+        gathered.put(saved["gathered"])
+        self._notifier, self._gathered = notifier, gathered
+        self._live, self._decided = None, dict(saved["decided"])
+        self.belief = _nothing_known()
+        if saved["live"] is None:
+            notifier.events.put(saved["events"])
+        else:
+            options = (self._asked["options"] or {}) | self._decided
+            begun = start_of(saved["live"]["begun"])
+            live = self._new_run(begun, options, self._used, notifier.events)
+            live.put(saved["live"])
+            self._live, self.belief = live, live.belief
+        self._stopped, self.notes = "", [str(note) for note in saved["notes"]]
+        self.newest, self._late, self._late_fix, self._began, look_at = map(float, saved["times"])
+        # what came before is not in the history
+        self._look_at = max(look_at, self._late + LOOKS[0]) if look_at < inf else inf
+        self._before = [fix and fix_of(fix) for fix in saved["before"]]
+        if len(self._before) != len(self._places):
+            raise ValueError("other sources")
+        self._number = int(saved["number"])
+        samples = [sample_of(sample) for sample in saved["samples"]]
+        self._samples = [(sample.t, k, sample) for k, sample in enumerate(samples)]
+        heapify(self._samples)
+        self._waiting = []
+        for number, fields in saved["waiting"]:
+            fix = fix_of(fields)
+            self._waiting.append((self._due_at(fix), fix.source, int(number), fix))
+        heapify(self._waiting)
+        if self._ahrs is not None:
+            self._ahrs = copy(self._ahrs)
+            self._ahrs.put(saved["ahrs"])
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Stream":
+        own = object.__new__(type(self))
+        memo[id(self)] = own
+        for part in ("_asked", "_spec", "_vehicle", "_sources", "_used", "_of_imu", "_meta"):
+            value = getattr(self, part)  # never changes
+            memo[id(value)] = value
+        memo[id(self._asked["notify"])] = self._asked["notify"]
+        for name, value in vars(self).items():
+            setattr(own, name, deepcopy(value, memo))
+        return own
+
+    def __copy__(self) -> NoReturn:
+        raise TypeError("a copy of a Stream would share its state: use copy.deepcopy")
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        raise TypeError("a Stream cannot be pickled: use its methods save and restore")
+
     # ---- reports
 
     def _event_time(self, t: float) -> float:
@@ -749,6 +920,22 @@ class _Ahrs:
         path = live.newest(looking)
         y, std = attitudes(live.filter, path, bool(self._taken))
         return UsableFix(float(path.t[0]), self._source, y[0].tolist(), std[0].tolist())
+
+    def state(self) -> dict[str, Any]:
+        """Return its state as `put` takes it."""
+        count, valid = self._count, self.valid
+        return {
+            "every": self._every,
+            "count": count,
+            "valid": valid,
+            "stream": self.stream._state(),
+        }
+
+    def put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `state`; raises as `Stream._put`."""
+        self._every, self._count = int(saved["every"]), int(saved["count"])
+        self.valid = float(saved["valid"])
+        self.stream._put(saved["stream"])
 
     @contextmanager
     def ahead(self) -> Iterator[None]:
