@@ -2,7 +2,7 @@
 enough for a Solution of that part."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from dataclasses import replace
 from math import inf, nan
 from typing import Any, NamedTuple
@@ -154,10 +154,17 @@ class LiveRun:
         # s, begin of a source's rejections that are not reported yet; the reported ones
         self._refusing: dict[int, float] = {}
         self._told: set[tuple[str, float]] = set()
-        used = set_up._replace(noise=noise, sources=self.sources)
-        self._room = _Room(used, self.kernels, self.belief, self.cursor, rows, covariance)
-        self._ahead = _Room(used, self.kernels, self.belief, self.cursor, 1)
+        self._used = set_up._replace(noise=noise, sources=self.sources)
+        self._room = _Room(self._used, self.kernels, self.belief, self.cursor, rows, covariance)
         self._rows = rows
+
+    def run_ahead(self) -> "LiveRun":
+        """Return a run from here on with a state of its own, for `look`."""
+        own = copy(self)
+        tables: list[Any] = [table.copy() for table in self.cursor]
+        own.belief, own.cursor = self.copy(), Cursor(*tables)
+        own._room = _Room(self._used, self.kernels, own.belief, own.cursor, 1)
+        return own
 
     # ---- samples and fixes
 
@@ -175,8 +182,8 @@ class LiveRun:
         return state[LOGGED] > self.seen
 
     def look(self, sample: Sample, fixes: Sequence[UsableFix]) -> None:
-        """Do the same but change only `belief` and `cursor`, which the caller restores."""
-        room, state = self._ahead, self._ahead.state
+        """Do the same in a run of `run_ahead`, without a history."""
+        room, state = self._room, self._room.state
         state[ROW] = state[FIX] = state[FIXES] = state[OUT] = 0
         room.put(fixes, 0)
         self._go(room, sample, 0)
@@ -320,9 +327,9 @@ class LiveRun:
             )
         )
 
-    def newest(self, looking: bool = False) -> Trajectory:
-        """Return the newest row in the form of a Solution; `looking`: that of the last `look`."""
-        row = self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.state[OUT] - 1]
+    def newest(self) -> Trajectory:
+        """Return the newest row in the form of a Solution."""
+        row = self._room.out.nav[self._room.state[OUT] - 1]
         std = row[None, solution_row.STD : solution_row.ROW_STATUS].copy()
         std[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
         parts = (
@@ -377,11 +384,12 @@ class LiveRun:
 
     def snapshot(self) -> list[Any]:
         """Return copies of everything that a step changes, except the history."""
-        return [column.copy() for column in self._changing]
+        return [*(column.copy() for column in self._changing), self._dt]
 
-    def restore(self, arrays: Iterable[Any]) -> None:
+    def restore(self, arrays: Sequence[Any]) -> None:
         """Go back to a `snapshot`."""
-        for column, before in zip(self._changing, arrays):
+        *columns, self._dt = arrays
+        for column, before in zip(self._changing, columns, strict=True):
             column[...] = before
 
     @property

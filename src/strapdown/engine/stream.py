@@ -1,8 +1,7 @@
 """Live filters: `Stream` takes samples and fixes as they arrive, and returns the results and
 messages of `fuse`, bit for bit."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy, deepcopy
 from heapq import heapify, heappop, heappush
 from math import inf, isfinite, nan
@@ -12,7 +11,7 @@ import numpy as np
 
 from .. import __version__, filters
 from ..alignment.missing_fields import missing_fields
-from ..checks import DataError, check_number
+from ..checks import DataError, check_flag, check_number
 from ..core.compile.records import rows
 from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
 from ..core.loop.loop import SAME_TIME
@@ -40,6 +39,7 @@ from .arrivals import (
     sample_of,
 )
 from .events import Events
+from .front import Front
 from .installation import (
     Estimate,
     OfImu,
@@ -114,6 +114,9 @@ class Stream:
         reports this as an event and does not call it again.
     align_within : float
         s of samples after which any start is taken.
+    replay : bool
+        True: `step` returns the state at the newest sample at once. A fix that is up to `lag` s
+        late is used at its own time, and the samples since are used again.
     history : int
         Number of samples for `solution` and `verdict`; at least the newer half of them is kept.
 
@@ -132,10 +135,11 @@ class Stream:
         on_event: OnEvent | None = None,
         align_within: float = 60.0,
         history: int = HISTORY,
+        replay: bool = False,
         **given: Unpack[RunOptions],
     ) -> None:
         self._asked = asked = run_options(**given)
-        _check(lag, align_within, history, asked["covariance"])
+        _check(lag, align_within, history, asked["covariance"], replay)
         sources = apply_weights(checked_sources(sources), asked["robust"], asked["adaptive"])
         sources, of_imu = _with_estimates(sources, asked["estimate"])
         start, vehicle = asked["start"], asked["vehicle"]
@@ -170,6 +174,7 @@ class Stream:
         self._serve(sources, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
         self._notifier = Notifier(_events(filter, self._used, self._vehicle, first), on_event)
+        self._replay = replay
         self._nothing_yet()
         if start is not None:
             check_start(
@@ -219,6 +224,7 @@ class Stream:
         self._look_at = inf  # s, when samples are compared with gravity
         self._decided: dict[str, Any] = {}  # options of the filter that its sources decided
         self._live: LiveRun | None = None
+        self._front: Front | None = None
         self.belief = _nothing_known()
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
 
@@ -301,6 +307,7 @@ class Stream:
                 del fixes[:count]
             else:
                 self._notifier.drop("before the start", 0, None, sample.t)
+        self._renew_front()
         return self.belief
 
     def _new_run(
@@ -356,12 +363,17 @@ class Stream:
         """Take a Sample or a Measurement, use all data that have waited long enough, and return the
         filter state (updated in place). Raises DataError for other objects, without any change, and
         where the stream has stopped."""
+        front = self._front if self._replay else None
+        numbers: list[int] = front.numbers() if front else []
         if isinstance(event, Sample):
             self._take_sample(event)
         elif isinstance(event, Measurement):
             self._take_fix(event)
         else:
             refuse_event(event)
+        if front:
+            front.take(event, numbers)
+            self.belief = front.belief
         if self._notifier.waits:
             self._notifier.tell(self._event_time(self.t))
         return self.belief
@@ -447,7 +459,7 @@ class Stream:
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
         """Queue the attitude of the AHRS after its newest sample as a measurement."""
         assert self._ahrs is not None  # whose this is
-        fix = self._ahrs.fix(live, inner._looking)
+        fix = self._ahrs.fix(live)
         if not inner._looking and (silent := live.t - self._ahrs.valid) > SILENT:
             name = self._ahrs.made.name
             self._notifier.note(words.Said.AHRS_SILENT, 0, live.t, silent, because=name)
@@ -545,33 +557,55 @@ class Stream:
     def now(self) -> FilterState:
         """Return the filter state at the newest sample: a copy, propagated through the waiting
         data."""
-        with self._ahead() as live:
-            if live is None:
-                return self.belief
-            if self._ahrs is None:
-                self._use(inf)
-            else:
-                with self._ahrs.ahead():
-                    self._use(inf)
-            return live.copy()
+        if self._live is None:
+            return self.belief
+        self._front = self._front or Front(self)
+        if not self._replay:
+            self._front.renew()
+        return FilterState(*(column.copy() for column in self._front.belief))
 
-    @contextmanager
-    def _ahead(self) -> Iterator[LiveRun | None]:
-        """Undo at the end of the block all steps inside it; yield None before the start."""
-        live = self._live
-        if live is None:
-            yield None
-            return
-        arrays, seen = live.snapshot(), live.seen
-        plain = list(self._samples), list(self._waiting), list(self._before)
-        late, self._looking = (self._late, self._late_fix), True
-        try:
-            yield live
-        finally:
-            live.restore(arrays)
-            live.seen, self._looking = seen, False
-            self._samples, self._waiting, self._before = plain
-            self._late, self._late_fix = late
+    def _levels(self) -> list["Stream"]:
+        """Return the stream and, once it has started, that of its AHRS."""
+        inner = [self._ahrs.stream] if self._ahrs else []
+        return [self, *(stream for stream in inner if stream._live is not None)]
+
+    def _renew_front(self) -> None:
+        """Show the newest state again after a start, a restart or the end."""
+        if self._replay and self._live is not None:
+            self._front = self._front or Front(self)
+            self._front.renew()
+            self.belief = self._front.belief
+
+    def _run_ahead(self) -> "Stream":
+        """Return a stream from here on, which reports nothing and keeps no history, for `Front`."""
+        own = object.__new__(type(self))
+        vars(own).update(vars(self))
+        own._looking, own._front, own._replay = True, None, False
+        if self._live is not None:
+            own._live = self._live.run_ahead()
+            own.belief = own._live.belief
+        if self._ahrs is not None:
+            own._ahrs = copy(self._ahrs)
+            own._ahrs.stream = self._ahrs.stream._run_ahead()
+            own._ahrs.stream._row = own._take_attitude
+        return own
+
+    def _mark(self) -> tuple[Any, ...]:
+        """Return what a step changes, for `_return_to`."""
+        assert self._live is not None  # `Front` asks after the start
+        own, ahrs = (self._late, self._late_fix, self._stopped), self._ahrs
+        of_ahrs = (ahrs._every, ahrs._count, ahrs.valid) if ahrs else ()
+        return self._live.snapshot(), [*self._waiting], [*self._before], own, of_ahrs
+
+    def _return_to(self, mark: tuple[Any, ...]) -> None:
+        """Go back to where this stream, or the one that it runs ahead of, was."""
+        assert self._live is not None
+        arrays, waiting, before, own, of_ahrs = mark
+        self._live.restore(arrays)
+        self._waiting, self._before = [*waiting], [*before]
+        self._late, self._late_fix, self._stopped = own
+        if self._ahrs is not None:
+            self._ahrs._every, self._ahrs._count, self._ahrs.valid = of_ahrs
 
     def finish(self) -> FilterState:
         """Use all waiting data and return the filter state; a stream that has not started does so.
@@ -587,6 +621,7 @@ class Stream:
             self.begin()
         if self._live is not None and self._notifier.listens:
             self._notifier.notify(self._live.new_rejections(0, over=True))
+        self._renew_front()
         self._notifier.tell(self._event_time(self.t))
         return self.belief
 
@@ -693,7 +728,7 @@ class Stream:
         notifier, gathered = self._notifier.anew(saved["dropped"]), copy(self._gathered)
         gathered.put(saved["gathered"])
         self._notifier, self._gathered = notifier, gathered
-        self._live, self._decided = None, dict(saved["decided"])
+        self._live, self._front, self._decided = None, None, dict(saved["decided"])
         self.belief = _nothing_known()
         if saved["live"] is None:
             notifier.events.put(saved["events"])
@@ -722,6 +757,7 @@ class Stream:
         if self._ahrs is not None:
             self._ahrs = copy(self._ahrs)
             self._ahrs.put(saved["ahrs"])
+        self._renew_front()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Stream":
         own = object.__new__(type(self))
@@ -785,12 +821,14 @@ class Stream:
     @property
     def t(self) -> float:
         """Time of the filter state, s; NaN before the start."""
-        return self._live.t if self._live else nan
+        front = self._front if self._replay else None
+        return front.t if front else self._live.t if self._live else nan
 
     @property
     def status(self) -> int:
         """VALID, BRIDGED, INVALID or DOUBTFUL, as in a row of a Solution."""
-        return self._live.status if self._live else INVALID
+        front = self._front if self._replay else None
+        return front.status if front else self._live.status if self._live else INVALID
 
     def counts(self) -> list[tuple[int, int]]:
         """(accepted, rejected) per source; (0, 0) for a source that the filter cannot use."""
@@ -850,9 +888,11 @@ def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
     return meta
 
 
-def _check(lag: float, align_within: float, history: int, covariance: bool) -> None:
+def _check(lag: float, align_within: float, history: int, covariance: bool, replay: bool) -> None:
     """Refuse arguments out of range. Raises DataError."""
     check_number(lag, "lag", "s", least=0)
+    if check_flag(replay, "replay") and not lag:
+        raise DataError("replay needs a lag: the s by which a fix may be late, such as lag=2")
     check_number(align_within, "align_within", "s", least=0, infinite=True)
     most = MAX_HISTORY // 5 if covariance else MAX_HISTORY
     check_number(history, "history", "samples", least=100, most=most, whole=True)
@@ -903,7 +943,7 @@ class _Ahrs:
             return f"{self.made.name}: {error}; no attitude from here on"
         return ""
 
-    def fix(self, live: LiveRun, looking: bool) -> UsableFix | None:
+    def fix(self, live: LiveRun) -> UsableFix | None:
         """Return its attitude after its newest sample, when one is due."""
         if not self._every:
             own = live.rate
@@ -917,7 +957,7 @@ class _Ahrs:
             self.valid = live.t
         if self._count % self._every or live.status != VALID:
             return None
-        path = live.newest(looking)
+        path = live.newest()
         y, std = attitudes(live.filter, path, bool(self._taken))
         return UsableFix(float(path.t[0]), self._source, y[0].tolist(), std[0].tolist())
 
@@ -936,16 +976,6 @@ class _Ahrs:
         self._every, self._count = int(saved["every"]), int(saved["count"])
         self.valid = float(saved["valid"])
         self.stream._put(saved["stream"])
-
-    @contextmanager
-    def ahead(self) -> Iterator[None]:
-        """Undo at the end of the block all steps of the AHRS inside it."""
-        count, valid = self._count, self.valid
-        with self.stream._ahead() as live:
-            if live is not None:
-                self.stream._use(inf)
-            yield
-        self._count, self.valid = count, valid
 
 
 def _nothing_known() -> FilterState:
