@@ -18,6 +18,7 @@ from .data.solution import Solution as Solution, Source as Source, Trajectory as
 from .data.vehicle import Vehicle as Vehicle
 from .data.verdict import Reason as Reason, Verdict as Verdict
 from .engine.batch import fuse as fuse
+from .engine.live_stream import LiveStream as LiveStream
 from .engine.smoothing import smooth as smooth
 from .engine.stream import Measurement as Measurement, Sample as Sample, Stream as Stream
 from .evaluation.metrics import errors as errors, outages as outages, rms as rms

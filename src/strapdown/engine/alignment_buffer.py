@@ -46,6 +46,7 @@ class Gathering:
         self._given, self._noise, self._notify = asked["start"], asked["noise"], asked["notify"]
         self._within, self._most, self._meta = within, most, meta
         self._first = self._due = np.inf
+        self.found = ""  # what the last attempt lacked
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
         """Keep one sample and the fixes up to its end; return True when it is time to try a
@@ -64,16 +65,31 @@ class Gathering:
             self._due += ALIGN_EVERY
         return True
 
+    @property
+    def needs(self) -> str:
+        """What the next attempt to find a start waits for, as text."""
+        if not self.samples:
+            return "the first IMU sample"
+        more = f"{max(self._due - self.samples[-1].t, 0.0):.0f} s of samples"
+        return f"{self.found}; the next attempt is in {more}" if self.found else more
+
     def state(self) -> dict[str, Any]:
         """Return the buffer as `put` takes it."""
         samples, fixes = [*self.samples], [*self.fixes]
-        return {"samples": samples, "fixes": fixes, "first": self._first, "due": self._due}
+        return {
+            "samples": samples,
+            "fixes": fixes,
+            "first": self._first,
+            "due": self._due,
+            "found": self.found,
+        }
 
     def put(self, saved: Mapping[str, Any]) -> None:
         """Go on from a `state`. Raises ValueError, TypeError or KeyError where it is none."""
         self.samples = [sample_of(each) for each in saved["samples"]]
         self.fixes = [fix_of(each) for each in saved["fixes"]]
         self._first, self._due = float(saved["first"]), float(saved["due"])
+        self.found = str(saved["found"])
 
     def _forget(self) -> None:
         self.samples = self.samples[len(self.samples) // 2 :]

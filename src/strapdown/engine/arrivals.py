@@ -22,6 +22,10 @@ MAX_WAITING_FIXES = 1024
 """Largest number of fixes that a stream keeps while it waits for a sample."""
 
 
+MAX_WHOLE = 10**300
+"""Largest whole number that is taken for a time."""
+
+
 class Sample(NamedTuple):
     """One IMU sample of a stream: increments over (t - dt, t], body FRD, rad and m/s.
 
@@ -102,9 +106,9 @@ def refuse_event(event: object) -> NoReturn:
 def refuse_sample(sample: Sample) -> NoReturn:
     """Raise DataError for a Sample with invalid fields."""
     t, dt, dtheta, dv = sample
-    where = f"IMU sample at {t:.3f} s" if is_number(t) else "IMU sample"
+    where = f"IMU sample at {t:.3f} s" if _is_time(t) else "IMU sample"
     for name, value in (("t", t), ("dt", dt)):
-        if not is_number(value):
+        if not _is_time(value):
             raise DataError(f"{where}: {name} is {brief(value)}; it must be a number of seconds")
     if dt <= 0 or dt > MAX_INTERVAL:
         raise DataError(
@@ -117,10 +121,15 @@ def refuse_sample(sample: Sample) -> NoReturn:
     )
 
 
+def _is_time(value: object) -> bool:
+    """True for a number that a float can hold."""
+    return is_number(value) and not (isinstance(value, int) and abs(value) > MAX_WHOLE)
+
+
 def _is_vector(value: object) -> bool:
     try:
         array = np.asarray(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False
     return array.shape == (3,) and not isinstance(value, str)
 
@@ -154,15 +163,15 @@ class Sources:
     def usable(self, fix: Measurement) -> UsableFix:
         """Return the fix with NaN for values that are not finite. Raises DataError for an invalid
         fix."""
-        if not is_number(fix.t):
+        if not _is_time(fix.t):
             raise DataError(f"fix: t is {brief(fix.t)}; it must be a number of seconds")
         where = f"fix at {fix.t:.3f} s"
-        place = self._place(fix.source, where)
+        place = self.place(fix.source, where)
         most = self._most[place]
         width = len(most)
         try:
             y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.std]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DataError(
                 f"{where}: y is {brief(fix.y)} and std {brief(fix.std)}; each must be a tuple, "
                 f"source {place} needs {width} number{'s' * (width > 1)}"
@@ -191,7 +200,7 @@ class Sources:
         of_fix = np.array([fix.y]), np.array([fix.std]), self._given[fix.source]
         return float(abs(length_errors(*of_fix)[0][0])) if wrong_lengths(*of_fix)[0] else 0.0
 
-    def _place(self, source: str | int, where: str) -> int:
+    def place(self, source: str | int, where: str) -> int:
         """Return the index of a source in the stream. Raises DataError."""
         if isinstance(source, str):
             if source in self._places:

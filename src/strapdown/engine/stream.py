@@ -12,8 +12,9 @@ import numpy as np
 from .. import __version__, filters
 from ..alignment.missing_fields import missing_fields
 from ..checks import DataError, check_flag, check_number
-from ..core.compile.records import rows
+from ..core.compile.records import Table, rows
 from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
+from ..core.loop.cursor import Limits
 from ..core.loop.loop import SAME_TIME
 from ..core.loop.tables import FixRow
 from ..data.recording import Recording, RecordingMeta
@@ -53,6 +54,7 @@ from .installation import (
 from .live_run import LiveRun, SetUp, start_of
 from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
+from .plausible_limits import limits
 from .prepare import (
     assumed_noise,
     augmented_states,
@@ -248,6 +250,30 @@ class Stream:
         return self._live is not None
 
     @property
+    def stopped(self) -> str:
+        """Reason why the stream has stopped, which each further sample raises; empty while it
+        runs."""
+        return self._stopped
+
+    @property
+    def limits(self) -> Table[Limits]:
+        """Limits of its samples and states, one row."""
+        found: Table[Limits] = limits(self._spec, self.noise, self._vehicle)
+        return found
+
+    @property
+    def waits_for(self) -> str:
+        """What is needed before the state is valid, as text; empty where it is."""
+        if self._live is None:
+            return self._gathered.needs
+        gap = self.status == INVALID and has_position(self._filter)
+        return "a position fix that ends the gap" if gap else ""
+
+    def source_index(self, source: str | int) -> int:
+        """Return the index of a source, given by name or index. Raises DataError."""
+        return self._sources.place(source, "stream")
+
+    @property
     def start(self) -> InitialState | None:
         """Beginning of its history: the start, until older samples are dropped; None before."""
         return self._live.start if self._live else None
@@ -348,10 +374,12 @@ class Stream:
         try:
             start = self._find_start()
         except DataError as error:
+            gathered.found = str(error)
             if gathered.late:
                 self._notifier.note(words.Said.NO_START, 0, sample[0], because=str(error))
             return
         if not gathered.suffices(start):
+            gathered.found = f"a better start than this one: {start.note}"
             if not gathered.late:
                 return
             self._notifier.note(words.Said.POOR_START, 0, sample[0], because=start.note)
@@ -383,7 +411,7 @@ class Stream:
             t, dt, (a, b, c), (d, e, f) = event
             finite = isfinite(t + dt + a + b + c + d + e + f)
             possible = 0 < dt <= MAX_INTERVAL and type(t) is not bool and type(dt) is not bool
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             refuse_sample(event)
         if not finite:
             self._notifier.drop("not finite", words.Said.SAMPLES_NOT_FINITE, 0, self._event_time(t))
@@ -644,9 +672,13 @@ class Stream:
         DataError
             If the stream has stopped, or the file cannot be written.
         """
+        write_state(path, self.saved_content())
+
+    def saved_content(self) -> dict[str, Any]:
+        """Return what `save` writes. Raises DataError."""
         if self._stopped:
             raise DataError(f"{self._stopped}; there is nothing to go on from: begin a new stream")
-        write_state(path, {"set-up": self._set_up(), **self._state()})
+        return {"set-up": self._set_up(), "stream": self._state()}
 
     def restore(self, path: File) -> FilterState:
         """Go on from a file that `save` wrote, with the same results as the stream that was saved.
@@ -671,10 +703,13 @@ class Stream:
             If the file is damaged or none that `save` wrote, or is of another version or of a
             stream with another filter, other sources or another IMU. The stream is then unchanged.
         """
-        saved = read_state(path)
+        return self.put_content(path, read_state(path))
+
+    def put_content(self, path: File, saved: Mapping[str, Any]) -> FilterState:
+        """Go on from what `saved_content` returned and the file `path` holds. Raises DataError."""
         check_set_up(path, saved.get("set-up"), self._set_up())
         try:
-            self._put(saved)
+            self._put(saved["stream"])
         except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
             raise contradiction(path) from error
         return self.belief
