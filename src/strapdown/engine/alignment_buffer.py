@@ -67,7 +67,7 @@ class Gathering:
 
     @property
     def needs(self) -> str:
-        """What the next attempt to find a start waits for, as text."""
+        """Data that the next attempt to find a start waits for, as text."""
         if not self.samples:
             return "the first IMU sample"
         more = f"{max(self._due - self.samples[-1].t, 0.0):.0f} s of samples"

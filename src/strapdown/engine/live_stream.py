@@ -313,7 +313,7 @@ class LiveStream:
 
     @property
     def waits_for(self) -> str:
-        """What the stream needs before its state is valid, as text; empty where it is."""
+        """Data that are needed before the state is valid, as text; empty where it is."""
         return self._stream.waits_for
 
     @property

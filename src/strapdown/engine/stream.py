@@ -263,7 +263,7 @@ class Stream:
 
     @property
     def waits_for(self) -> str:
-        """What is needed before the state is valid, as text; empty where it is."""
+        """Data that are needed before the state is valid, as text; empty where it is."""
         if self._live is None:
             return self._gathered.needs
         gap = self.status == INVALID and has_position(self._filter)
