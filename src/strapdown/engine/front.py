@@ -50,7 +50,7 @@ class Front:
         return self._run.status
 
     def numbers(self) -> list[int]:
-        """How much data the stream, and that of its AHRS, has put in order so far."""
+        """Numbers of data that the stream, and that of its AHRS, have put in order so far."""
         return [stream._number for stream in self._stream._levels()]
 
     def renew(self) -> None:

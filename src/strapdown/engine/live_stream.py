@@ -323,7 +323,7 @@ class LiveStream:
 
     @property
     def alignments(self) -> int:
-        """How often it began to align anew."""
+        """Number of times that it began to align anew."""
         return self._alignments
 
     @property
