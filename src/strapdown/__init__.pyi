@@ -7,6 +7,7 @@ from .calibration.fitting import Calibration as Calibration, calibrate as calibr
 from .calibration.installation.calibrate import calibrate_installation as calibrate_installation
 from .calibration.installation.findings import Installation as Installation
 from .checks import DataError as DataError
+from .cli.live.program import Live as Live
 from .core.loop.contract import (
     FilterState as FilterState,
     Imu as Imu,

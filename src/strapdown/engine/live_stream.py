@@ -19,7 +19,7 @@ from .arrivals import Measurement, Sample
 from .notifier import OnEvent
 from .options import RunOptions, takes
 from .saved_state import contradiction, read_state, write_state
-from .stream import HISTORY, Stream
+from .stream import HISTORY, OnUse, Stream
 
 SUSPICIOUS = BRIDGE
 """s by which the time of a sample may step ahead; beyond that others must confirm it."""
@@ -103,7 +103,7 @@ class LiveStream:
 
     Parameters
     ----------
-    filter, sources, lag, on_event, align_within, history, replay
+    filter, sources, lag, on_event, align_within, history, replay, on_use
         As for `Stream`.
 
     Raises
@@ -132,6 +132,7 @@ class LiveStream:
         align_within: float = 60.0,
         history: int = HISTORY,
         replay: bool = False,
+        on_use: OnUse | None = None,
         **given: Unpack[RunOptions],
     ) -> None:
         def stream(begin: InitialState | None) -> Stream:
@@ -143,6 +144,7 @@ class LiveStream:
                 align_within=align_within,
                 history=history,
                 replay=replay,
+                on_use=on_use,
                 **given | {"start": begin},
             )
 

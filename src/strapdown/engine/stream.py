@@ -81,6 +81,8 @@ MAX_HISTORY = 10_000_000
 MAX_OVERLAP = 0.45
 """Share of its `dt` by which a sample may begin before the end of the one before: of two interleaved
 series of stamps one in two overlaps by half and more."""
+OnUse = Callable[[Sample, list[Measurement]], object]
+"""(sample, measurements) that the filter has used; their sources by index among those that it can use."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
 
@@ -119,6 +121,8 @@ class Stream:
     replay : bool
         True: `step` returns the state at the newest sample at once. A fix that is up to `lag` s
         late is used at its own time, and the samples since are used again.
+    on_use : callable
+        Function called with each Sample, and a list of Measurement, after the filter has used them.
     history : int
         Number of samples for `solution` and `verdict`; at least the newer half of them is kept.
 
@@ -138,6 +142,7 @@ class Stream:
         align_within: float = 60.0,
         history: int = HISTORY,
         replay: bool = False,
+        on_use: OnUse | None = None,
         **given: Unpack[RunOptions],
     ) -> None:
         self._asked = asked = run_options(**given)
@@ -176,7 +181,7 @@ class Stream:
         self._serve(sources, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
         self._notifier = Notifier(_events(filter, self._used, self._vehicle, first), on_event)
-        self._replay = replay
+        self._replay, self._on_use = replay, on_use
         self._nothing_yet()
         if start is not None:
             check_start(
@@ -254,6 +259,16 @@ class Stream:
         """Reason why the stream has stopped, which each further sample raises; empty while it
         runs."""
         return self._stopped
+
+    @property
+    def used(self) -> tuple[Source, ...]:
+        """The sources that the filter can use."""
+        return self._used
+
+    @property
+    def estimated(self) -> OfImu:
+        """{parameter of the IMU that is a state: prior standard deviations}."""
+        return self._of_imu
 
     @property
     def limits(self) -> Table[Limits]:
@@ -563,6 +578,8 @@ class Stream:
                 self._notifier.notify(live.new_rejections(len(fixes)))
             if self._row is not None:
                 self._row(self, live)
+            if self._on_use is not None:
+                self._on_use(sample, [Measurement(*fix) for fix in fixes])  # type: ignore[arg-type]  # three values
             if t >= self._look_at:
                 self._compare_with_gravity(live, t)
         self._late, self._late_fix = t, t - SAME_TIME
@@ -800,7 +817,8 @@ class Stream:
         for part in ("_asked", "_spec", "_vehicle", "_sources", "_used", "_of_imu", "_meta"):
             value = getattr(self, part)  # never changes
             memo[id(value)] = value
-        memo[id(self._asked["notify"])] = self._asked["notify"]
+        for callback in (self._asked["notify"], self._on_use):
+            memo[id(callback)] = callback
         for name, value in vars(self).items():
             setattr(own, name, deepcopy(value, memo))
         return own
