@@ -55,8 +55,10 @@ FEW = ("thor75", "demo, consumer")
 SLOW = ("car, tactical", "ship, tactical", *cases.RECORDINGS)
 RECORDED = (*FEW, "drive0708", "walk0827", "BROAD 02", "BROAD 15")
 OWN, OWN_SMOOTHER = "strapdown closed-loop", "strapdown smooth"
+"""What the tables of cells behind are of."""
 SYSTEMS = (
     System(OWN, own.closed_loop, "strapdown"),
+    System("strapdown iekf", own.invariant, "strapdown"),
     System("python-ins feedback", python_ins.feedback, "python-ins", on=SLOW),
     System("smsfusion AidedINS", smsfusion_ins.aided, "smsfusion"),
     System("sidereon EKF", sidereon_ins.loose, "sidereon"),

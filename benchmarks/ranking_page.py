@@ -46,12 +46,19 @@ def statistic(kind):
 
 
 def judged(cell, kind):
-    """(best system, {system: value}, {system: first or level with the first}) of a cell."""
+    """({system: first of those that it competes with}, {system: value}, {system: first or level with
+    the first}) of a cell."""
     measure = statistic(kind)
     values = {name: _value(measure, part) for name, part in cell.items()}
-    best = min(values, key=values.get)
-    same = {name: name == best or _level(cell, name, best, measure) for name in cell}
+    best = {name: min(rivals(name, values), key=values.get) for name in cell}
+    same = {name: name == best[name] or _level(cell, name, best[name], measure) for name in cell}
     return best, values, same
+
+
+def rivals(name, names):
+    """The system and those of other packages: a package does not compete with itself."""
+    package = {system.name: system.package for system in SYSTEMS}
+    return [other for other in names if other == name or package[other] != package[name]]
 
 
 def _value(measure, part):
@@ -73,12 +80,12 @@ def summary(found, smoothers):
         for name in cell:
             counts[name][kind].append(same[name])
             if kind == ERROR:
-                counts[name]["ratio"].append(values[name] / values[best])
+                counts[name]["ratio"].append(values[name] / values[best[name]])
     for runs in found.values():
         times = {name: runs[name]["us"] for name in systems if "us" in runs.get(name, {})}
         for name, us in times.items():
             counts[name]["us"].append(us)
-            counts[name][TIME].append(us == min(times.values()))
+            counts[name][TIME].append(us == min(times[other] for other in rivals(name, times)))
     head = ("system", ERROR, "median ratio to the first", HONESTY, TIME, "µs per sample")
     return _table(head, [_summed(name, counts[name]) for name in systems if counts[name]["us"]])
 
@@ -100,7 +107,8 @@ def behind(found, smoothers):
             show = lambda name: (
                 f"{values[name]:.3g}{unit}" if kind == ERROR else f"{np.mean(cell[name]):.2f}"
             )
-            lines.append((case, question, f"{kind} of {error}", best, show(best), show(own)))
+            first = best[own]
+            lines.append((case, question, f"{kind} of {error}", first, show(first), show(own)))
     head = ("case", "when", "cell", "first", "its figure", "strapdown's")
     return _table(head, lines)
 

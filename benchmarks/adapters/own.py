@@ -1,4 +1,5 @@
-"""strapdown itself: the closed loop and the smoother, without a gate, as the others have none."""
+"""strapdown itself: the closed loop, the invariant filter and the smoother, without a gate, as the
+others have none."""
 
 import time
 
@@ -9,10 +10,20 @@ from adapters import judged
 
 
 def closed_loop(workload, seconds=float("inf")):
-    """strapdown's closed loop; its time is that of the compiled loop, as `make bench` takes it."""
+    """strapdown's closed loop."""
+    return _filtered("closed-loop", workload, seconds)
+
+
+def invariant(workload, seconds=float("inf")):
+    """strapdown's invariant filter, to second order."""
+    return _filtered("iekf", workload, seconds)
+
+
+def _filtered(name, workload, seconds):
+    """A filter; its time is that of the compiled loop, as `make bench` takes it."""
     w = workload.first(seconds)
-    path = subject.fuse(w, "closed-loop").trajectory
-    again = subject.timed_run(w, "closed-loop")
+    path = subject.fuse(w, name).trajectory
+    again = subject.timed_run(w, name)
     took = min(again() for _ in range(20))  # a loop of milliseconds, on a machine with other work
     return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
 

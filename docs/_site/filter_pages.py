@@ -41,6 +41,7 @@ EXPLAINED = {
     "sigma_point": "explanation/sigma-points.md",
     "particle": "explanation/particle.md",
     "observer": "explanation/observer.md",
+    "invariant": "explanation/invariant.md",
     "two_stage": "explanation/two-stage.md",
     "ahrs_aided": "explanation/navigation.md#filters-fed-by-an-ahrs",
     "attitude": "explanation/attitude.md",

@@ -25,7 +25,15 @@ from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
 
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)  # T, NED
-POSITIONED = ("closed-loop", "mekf", "closed-loop-error-bias", "open-loop", "periodic-reset")
+POSITIONED = (
+    "closed-loop",
+    "mekf",
+    "iekf",
+    "eqf",
+    "closed-loop-error-bias",
+    "open-loop",
+    "periodic-reset",
+)
 SPEC = ImuSpec(
     "white MEMS", Triad(noise=3e-4, turn_on_bias=1e-4), Triad(noise=3e-3, turn_on_bias=5e-3)
 )

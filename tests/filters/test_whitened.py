@@ -32,7 +32,7 @@ def recording():
 
 
 @pytest.mark.parametrize(
-    "name", ["closed-loop", "ekf", "mekf", "open-loop", "ukf", "ckf", "xkf", "direct-ahrs"]
+    "name", ["closed-loop", "ekf", "mekf", "open-loop", "iekf", "ukf", "ckf", "xkf", "direct-ahrs"]
 )
 def test_squares_of_whitened_innovations_add_up_to_the_nis(name):
     found = sd.fuse(recording(), name, imu="tactical").innovations

@@ -7,11 +7,11 @@ import pytest
 
 import strapdown as sd
 from strapdown.data.solution import DOUBTFUL, Correlated
-from strapdown.data.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
+from strapdown.data.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED, Reason
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.verdict import evidence
+from strapdown.verdict import accelerating_fixes, evidence
 
 SEED = 2000
 
@@ -204,6 +204,19 @@ def test_a_check_that_fails_is_said_and_costs_no_result(drive, monkeypatch):
     verdict = sd.fuse(drive).verdict
     assert verdict.trusted
     assert any("index 5 is out of bounds" in str(each) for each in verdict.untested)
+
+
+@pytest.mark.parametrize("weight, asked", [(0.3, 1), (1.2, 0)])
+def test_checks_that_cost_a_run_go_on_until_one_is_against_the_solution(
+    drive, monkeypatch, weight, asked
+):
+    light = Reason("outliers of GNSS velocity", "4 s are doubtful", "look", weight=weight)
+    heavy, calls = Reason("outliers", "fixes accelerate", "leave them out", weight=2.0), []
+    monkeypatch.setattr("strapdown.verdict.judge._second", lambda solution: [light])
+    monkeypatch.setattr(accelerating_fixes, "check", lambda _: calls.append(1) or [heavy])
+    verdict = sd.fuse(drive).verdict
+    assert len(calls) == asked and not verdict.trusted
+    assert light.cause in {reason.cause for reason in verdict.reasons}
 
 
 def test_positions_that_wander_beside_good_velocities_are_doubted():

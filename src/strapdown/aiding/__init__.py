@@ -107,6 +107,7 @@ def check(sensor: MeasurementModel) -> None:
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
     check_choice(sensor.more_parameters, what + "more_parameters", MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
+    check_choice(sensor.pose_axes, what + "pose_axes", ("", "n", "b"))
     check_choice(sensor.when, what + "when", ("", "at rest", "moving"))
     check_choice(sensor.mean_of, what + "mean_of", ("", "gyro", "accel"))
     if len(set(sensor.states)) < len(sensor.states):

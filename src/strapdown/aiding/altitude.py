@@ -30,6 +30,7 @@ MEASUREMENT = MeasurementModel(
     "altitude",
     observe,
     ("length",),
+    pose_axes="n",
     parameters="antenna",
     reference="down component of the position fix",
     lanes=True,

@@ -27,6 +27,7 @@ MEASUREMENT = MeasurementModel(
     "baseline",
     observe,
     ("length", "length", "length"),
+    pose_axes="n",
     parameters="baseline",
     vector="n",
     reference="lever arm of Groves (2013) eq. 14.111, between two antennas",

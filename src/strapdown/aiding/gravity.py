@@ -37,6 +37,7 @@ MEASUREMENT = MeasurementModel(
     "gravity",
     observe,
     ("acceleration", "acceleration", "acceleration"),
+    pose_axes="n",
     recorded=False,
     reference="Fossen (2021) section 14.4.3, reference vector of gravity",
 )

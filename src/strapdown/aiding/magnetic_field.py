@@ -105,6 +105,7 @@ MEASUREMENT = MeasurementModel(
     "magnetic-field",
     observe,
     ("magnetic field", "magnetic field", "magnetic field"),
+    pose_axes="b",
     parameters="field",
     vector="b",
     calibration_parameters=("hard-iron", "soft-iron", "field", "declination"),

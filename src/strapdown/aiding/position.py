@@ -35,6 +35,7 @@ MEASUREMENT = MeasurementModel(
     "position",
     observe,
     ("latitude", "longitude", "length"),
+    pose_axes="n",
     parameters="antenna",
     calibration_parameters=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",

@@ -38,6 +38,7 @@ MEASUREMENT = MeasurementModel(
     "velocity",
     observe,
     ("speed", "speed", "speed"),
+    pose_axes="n",
     parameters="antenna",
     vector="n",
     calibration_parameters=("clock", "lever-arm", "mounting"),

@@ -21,6 +21,7 @@ MEASUREMENT = MeasurementModel(
     "zero-sea-level",
     observe,
     ("length",),
+    pose_axes="n",
     parameters="reference",
     recorded=False,
     reference="Fossen (2021) section 14.4.3: z = 0 aiding of surface craft",

@@ -18,6 +18,7 @@ MEASUREMENT = MeasurementModel(
     "zero-velocity",
     observe,
     ("speed", "speed", "speed"),
+    pose_axes="n",
     recorded=False,
     when="at rest",
     reference="Groves (2013) section 15.3",

@@ -163,6 +163,7 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         sensor, row = aiding.find(a.kind), table[s]
         check_more_parameters(sensor, a.parameters, a.name or a.kind)
         row.kind, row.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
+        row.pose_axes = ("", "n", "b").index(sensor.pose_axes)
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:

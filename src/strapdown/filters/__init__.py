@@ -26,6 +26,7 @@ from ..core.loop.contract import (
 
 FAMILIES = {
     "ins": "Kalman filters of the strapdown equations",
+    "invariant": "Kalman filters whose error is on a group",
     "sigma_point": "Sigma-point Kalman filters",
     "particle": "Mixtures of Kalman filters",
     "observer": "Nonlinear observer and exogenous Kalman filter",

@@ -77,11 +77,14 @@ def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
 
 
 def _ask_last(attempt: Callable[..., Any], solution: Solution) -> list[Reason]:
-    """Return the reasons of the first check that has any, of those that cost a run of their own."""
+    """Return the reasons of the checks that cost a run of their own, until one alone is against the
+    solution."""
+    found: list[Reason] = []
     for what, check in (("a second filter", _second), ("fixes", accelerating_fixes.check)):
-        if more := attempt(what, check, solution):
-            return list(more)
-    return []
+        found += attempt(what, check, solution) or []
+        if any(reason.weight >= 1 for reason in found):
+            break
+    return found
 
 
 def _second(solution: Solution) -> list[Reason]:

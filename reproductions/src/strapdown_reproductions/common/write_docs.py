@@ -22,6 +22,7 @@ PAGES = {
     "consistency": ("table.md", "consistency.md"),
     "faults": ("table.md", "faults.md"),
     "fossen": ("findings.md", "fossen.md"),
+    "geometry": ("table.md", "geometry.md"),
     "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
     "installation": ("table.md", "installation-figures.md"),
     "mollaei": ("findings.md", "mollaei.md"),

@@ -14,6 +14,8 @@ FILTERS = (
     "mekf",
     "ukf",
     "ekf",
+    "iekf",
+    "eqf",
     "xkf",
     "nlo",
     "two-stage-ekf",

@@ -82,6 +82,33 @@ NOT_SHOWABLE: tuple[HiddenFault, ...] = (
         "and its onset is one standard deviation of the velocity",
     ),
     HiddenFault(
+        ("spoofed: position and velocity accelerate by 0.02 m/s^2",),
+        (NAVIGATION,),
+        (WALKING,),
+        "an industrial accelerometer has a bias of 0.03 m/s^2 that a walk around corners does not separate "
+        "from the acceleration within two minutes",
+    ),
+    HiddenFault(
+        ("100 IMU values shuffled in fives",),
+        (NAVIGATION, ATTITUDE),
+        OF_POSITION,
+        "five neighbours add up to the same rotation and velocity in any order, but for products of two of "
+        "them",
+    ),
+    HiddenFault(
+        ("accelerometer clips at 1 g",),
+        (NAVIGATION,),
+        (WALKING,),
+        "a walk's specific force exceeds 1 g by the noise of the sensor and the little that steps add",
+    ),
+    HiddenFault(
+        ("gyro x bias runs away by 1 deg/s in 120 s",),
+        (ATTITUDE,),
+        ("in a hand",),
+        "a consumer gyro's bias is known to 1.7 deg/s and wanders by itself, gravity shows it only while "
+        "the hand is still, and the hand moves",
+    ),
+    HiddenFault(
         ("mounted 5 deg off in heading",),
         (NAVIGATION,),
         OF_POSITION,

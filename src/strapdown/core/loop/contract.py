@@ -368,6 +368,9 @@ class MeasurementModel(NamedTuple):
     # "beacon": latitude and longitude, rad, height above the ellipsoid, m; "atmosphere": pressure, Pa,
     # and temperature, K, at a height, m, or none
     more_parameters: str = ""
+    # axes in which it is a function of the pose alone, which an invariant filter needs: "n", such as a
+    # position or a height, or "b", such as a magnetic field or a wheel speed; "": neither
+    pose_axes: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
     when: str = ""  # a constraint that holds only then: "at rest" or "moving"

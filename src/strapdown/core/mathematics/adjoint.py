@@ -92,10 +92,16 @@ def apply_adjoint(call: Array, lam: Array, Lam: Array, work: Array) -> None:
         adjoint_propagate(call, lam, Lam, work)
     elif call[0] > 0:
         _adjoint_turn_half(call, lam, Lam)
-        if lam.size == 15:  # the same code with constant lengths
-            _adjoint_update(15, call, lam, Lam, work)
-        else:
-            _adjoint_update(lam.size, call, lam, Lam, work)
+        adjoint_update(call, lam, Lam, work)
+
+
+@inline
+def adjoint_update(call: Array, lam: Array, Lam: Array, work: Array) -> None:
+    """The adjoint of `update`: see `_adjoint_update`."""
+    if lam.size == 15:  # the same code with constant lengths
+        _adjoint_update(15, call, lam, Lam, work)
+    else:
+        _adjoint_update(lam.size, call, lam, Lam, work)
 
 
 @inline

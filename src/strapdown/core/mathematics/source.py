@@ -50,6 +50,8 @@ class SourceRow:
     gate: float  # bound on the NIS; inf switches gating off
     # the source's own, as its MeasurementModel says: a lever arm, m, body
     parameters: Annotated[Array, PARAMETERS]
+    # axes in which it is a function of the pose alone: 1 navigation, 2 body, 0 neither
+    pose_axes: int
     of_kind: int  # which of the sources of its kind it is, from 0
 
     first_state: int  # of the states that it brings along

@@ -1,0 +1,1 @@
+"""Filters on the group of extended poses: invariant and equivariant."""
