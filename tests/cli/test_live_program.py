@@ -313,6 +313,99 @@ def test_a_receiver_and_an_imu_on_one_clock(tmp_path):
     assert_reproduced(live, tmp_path / "log.jsonl")
 
 
+# ---- MAVLink
+
+
+def mavlink(system=1):
+    """A writer of MAVLink messages; `bytes_of(message)`."""
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    writer = common.MAVLink(None, srcSystem=system)
+    return common, lambda message: message.pack(writer)
+
+
+def gps_raw(common, t, y, v, accuracies=(1500, 2500, 100), fix_type=3):
+    """GPS_RAW_INT of a position (rad, m) and a velocity (m/s)."""
+    speed, course = float(np.hypot(*v[:2])), float(np.degrees(np.arctan2(v[1], v[0])) % 360.0)
+    h_acc, v_acc, vel_acc = accuracies
+    return common.MAVLink_gps_raw_int_message(
+        round(1e6 * t), fix_type, round(np.degrees(y[0]) * 1e7), round(np.degrees(y[1]) * 1e7),
+        round(y[2] * 1e3) - 47_000, 80, 120, round(100 * speed), round(100 * course) % 36000, 12,
+        round(y[2] * 1e3), h_acc, v_acc, vel_acc,
+    )  # fmt: skip
+
+
+def test_mavlink_is_read_in_si(tmp_path):
+    from strapdown.cli.live.input_formats import Clock, decoder
+
+    common, bytes_of = mavlink()
+    clock = Clock()
+    reader = decoder("mavlink", "own", clock, ["position", "velocity"], "")
+    scaled = [
+        common.MAVLink_scaled_imu_message(ms, 100, -200, -1000, 10, 20, -30, 0, 0, 0)
+        for ms in (1000, 1010)
+    ]
+    taken = reader.feed(b"".join(map(bytes_of, scaled)))
+    (sample,) = taken
+    assert sample.t == pytest.approx(1.01) and sample.dt == pytest.approx(0.01)
+    assert sample.dtheta == pytest.approx((1e-4, 2e-4, -3e-4))
+    assert sample.dv == pytest.approx((9.80665e-3, -2 * 9.80665e-3, -9.80665e-2))
+    fix = gps_raw(common, 1.2, (0.8, 0.2, 300.0), (3.0, 4.0, 0.0))
+    position, velocity = reader.feed(bytes_of(fix))
+    assert position.y == pytest.approx((0.8, 0.2, 300.0), abs=2e-9 + 1e-3) and position.source == 0
+    assert position.std == (1.5, 1.5, 2.5) and position.t == pytest.approx(1.2)
+    assert velocity.y[:2] == pytest.approx((3.0, 4.0), abs=1e-3) and np.isnan(velocity.y[2])
+    # UNIX times need SYSTEM_TIME, which also gives the epoch
+    unix = 1_700_000_000.0
+    late = gps_raw(common, unix + 1.5, (0.8, 0.2, 300.0), (3.0, 4.0, 0.0))
+    assert reader.feed(bytes_of(late)) == [] and clock.epoch is None
+    reader.feed(bytes_of(common.MAVLink_system_time_message(round(unix * 1e6), 0)))
+    assert reader.feed(bytes_of(late))[0].t == pytest.approx(1.5, abs=1e-5)
+    assert clock.epoch == pytest.approx(unix - 315964800 + 18)
+    # what cannot be used
+    assert reader.bad == 0
+    assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), (0, 0, 0)))) == []
+    assert reader.bad == 1
+    assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), fix_type=1))) == []
+    _, of_another = mavlink(system=9)
+    assert reader.feed(of_another(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0)))) == []
+    reader.feed(b"noise" * 20)
+    assert reader.bad > 2
+    # HIGHRES_IMU takes the place of SCALED_IMU
+    high = [
+        common.MAVLink_highres_imu_message(
+            us, 1.0, 2.0, -9.8, 0.1, 0.2, 0.3, *(0.0,) * 7, fields_updated=63
+        )
+        for us in (3_000_000, 3_005_000)
+    ]
+    (sample,) = reader.feed(b"".join(map(bytes_of, high)))
+    assert sample.dv == pytest.approx((0.005, 0.01, -0.049)) and sample.dt == pytest.approx(0.005)
+    assert reader.feed(bytes_of(scaled[1])) == []
+
+
+def test_an_autopilot_by_datagrams(tmp_path):
+    recording, port = sd.simulate("demo", 30.0, seed=4, rate=100.0), free_port()
+    common, bytes_of = mavlink()
+    live = sd.Live(config(tmp_path, {"port": f"udp:{port}", "format": "mavlink"}))
+    live.turn()
+    p, v = recording.sources
+    fixes = [gps_raw(common, t, y, speed) for t, y, speed in zip(p.t, p.y, v.y)]
+    due = p.t.tolist()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for t, dt, dtheta, dv in zip(*recording.imu):
+            rates = [*(dv / dt).tolist(), *(dtheta / dt).tolist(), *(0.0,) * 7]
+            high = common.MAVLink_highres_imu_message(round(1e6 * t), *rates, fields_updated=63)
+            sender.sendto(bytes_of(high), ("127.0.0.1", port))
+            if due and t >= due[0] - 1e-6:
+                due.pop(0)
+                sender.sendto(bytes_of(fixes.pop(0)), ("127.0.0.1", port))
+            live.turn()
+    turn_until(live, lambda: live.stream.t > 29.98)
+    live.close()
+    off = (live.stream.belief.lla - recording.reference.lla[-1]) * [6.4e6, 4.3e6, 1.0]
+    assert np.abs(off).max() < 6.0 and live.bad == 0
+    assert_reproduced(live, tmp_path / "log.jsonl")
+
+
 # ---- outputs
 
 

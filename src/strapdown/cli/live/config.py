@@ -16,7 +16,7 @@ from ...units.time_scales import gps_of
 from .output_formats import LINES
 from .ports import Address, address_of
 
-INPUTS = ("json", "ubx", "nmea", "recording")
+INPUTS = ("json", "ubx", "nmea", "mavlink", "recording")
 SCALES = ("own", "unix", "gps")
 
 

@@ -190,9 +190,13 @@ class Receiver(Decoder):
 
 
 def decoder(format: str, scale: str, clock: Clock, kinds: Sequence[str], name: str) -> Decoder:
-    """Return the Decoder of a format: json, ubx or nmea."""
+    """Return the Decoder of a format: json, ubx, nmea or mavlink."""
     if format == "json":
         return JsonLines(clock, scale)
+    if format == "mavlink":
+        from .mavlink_input import MavLink
+
+        return MavLink(clock, kinds)
     if format == "ubx":
         from ...io.readers.ubx import ubx_log
 

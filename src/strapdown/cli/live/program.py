@@ -39,7 +39,7 @@ class _Bytes:
     def __init__(self, part: InputPart, clock: Clock, kinds: list[str]) -> None:
         assert part.address is not None  # of all but a recording
         self.port = Port(part.address)
-        self.ends_lines = part.address.kind == "udp" and part.format != "ubx"
+        self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
         name = f"{part.format} of {part.address}".replace("/", "_")
         self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name)
 
