@@ -639,6 +639,8 @@ def test_what_was_not_measured_is_kept():
         ({"input": [{"port": "udp:99999"}]}, "port 'udp:99999'"),
         ({"input": [{"port": "udp:7000", "format": "xml"}]}, "format is 'xml'"),
         ({"input": [{"format": "recording"}]}, "path is None"),
+        ({"input": [{"port": "udp:1", "format": "ubx", "clock": "unix"}]}, "clock is 'unix'"),
+        ({"input": [{"port": "udp:1", "latency": 0.1}]}, "latency is that of the clock .arrival."),
         ({"source": [{"kind": "nothing"}]}, "nothing"),
         ({"source": [{"kind": "position", "gate": "x"}]}, "gate"),
         ({"source": {"kind": "position"}}, "source must be given as \\[\\[source\\]\\]"),

@@ -17,7 +17,15 @@ from .output_formats import LINES
 from .ports import Address, address_of
 
 INPUTS = ("json", "ubx", "nmea", "mavlink", "recording")
-SCALES = ("own", "unix", "gps")
+SCALES = ("own", "unix", "gps", "arrival")
+
+
+OWN_SCALES = {
+    "ubx": ("gps", "arrival"),
+    "nmea": ("gps", "arrival"),
+    "mavlink": ("own", "arrival"),
+}
+"""Clocks of other formats than JSON lines, their own one first."""
 
 
 class InputPart(NamedTuple):
@@ -28,6 +36,7 @@ class InputPart(NamedTuple):
     clock: str  # of the times of JSON lines
     recording: str
     speed: float  # of a recording, in its own seconds per second
+    latency: float  # s until the fastest message arrives, of the clock "arrival"
 
 
 class OutputPart(NamedTuple):
@@ -52,6 +61,7 @@ class Config(NamedTuple):
     replay: bool
     align_within: float
     options: dict[str, Any]
+    estimate: Any
     epoch: float | None  # s of GPS time since its zero
     log: str
     state: str
@@ -65,7 +75,7 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
     else:
         name, folder = str(given), Path(given).parent
         table = read_toml(Path(given), "check the path")
-    keys = "filter imu vehicle lag replay align_within options epoch log state save_every source input output"
+    keys = "filter imu vehicle lag replay align_within options estimate epoch log state save_every source input output"
     check_keys(table, keys.split(), name)
     inputs = tuple(
         _input(part, f"{name}: [[input]] {k}", folder) for k, part in _parts(table, "input", name)
@@ -100,6 +110,7 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
             table.get("align_within", 60.0), f"{name}: align_within", "s", least=0, infinite=True
         ),
         dict(table.get("options", {})),
+        table.get("estimate"),
         gps_of(_text(table["epoch"], f"{name}: epoch")) if "epoch" in table else None,
         _path(table.get("log", ""), f"{name}: log", folder),
         _path(table.get("state", ""), f"{name}: state", folder),
@@ -137,12 +148,15 @@ def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
         check_keys(part, ("format", "path", "speed"), where)
         speed = check_number(part.get("speed", 1.0), f"{where}: speed", above=0, infinite=True)
         path = _path(_text(part.get("path"), f"{where}: path"), f"{where}: path", folder)
-        return InputPart(format, None, "own", path, speed)
-    known = ("format", "port", "clock") if format == "json" else ("format", "port")
-    check_keys(part, known, where)
-    clock = check_choice(part.get("clock", "own"), f"{where}: clock", SCALES)
+        return InputPart(format, None, "own", path, speed, 0.0)
+    check_keys(part, ("format", "port", "clock", "latency"), where)
+    scales = SCALES if format == "json" else OWN_SCALES[format]
+    clock = check_choice(part.get("clock", scales[0]), f"{where}: clock", scales)
+    latency = check_number(part.get("latency", 0.0), f"{where}: latency", "s", least=0)
+    if latency and clock != "arrival":
+        raise DataError(f'{where}: latency is that of the clock "arrival", not of {clock!r}')
     address = _in_folder(address_of(part.get("port"), where), folder)
-    return InputPart(format, address, clock, "", 1.0)
+    return InputPart(format, address, clock, "", 1.0, latency)
 
 
 def _output(part: dict[str, Any], where: str, folder: Path) -> OutputPart:

@@ -42,6 +42,8 @@ class Decoder:
 
     def __init__(self) -> None:
         self.bad = 0
+        # s, of time.monotonic: when the bytes came of which the events are; None: just now
+        self.last: float | None = None
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """Take bytes and return the events that they complete."""
@@ -77,7 +79,7 @@ class JsonLines(Decoder):
 
     def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
         t = float(table["t"])
-        if self._scale != "own":
+        if self._scale in ("unix", "gps"):
             t = self._clock.of_gps(float(gps_from_unix(t)) if self._scale == "unix" else t)
         if "source" in table:
             y, std = (tuple(map(_number, table[key])) for key in ("y", "std"))
@@ -121,7 +123,7 @@ class Receiver(Decoder):
         super().__init__()
         self._clock, self._log, self._name = clock, log, Path(name)
         self._kinds = kinds
-        self._window, self._fresh, self._last, self._waits = b"", 0, -1.0, False
+        self._window, self._fresh, self._waits = b"", 0, False
         self._used: dict[str, float] = {}  # s, the last time of each kind
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
@@ -137,11 +139,11 @@ class Receiver(Decoder):
         self._window = (self._window + piece)[-WINDOW:]
         self._fresh += len(piece)
         self._waits = True  # the last epoch
-        self._last = time.monotonic()
+        self.last = time.monotonic()
 
     def idle(self) -> list[Sample | Measurement]:
         """As of Decoder."""
-        if not self._waits or time.monotonic() < self._last + QUIET:
+        if not self._waits or time.monotonic() < (self.last or 0.0) + QUIET:
             return []
         return self._new(True)
 

@@ -18,6 +18,8 @@ from ...engine.notifier import OnEvent
 from ...engine.stream import Measurement, Sample
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
+from ...units.time_scales import gps_from_unix
+from .arrival_clock import ArrivalClock, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
 from .input_formats import Clock, Decoder, decoder
 from .output_formats import LINES, state_at
@@ -33,6 +35,15 @@ BATCH = 1000
 """Events of a recording that are taken at a time, at most."""
 
 
+def time_of_arrival(monotonic: float | None = None) -> float:
+    """Return the time of this machine, now or at a time of `time.monotonic`, UNIX s; it never steps
+    while the machine runs."""
+    return STARTED + (time.monotonic() if monotonic is None else monotonic)
+
+
+STARTED = time.time() - time.monotonic()
+
+
 class _Bytes:
     """An input from a port."""
 
@@ -40,6 +51,9 @@ class _Bytes:
         assert part.address is not None  # of all but a recording
         self.port = Port(part.address)
         self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
+        self._clock = clock
+        self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
+        self._held: list[Sample | Measurement] = []  # until the clock is ready
         name = f"{part.format} of {part.address}".replace("/", "_")
         self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name)
 
@@ -53,7 +67,26 @@ class _Bytes:
         found: list[Sample | Measurement] = []
         for piece in self.port.read():
             found += self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
-        return found + self.decoder.idle()
+        found += self.decoder.idle()
+        return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
+
+    def _by_arrival(
+        self, arrivals: ArrivalClock, found: list[Sample | Measurement]
+    ) -> list[Sample | Measurement]:
+        """Return events with the time at which the fastest message would have arrived."""
+        now, restarts = time_of_arrival(self.decoder.last), arrivals.restarts
+        for event in found:
+            arrivals.take(event.t, now)
+        if arrivals.restarts > restarts:
+            self._held.clear()
+        self._held += found
+        if not arrivals.ready:
+            return []
+        ready, self._held = self._held, []
+        return [each._replace(t=self._on_clock(arrivals.time(each.t))) for each in ready]
+
+    def _on_clock(self, unix: float) -> float:
+        return self._clock.of_gps(float(gps_from_unix(unix)))
 
     def close(self) -> None:
         """Close the port."""
@@ -228,6 +261,7 @@ class Live:
             replay=own.replay,
             align_within=own.align_within,
             options=own.options,
+            estimate=own.estimate,
             on_event=self._hear,
             on_use=self._use if self._log else None,
         )
@@ -358,6 +392,15 @@ class Live:
     def bad(self) -> int:
         """Number of lines, and of pieces of a receiver, that could not be read."""
         return sum(each.decoder.bad for each in self.inputs if isinstance(each, _Bytes))
+
+    @property
+    def clocks(self) -> dict[str, ClockEstimate]:
+        """{port: estimate} of the inputs with the clock "arrival"."""
+        found: dict[str, ClockEstimate] = {}
+        for each in self.inputs:
+            if isinstance(each, _Bytes) and each.arrivals and each.arrivals.estimate:
+                found[str(each.port.address)] = each.arrivals.estimate
+        return found
 
     @property
     def logs(self) -> list[Path]:
