@@ -236,7 +236,7 @@ def nmea_bytes(count=40):
 @pytest.mark.parametrize("size", [7, 100, 5000])
 def test_a_receiver_is_read_as_its_log_would_be(format, made, size, tmp_path):
     """Epoch by epoch in pieces of any size: the measurements of the reader of logs, bit for bit."""
-    from strapdown.cli.live import input_formats
+    from strapdown.cli.live import decoders, input_formats
     from strapdown.io.description.fix_columns import Whereabouts, read_fixes
     from strapdown.io.description.schema_source import SourcePart
     from strapdown.io.description.source_files import Files
@@ -254,7 +254,7 @@ def test_a_receiver_is_read_as_its_log_would_be(format, made, size, tmp_path):
             batch[part.kind] = list(zip(found.t.tolist(), found.y.tolist(), found.std.tolist()))
     clock = input_formats.Clock()
     kinds = ["position", "velocity", "heading"]
-    reader = input_formats.decoder(format, "gps", clock, kinds, "receiver")
+    reader = decoders.decoder(format, "gps", clock, kinds, "receiver")
     taken = []
     for k in range(0, len(data), size):
         taken += reader.feed(data[k : k + size])
@@ -335,7 +335,8 @@ def gps_raw(common, t, y, v, accuracies=(1500, 2500, 100), fix_type=3):
 
 
 def test_mavlink_is_read_in_si(tmp_path):
-    from strapdown.cli.live.input_formats import Clock, decoder
+    from strapdown.cli.live.decoders import decoder
+    from strapdown.cli.live.input_formats import Clock
 
     common, bytes_of = mavlink()
     clock = Clock()

@@ -13,7 +13,7 @@ from .. import __version__, filters
 from ..alignment.missing_fields import missing_fields
 from ..checks import DataError, check_flag, check_number
 from ..core.compile.records import Table, rows
-from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
+from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState, Noise
 from ..core.loop.cursor import Limits
 from ..core.loop.loop import SAME_TIME
 from ..core.loop.tables import FixRow
@@ -177,16 +177,13 @@ class Stream:
         if asked["estimate"] is None or (asked["estimate"] and not of_imu):
             of_imu, said = of_grade(filter, self._spec)
             self.notes += said
-        self._vehicle, self._rows, self.lag = find_vehicle(vehicle), history, lag
+        self._vehicle, self._rows = find_vehicle(vehicle), history
+        self.lag, self._replay, self._on_use = lag, replay, on_use
         self._serve(sources, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
         self._notifier = Notifier(_events(filter, self._used, self._vehicle, first), on_event)
-        self._replay, self._on_use = replay, on_use
         self._nothing_yet()
-        if start is not None:
-            check_start(
-                start, self.noise, missing_fields(start) if isinstance(start, InitialState) else ()
-            )
+        _check_start(start, self.noise)
         check_options(filter, asked["options"] or {})
         self._make_ready(sources, tries=start is None and self._spec is not None)
         self._gathered = Gathering(
@@ -777,9 +774,9 @@ class Stream:
             raise
 
     def _replace_state(self, saved: Mapping[str, Any]) -> None:
-        notifier, gathered = self._notifier.anew(saved["dropped"]), copy(self._gathered)
-        gathered.put(saved["gathered"])
-        self._notifier, self._gathered = notifier, gathered
+        self._notifier = notifier = self._notifier.anew(saved["dropped"])
+        self._gathered = copy(self._gathered)
+        self._gathered.put(saved["gathered"])
         self._live, self._front, self._decided = None, None, dict(saved["decided"])
         self.belief = _nothing_known()
         if saved["live"] is None:
@@ -797,6 +794,14 @@ class Stream:
         self._before = [fix and fix_of(fix) for fix in saved["before"]]
         if len(self._before) != len(self._places):
             raise ValueError("other sources")
+        self._put_waiting(saved)
+        if self._ahrs is not None:
+            self._ahrs = copy(self._ahrs)
+            self._ahrs.put(saved["ahrs"])
+        self._renew_front()
+
+    def _put_waiting(self, saved: Mapping[str, Any]) -> None:
+        """Take the samples and fixes that waited, of a `_state`."""
         self._number = int(saved["number"])
         samples = [sample_of(sample) for sample in saved["samples"]]
         self._samples = [(sample.t, k, sample) for k, sample in enumerate(samples)]
@@ -806,10 +811,6 @@ class Stream:
             fix = fix_of(fields)
             self._waiting.append((self._due_at(fix), fix.source, int(number), fix))
         heapify(self._waiting)
-        if self._ahrs is not None:
-            self._ahrs = copy(self._ahrs)
-            self._ahrs.put(saved["ahrs"])
-        self._renew_front()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Stream":
         own = object.__new__(type(self))
@@ -939,6 +940,13 @@ def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
     if of_imu:
         meta["estimate"] = of_imu
     return meta
+
+
+def _check_start(start: InitialState | None, noise: Noise) -> None:
+    """Refuse a start, or a part of one, that no filter can begin with. Raises DataError."""
+    if start is not None:
+        missing = missing_fields(start) if isinstance(start, InitialState) else ()
+        check_start(start, noise, missing)
 
 
 def _check(lag: float, align_within: float, history: int, covariance: bool, replay: bool) -> None:

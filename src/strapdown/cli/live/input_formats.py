@@ -189,20 +189,3 @@ class Receiver(Decoder):
             columns = found.t.tolist(), found.y.tolist(), found.std.tolist()
             rows += [_Row(t, part.kind, tuple(y), tuple(std)) for t, y, std in zip(*columns)]
         return rows
-
-
-def decoder(format: str, scale: str, clock: Clock, kinds: Sequence[str], name: str) -> Decoder:
-    """Return the Decoder of a format: json, ubx, nmea or mavlink."""
-    if format == "json":
-        return JsonLines(clock, scale)
-    if format == "mavlink":
-        from .mavlink_input import MavLink
-
-        return MavLink(clock, kinds)
-    if format == "ubx":
-        from ...io.readers.ubx import ubx_log
-
-        return Receiver(clock, ubx_log, kinds, name)
-    from ...io.readers.nmea import log_of_bytes
-
-    return Receiver(clock, log_of_bytes, kinds, name)

@@ -21,7 +21,8 @@ from ...io.readers.live_log import fix_line, head_line, sample_line
 from ...units.time_scales import gps_from_unix
 from .arrival_clock import ArrivalClock, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
-from .input_formats import Clock, Decoder, decoder
+from .decoders import decoder
+from .input_formats import Clock, Decoder
 from .output_formats import LINES, state_at
 from .ports import Port, Sink
 
