@@ -11,6 +11,7 @@ from typing import NamedTuple
 from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.consistency.summary import TARGETS as CONSISTENCY
 from strapdown_reproductions.faults.summary import TARGETS as FAULTS
+from strapdown_reproductions.geometry.main import TARGETS as GEOMETRY
 from strapdown_reproductions.installation.summary import TARGETS as INSTALLATION
 from strapdown_reproductions.noise.summary import TARGETS as NOISE
 from strapdown_reproductions.verdict_corpus.summary import TARGETS as VERDICTS
@@ -216,6 +217,13 @@ STUDIES = (
         page="ranking.md",
     ),
     Study(f"stress {RANKING}", {"GTSAM's stress test": farthest_from_nine}, page="ranking.md"),
+    Study(
+        "geometry",
+        {
+            "iekf, starts far off": measured(GEOMETRY["home"]),
+            "iekf, ANEES beside the closed loop": measured(GEOMETRY["flights"]),
+        },
+    ),
     Study(
         "vehicle-kit",
         {

@@ -13,6 +13,7 @@ from strapdown.engine.heading_hypotheses import DOUBTFUL, REUSE, _mean, align_st
 from strapdown.io.readers.broad import with_positions
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion, demo_flight, ramp, static
+from strapdown_reproductions.worth.sensors import WITH_DIVE, record_motion, with_kinds
 
 LLA = (DEG * 50, DEG * 7, 150.0)
 IMU = "industrial"
@@ -124,3 +125,24 @@ def test_mean_of_weighted_headings():
         10, rel=0.02
     )
     assert _mean(np.radians([0.0, 180.0]), np.ones(2))[1] > np.radians(150) and REUSE == 4
+
+
+def test_a_sensor_that_contradicts_gnss_has_no_say():
+    """A depth in feet, which read 134 deg of heading into the motion."""
+    made = with_kinds(record_motion(WITH_DIVE["underwater"], 2), ("depth",))
+    (alone, right, wrong) = (
+        align_start(each, sd.imu(IMU))
+        for each in (
+            with_kinds(made, ()),
+            made,
+            replace(
+                made,
+                sources=tuple(
+                    replace(a, y=a.y / 0.3048) if a.kind == "depth" else a for a in made.sources
+                ),
+            ),
+        )
+    )
+    assert np.degrees(abs(heading_error(wrong, made))) < 30.0
+    assert abs(heading_error(wrong, made) - heading_error(alone, made)) < 1e-9
+    assert np.degrees(abs(heading_error(right, made))) < 30.0

@@ -10,9 +10,11 @@ from installed import car, flown, wrong
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.data.calibration_parameters import SCALE
 from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.installation.iteration import MAX_RUNS
 from strapdown.sensor_models.gnss import Gnss
+from strapdown_reproductions.worth.sensors import WITH_DIVE, record_motion, with_kinds
 
 DEG = np.pi / 180
 FAULTS = {
@@ -28,6 +30,28 @@ FAULTS = {
     "scale 0.01": (("scale", 0.01), 0.002),
 }
 """{name: (what `wrong` does, by what the value found may be off: five standard deviations or less)}."""
+
+
+SPEEDS = {
+    "airspeed": ("flight", ("true-airspeed", "side-slip"), (0.0, 0.1, -0.05)),
+    "sound": ("underwater", ("range", "depth"), (0.0, 0.03)),
+}
+"""{name: (motion, kinds beside GNSS, errors of the scale of the first)}."""
+
+
+@pytest.mark.parametrize("name, error", [(k, e) for k, each in SPEEDS.items() for e in each[2]])
+def test_the_scale_of_an_airspeed_and_of_ranges_is_found(name, error):
+    motion, kinds, _ = SPEEDS[name]
+    for seed in (11, 12, 13):
+        made = with_kinds(record_motion(WITH_DIVE[motion], seed), kinds)
+        first = next(i for i, a in enumerate(made.sources) if a.kind == kinds[0])
+        sources = list(made.sources)
+        sources[first] = replace(sources[first], y=(1 + error) * sources[first].y)
+        found = sd.diagnose(replace(made, sources=tuple(sources)))
+        told = sources[first].name or kinds[0]
+        (one,) = (p for p in found.parameters if p.of is SCALE and told in p.sources)
+        assert abs(one.change - error) < 3 * one.std and one.std < 0.005, (seed, str(one))
+        assert [p.name for p in found.found] == [one.name] * (error != 0), (seed, str(found))
 
 
 def size(fault):

@@ -49,6 +49,7 @@ def at():
         tile(rng.normal(0, 1, 3)),
         tile(rng.normal(0, 5, 3)),
         np.zeros((count, 3)),
+        np.zeros((count, 3)),
     )
 
 

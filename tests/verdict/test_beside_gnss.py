@@ -9,6 +9,7 @@ import strapdown as sd
 from strapdown.geometry.geodesy import displace_lla
 from strapdown.sensor_models.any_sensor import Simulated
 from strapdown.sensor_models.magnetometer import Magnetometer
+from strapdown.verdict import beside_gnss
 
 FIELD = (21e-6, 1.5e-6, 43e-6)
 SECONDS = 180.0
@@ -65,6 +66,7 @@ CASES = {
     "range, beacon": ("range", place_off, "beacon"),
     "magnetometer, sign": ("magnetic-field", lambda a: replace(a, y=-a.y), "unit"),
     "magnetometer, gauss": ("magnetic-field", lambda a: replace(a, y=a.y / 100), "unit"),
+    "magnetometer, late": ("magnetic-field", lambda a: replace(a, t=a.t + 0.2), "clock"),
     "magnetometer, motor": ("magnetic-field", beside_motor, "disturbed field"),
 }
 
@@ -91,3 +93,48 @@ def test_the_beacon_is_said_to_be_where_it_is(drive):
     )
     # to a few metres: the ranges have pulled the solution by as much
     assert abs(north + 100) < 30 and abs(east) < 30, reason.seen
+
+
+def spoofed(recording, begin, acceleration):
+    """Positions and velocities that accelerate together to the north from then on, for 20 s."""
+    made = []
+    for a in recording.sources:
+        seconds = np.clip(a.t - begin, 0.0, None)
+        gained = acceleration * np.minimum(seconds, 20.0)
+        way = gained * (seconds - 0.5 * np.minimum(seconds, 20.0))
+        if a.kind == "position":
+            moved = [displace_lla(y, np.array([north, 0.0, 0.0])) for y, north in zip(a.y, way)]
+            a = replace(a, y=np.array(moved))
+        elif a.kind == "velocity":
+            a = replace(a, y=a.y + np.outer(gained, [1.0, 0.0, 0.0]))
+        made.append(a)
+    return replace(recording, sources=tuple(made))
+
+
+def test_a_right_sensor_is_not_blamed_alone_where_gnss_is_spoofed(drive):
+    """It is left out, because it contradicts; no constant of its own would begin then."""
+    solution = sd.fuse(spoofed(only(drive, "body-velocity"), 100.0, 0.5))
+    assert any("body-velocity: left out" in text for _, text in solution.events)
+    reasons = [each for each in solution.verdict.reasons if each.source == "body-velocity"]
+    assert any("either has become wrong" in each.seen for each in reasons)
+    assert not any(each.cause in ("scale", "unit", "clock") for each in reasons)
+    assert solution.verdict.word != "trusted"
+
+
+def test_a_precise_sensor_that_hardly_changes_is_not_late():
+    """The slope of what is expected of it must not have its own correction in it: with that a right beam of
+    a ship was 1.0 s early, 11 standard deviations."""
+    sensors = [Simulated("beam-velocity", 0.05, 5.0, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0))]
+    made = sd.simulate("ship", 300.0, "industrial", seed=31, sensors=sensors)
+    solution = sd.fuse(made)
+    each = beside_gnss._expected_readings(solution, solution.innovations, 2, made.sources[2])
+    fit = beside_gnss._fit(each)
+    assert abs(fit.lag) < 4 * fit.lag_std < 0.4
+
+
+def test_a_reading_that_contradicts_from_the_start_has_not_changed():
+    t = np.arange(0.0, 300.0, 1.0)
+    assert beside_gnss._agreed_until(t, t < 150.0) == 149.0
+    assert beside_gnss._agreed_until(t, t < 30.0) == np.inf
+    assert beside_gnss._agreed_until(t, t < 280.0) == np.inf
+    assert beside_gnss._agreed_until(t, np.zeros(len(t), bool)) == np.inf

@@ -136,7 +136,7 @@ SCALE = CalibrationParameter(
     digits=4,
     place="scale_state",
 )
-"""By which an odometer reads too much."""
+"""By which an odometer, another sensor of speed or a range reads too much."""
 GYRO_SCALE = CalibrationParameter(
     name="gyro-scale",
     components=AXES,

@@ -77,6 +77,8 @@ UNITS = {
     **dict(zip(STD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3)),
 }
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
+GNSS = ("position", "velocity")
+"""Kinds of measurement of a receiver, by which sensors beside it are judged."""
 STD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
 """From SI to the units of the `std_` columns; its last six also to those of the biases."""
 OF_WHOLE = Untested("this part by itself", "the verdict is that of the whole run")

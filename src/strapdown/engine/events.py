@@ -413,16 +413,17 @@ WORDS: dict[int, Words] = {
         f"{value:.0f} s; a pitot tube is blocked or iced, or its driver stopped"
     ),
     Code.UNCHECKED: lambda e, row, s, value: (
-        f"{e.name(s)}: {_event_count(row, 'reading')} left out{_till(row)}: with the wind it contradicts "
-        "positions or velocities, and nothing else checks it while they are missing; run `strapdown "
-        "inspect`, and let the filter estimate its `scale`"
+        f"{e.name(s)}: {_event_count(row, 'reading')} left out{_till(row)}: nothing checks it without "
+        "position and velocity, and it contradicted them shortly before; run `strapdown inspect`, and let "
+        "the filter estimate its `scale`"
     ),
     Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
     Code.HEIGHT_AGAIN: lambda e, row, s, value: (
         f"{e.name(s)}: its height agrees with the others again and is used"
     ),
     Code.CONTRADICTS: lambda e, row, s, value: (
-        f"{e.name(s)}: left out from here{_till(row)}, because it contradicts position and velocity"
+        f"{e.name(s)}: left out from here{_till(row)}, because it contradicts position and velocity: "
+        "check its unit, sign, scale and clock"
     ),
     Code.AGREES_AGAIN: lambda e, row, s, value: (
         f"{e.name(s)}: agrees with position and velocity again and is used"

@@ -21,7 +21,7 @@ from ..alignment.rest import rests
 from ..core.loop.contract import InitialState, Noise
 from ..data.calibration_parameters import HARD_IRON
 from ..data.recording import Recording
-from ..data.solution import Source
+from ..data.solution import GNSS, Source
 from ..data.vehicle import find as find_vehicle
 from ..geometry.geodesy import wrap
 from ..sensor_models.imu import ImuSpec
@@ -79,8 +79,23 @@ def align_start(
         if HARD_IRON.name not in a.estimate and not (ahead and _is_backwards(a))
     ]
     part = replace(part, sources=tuple(replace(a, gate=OUTLIER) for a in used))
-    found = _decide_heading(_Trials(part, begin, imu, noise or imu.noise(), notify), start)
+    trials = _Trials(part, begin, imu, noise or imu.noise(), notify)
+    found, likeliest = _decide_heading(trials, start)
+    if wrong := _contradicting_sources(likeliest):
+        left = tuple(a for a in part.sources if (a.kind, a.name) not in wrong)
+        found, _ = _decide_heading(trials._replace(recording=replace(part, sources=left)), start)
     return starts_around(recording, imu, start.t, [found])[0]
+
+
+def _contradicting_sources(run: Run) -> set[tuple[str, str]]:
+    """Kinds and names of sources beside GNSS that contradict it from the likeliest heading too: their unit, sign or scale is
+    wrong, and what they say of the heading as well."""
+    books = run.cursor.books
+    return {
+        (a.kind, a.name)
+        for s, a in enumerate(run.recording.sources)
+        if a.kind not in GNSS and (books[s].exclusions > 0 or books[s].fails.any())
+    }
 
 
 def _doubtful(start: InitialState) -> bool:
@@ -148,9 +163,9 @@ class _Peak(NamedTuple):
     std: float
 
 
-def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
-    """Return the heading that the innovations select, else the mean over all headings. A priori,
-    the heading of `start` is as likely as all others together."""
+def _decide_heading(trials: _Trials, start: InitialState) -> tuple[HeadingFound, Run]:
+    """Return the heading that the innovations select, else the mean over all headings, and the run from the
+    likeliest one. A priori, the heading of `start` is as likely as all others together."""
     headings = SPACING * np.arange(HEADINGS)
     runs, sums = trials.runs(headings), np.zeros(HEADINGS)
     alive = np.ones(HEADINGS, bool)
@@ -166,16 +181,16 @@ def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
         peak = _refine_peak(trials, mean, row) if spread < TOGETHER else None
         if peak and peak.std < DECIDED:
             note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
-            return HeadingFound(
-                peak.heading, peak.std, f"heading {_degrees(peak.heading)} deg {note}"
-            )
+            words = f"heading {_degrees(peak.heading)} deg {note}"
+            likeliest = runs[int(np.argmin(np.where(alive, sums, np.inf)))]
+            return HeadingFound(peak.heading, peak.std, words), likeliest
         if row == end:
             break
+    likeliest = runs[int(np.argmin(np.where(alive, sums, np.inf) if alive.any() else sums))]
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
-        return HeadingFound(
-            0.0, UNKNOWN_STD, f"heading unknown, {tried} the filter converged from none"
-        )
+        words = f"heading unknown, {tried} the filter converged from none"
+        return HeadingFound(0.0, UNKNOWN_STD, words), likeliest
     from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.std[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
     std = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_STD)
@@ -188,7 +203,7 @@ def _decide_heading(trials: _Trials, start: InitialState) -> HeadingFound:
             else "heading unknown, none is clearly the likeliest"
         )
     )
-    return HeadingFound(mean, std, f"{words} {tried}")
+    return HeadingFound(mean, std, f"{words} {tried}"), likeliest
 
 
 def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding, filters
-from ..aiding.air_data import WIND
 from ..aiding.more_parameters import check_more_parameters
 from ..alignment.missing_fields import MAX_HEADING, PARTS
 from ..checks import DataError, brief, check_number, one_line_repr
@@ -167,7 +166,8 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:
-            row.walk, row.states = sensor.state_walk, len(_own_states(sensor, sources))
+            row.states = len(_own_states(sensor, sources))
+            row.state_std, row.walk = sensor.state_std, sensor.state_walk
             row.first_state = shared.setdefault(sensor.shared or s, states)
             states += row.states if row.first_state == states else 0
         row.slip, row.beside_gnss = checked_slip(a, sensor), is_beside_gnss(sensor)
@@ -185,10 +185,12 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
 
 
 def is_beside_gnss(sensor: MeasurementModel) -> bool:
-    """True for a sensor that GNSS can judge. Errors of one that brings states along are theirs, two heights
-    contradict each other (core/loop/stages/heights.py), and an attitude is another filter's."""
+    """True for a sensor that GNSS can judge. What states of its own take up is no contradiction, but what it
+    makes of states that others share is; two heights contradict each other (core/loop/stages/heights.py),
+    and an attitude is another filter's."""
     others = ("position", "velocity", "altitude", "attitude")
-    return sensor.recorded and not sensor.states and sensor.name not in others
+    alone = sensor.recorded and not sensor.states and sensor.name not in others
+    return alone or bool(sensor.shared)
 
 
 def used_in_order(
@@ -362,10 +364,9 @@ def new_cursor(
     state.doubtful_conditions = sum(1 << k for k in doubtful)
     cursor.axes["step"] = np.inf
     books["floor"] = floors(sources)
-    books["last"] = books["last_used"] = books["followed_at"] = float(t)
-    books["tested"] = books["level_at"] = books["contradicted_at"] = -np.inf
-    kinds = [aiding.find(a.kind) for a in sources]
-    books["through_air"] = [each.state_std * (each.shared == WIND["shared"]) for each in kinds]
+    for name in ("last", "last_used", "walked", "followed_at"):
+        books[name] = float(t)
+    books["tested"] = books["level_at"] = books["proven"] = -np.inf
     books["factor"] = 1.0
     books["power"] = 1.0
     return cursor

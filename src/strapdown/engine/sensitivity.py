@@ -64,6 +64,7 @@ class Corrections(NamedTuple):
     omega: Array  # (k, 3) bias-free rate, rad/s, body
     f: Array  # (k, 3) bias-free specific force around the fix, m/s^2, body
     innovation: Array  # (k, 3) whitened; 0 where nothing was measured
+    expected: Array  # (k, 3) of the measurement, as the filter predicts it; 0 likewise
 
 
 Derivatives: TypeAlias = Callable[[Corrections], Array]
@@ -144,7 +145,8 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
             room = np.empty((needed, width(n) + BEHIND))
         run.advance(stop, run.out._replace(record=room))
         record = room[: state.recorded]
-        corrections = _corrections(run.out.fix[before : state.fix], record, n, forces)
+        used = slice(before, state.fix)
+        corrections = _corrections(run.out.fix[used], run.fixes.y[used], record, n, forces)
         h, J = (np.zeros((len(corrections.t), 3, LANES)) for _ in range(2))
         h[:, :, :m] = derivatives(corrections)
         run_sensitivity(n, record, h, columns, J)
@@ -162,8 +164,10 @@ def most_calls(run: Run, stop: int) -> int:
     return int(len(t) + 4 * fixes + steps[gaps > 0].sum())
 
 
-def _corrections(fix: Table[FixRow], record: Array, n: int, forces: "_Forces") -> Corrections:
-    """Return the Corrections on a record with the loop rows `fix`. A fix whose gate is opened has
+def _corrections(
+    fix: Table[FixRow], y: Array, record: Array, n: int, forces: "_Forces"
+) -> Corrections:
+    """Return the Corrections on a record with the loop rows `fix` of measurements y (k, 3). A fix whose gate is opened has
     two, of which the first is marked so that it does not count; a fix that the filter did not
     process has none."""
     calls = np.flatnonzero((record[:, 0] != PREDICTED) & (record[:, 0] != FADED))
@@ -183,6 +187,7 @@ def _corrections(fix: Table[FixRow], record: Array, n: int, forces: "_Forces") -
         belief[:, 12:15],
         forces.mean(t) - belief[:, 15:18],
         np.where(measured, kept[:, INNOVATION : INNOVATION + 3], 0.0),
+        np.nan_to_num(y[row] - fix["innovation"][row]),
     )
 
 

@@ -66,7 +66,7 @@ def diagnose(
     **set_up: Unpack[SetUpOptions],
 ) -> Diagnosis:
     """Find errors in the installation of a recording: clock offsets of the GNSS and of an odometer,
-    lever arm of the antenna, mounting of the IMU, scale of the odometer.
+    lever arm of the antenna, mounting of the IMU, scale of odometer, Doppler log, airspeed or ranges.
 
     Each parameter is estimated from the innovations of the filter (separate bias estimation,
     Friedland 1969) and applied; then the filter runs again until nothing changes:
@@ -327,5 +327,5 @@ class _Runs:
         if of is MOUNTING:
             return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
         if of is SCALE:
-            return "add an odometer (kind speed) or a Doppler log"
+            return "add an odometer (kind speed), a Doppler log or an airspeed"
         return "add a source of velocity"

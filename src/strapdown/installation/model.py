@@ -1,10 +1,11 @@
 """The constants of an installation that a filter does not know: clock offset of each GNSS source and of an
-odometer, lever arm of the antenna, mounting of the IMU, scale of an odometer or a Doppler log. What each does to the
+odometer, lever arm of the antenna, mounting of the IMU, scale of an odometer, a Doppler log, an airspeed or ranges. What each does to the
 measurements, and a recording with them changed.
 
 A constant is true less assumed: clock, s to add to the time stamps of a source; lever arm, m forward, right, down;
 mounting, rad, the rotation vector exp(mu x) of the body axes of the IMU, of which forward motion
-shows pitch and heading; scale, by which a measured speed is too large.
+shows pitch and heading; scale, by which a measured speed or distance is too large. The bias of a range is no
+constant here: it is a state of every filter.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from ..core.mathematics.error_dynamics import cross_matrix
 from ..core.mathematics.rotation_vectors import exponentials
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
-from ..data.solution import Source
+from ..data.solution import GNSS, Source
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
@@ -29,13 +30,14 @@ from ..preprocessing.lever_arm import lever_arm_of
 from ..preprocessing.rotated_imu import with_the_imu
 from ..typing import Array, Ints
 
-GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
 """{kind of measurement: body axis along which it sees the velocity of the vehicle}."""
 VECTOR, BEAM = "body-velocity", "beam-velocity"
 """Kinds of measurement that see it along all body axes, and along a direction of their own."""
 OF_BODY = (*CONSTRAINED, VECTOR, BEAM)
-SCALED = ("speed", VECTOR, BEAM)
+READ = ("true-airspeed", "indicated-airspeed", "range")
+"""Kinds of measurement whose scale alone is sought, by what the filter expects of them."""
+SCALED = ("speed", VECTOR, BEAM, *READ)
 """Kinds of measurement that have a scale."""
 HEADING = "heading"
 """Kind of measurement that sees the x axis of the vehicle."""
@@ -157,6 +159,8 @@ class InstallationModel:
                     h[rows, k] = self._of_body(at, rows, direction, s)
             elif kind == HEADING:
                 h[rows, 0] = self._of_heading(C, s)
+            elif kind in READ:
+                h[rows, :1] = self._columns({SCALE: at.expected[rows, :1, None]}, s)
         return h
 
     def _of_antenna(self, at: Corrections, rows: Ints, s: int) -> Array:

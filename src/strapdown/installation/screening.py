@@ -12,7 +12,7 @@ from ..core.loop.contract import POS, STATES, VEL, InitialState, Noise
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, CalibrationParameter
 from ..data.recording import Recording
-from ..data.solution import Solution, Source
+from ..data.solution import GNSS, Solution, Source
 from ..data.verdict import HEADING, HEIGHT, POSITION, TILT, VELOCITY, Reason, SetUpBound, Untested
 from ..engine.options import run_options
 from ..engine.sensitivity import begin_sensitive, fit, sums
@@ -22,7 +22,7 @@ from ..typing import Array
 from .diagnose import MIN_CLOCK_ALONE
 from .findings import MIN_GAIN, MIN_Z
 from .iteration import Trial, Unknown, estimate_unknowns, groups, nis_decrease
-from .model import GNSS, OF_BODY, InstallationModel, apply_constants, constants, rotation
+from .model import OF_BODY, InstallationModel, apply_constants, constants, rotation
 from .states import estimated_installation
 
 STEP, PACE = 0.5, 1.0

@@ -20,7 +20,7 @@ from ..data.calibration_parameters import (
     CalibrationParameter,
 )
 from ..data.operations import operation
-from ..data.solution import Solution
+from ..data.solution import GNSS, Solution
 from ..data.value import Value
 from ..data.verdict import Reason
 from ..preprocessing.axes import rotation_matrix
@@ -28,7 +28,7 @@ from ..typing import Array
 from ..units.constants import REST_SPEED
 from .findings import CONSISTENT, FOUND, MIN_Z, NOT_OBSERVABLE, Estimate
 from .iteration import NOTABLE
-from .model import CONSTRAINED, GNSS, SHOWN_BY, rotation
+from .model import CONSTRAINED, SHOWN_BY, rotation
 
 TIGHT = 0.1
 """Default prior std; a posterior this tight carries as much information as the data."""

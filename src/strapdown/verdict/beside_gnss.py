@@ -16,8 +16,8 @@ import numpy as np
 from ..aiding.depth import SEAWATER
 from ..aiding.pressure import P_0
 from ..core.loop.contract import ATT
-from ..core.loop.integrity import HEARD
-from ..data.solution import Innovations, Solution, Source
+from ..core.loop.integrity import BARRED, HEARD
+from ..data.solution import GNSS, Innovations, Solution, Source
 from ..data.verdict import Reason
 from ..geometry.geodesy import displacement
 from ..geometry.rotations import Rotation
@@ -26,7 +26,6 @@ from ..inspection.position_velocity import FACTORS
 from ..typing import Array, Ints, Mask
 from ..units.constants import FROZEN_ROWS, FROZEN_TIME, STANDARD_GRAVITY
 
-GNSS = ("position", "velocity")
 LENGTHS = {1 / 0.3048: "feet read as m", 0.3048: "m read as feet"}
 FIELDS = {
     1e-2: "gauss read as uT",
@@ -55,15 +54,22 @@ factor is that of a unit."""
 WITHIN = 3.0
 """Prior standard deviations within which a scale or a clock that the filter estimates is no reason."""
 EXPLAINED = 0.3
-"""Share of the squares of what is off that a scale, a clock or a place must explain."""
+"""Share of the squares of what is off that a scale or a place must explain, and a clock that comes before
+other causes: of a precise sensor a clock explains little, and other mistakes look like one."""
 HELD_CHANGE = 5.0
 """Standard deviations by which a value should change while it is held FROZEN_TIME and FROZEN_ROWS."""
 MAX_FIELD, PART = 0.1, 0.1
 """Share of the strength by which a field may be off, and the share of time in which it may be more."""
 FAR = 10.0
 """m by which a beacon must be off."""
+OF_SET_UP = ("unit", "scale", "clock")
+"""Causes that are there from the beginning."""
 KNOWN_HEADING = np.radians(3.0)
 """rad: standard deviation of a heading from which no field is compared."""
+
+
+AGREED = 0.9
+"""Share of readings that a filter uses of a sensor that agrees with GNSS."""
 
 
 class ExpectedReadings(NamedTuple):
@@ -75,6 +81,21 @@ class ExpectedReadings(NamedTuple):
     h: Array  # (n, k)
     std: Array  # (n, k) of y - h, as stated
     towards: Array  # (n, 3) of a range: by what it grows with each metre of the beacon's place, NED
+    until: float  # s, until when the filter used it, where it agreed for some time before; else inf
+
+    def before(self) -> "ExpectedReadings":
+        """Those of the time when it agreed."""
+        return self.where(self.t < self.until)
+
+    def where(self, some: Mask) -> "ExpectedReadings":
+        """Some of them."""
+        return self._replace(
+            t=self.t[some],
+            y=self.y[some],
+            h=self.h[some],
+            std=self.std[some],
+            towards=self.towards[some],
+        )
 
 
 class ReadingFit(NamedTuple):
@@ -113,8 +134,48 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
         found = _disturbance(each)
     if found is None and each.source.kind == "range":
         found = _far_off(each)
+    if found is None and fit is not None:
+        found = _of_clock(each, fit)
+    if (found is None or found.cause in OF_SET_UP) and _has_changed(each):
+        found = _change(each)
     if found is not None:
         yield found
+
+
+def _has_changed(each: ExpectedReadings) -> bool:
+    """True where a sensor agreed for some time, without what its readings show later."""
+    if not np.isfinite(each.until):
+        return False
+    early = each.before()
+    fit = _fit(early) if len(early.t) >= MIN_ROWS else None
+    return fit is None or (_of_fit(early, fit) or _of_clock(early, fit)) is None
+
+
+def _change(each: ExpectedReadings) -> Reason:
+    """A Reason of a sensor or GNSS that has become wrong, in place of one of a constant."""
+    seconds, left = each.until - each.t[0], each.t[-1] - each.until
+    seen = (
+        f"it agreed with position and velocity for {seconds:.0f} s and contradicts them from "
+        f"{each.until:.1f} s on: either has become wrong"
+    )
+    remedy = (
+        "compare both with a third source, and leave out the one that errs: GNSS may be spoofed"
+    )
+    return Reason("outliers", seen, remedy, label(each.source), min(left / BARRED, 10.0))
+
+
+def _agreed_until(t: Array, accepted: Mask) -> float:
+    """s until when a filter used a sensor that it left out later for BARRED s or more, and that agreed as
+    long before; inf of others."""
+    first = np.flatnonzero(accepted)
+    if not len(first):
+        return np.inf
+    ends = np.flatnonzero(np.diff(np.r_[t[accepted], t[-1]]) >= BARRED)
+    if not len(ends):
+        return np.inf
+    last = first[ends[0]]
+    agreed = t[last] - t[0] >= BARRED and np.mean(accepted[: last + 1]) >= AGREED
+    return float(t[last]) if agreed else np.inf
 
 
 # ---- what is expected
@@ -143,10 +204,11 @@ def _expected_readings(
     h, towards = _predict_readings(solution, source, own_t)
     if h is None:
         h = y - every.innovation[own, : y.shape[1]]
-    whole = np.isfinite(y).all(axis=1) & np.isfinite(h).all(axis=1)
+    whole: Mask = np.isfinite(np.c_[y, h]).all(axis=1)
     if whole.sum() < MIN_ROWS:
         return None
-    return ExpectedReadings(source, own_t[whole], y[whole], h[whole], std[whole], towards[whole])
+    until = _agreed_until(every.t[own], every.accepted[own])
+    return ExpectedReadings(source, own_t, y, h, std, towards, until).where(whole)
 
 
 def _sources(solution: Solution) -> tuple[Source, ...]:
@@ -224,7 +286,8 @@ def _fit(each: ExpectedReadings) -> ReadingFit | None:
     """Scale and clock by least squares, without what is far off; None where the motion does not show
     them."""
     count, k = each.y.shape
-    slope = np.gradient(each.h, each.t, axis=0)
+    # backwards: what comes after has the correction by this reading in it
+    slope = np.diff(each.h, axis=0, prepend=each.h[:1]) / np.diff(each.t, prepend=-np.inf)[:, None]
     w = 1 / each.std
     constants = np.zeros((count, k, k))
     constants[:, range(k), range(k)] = 1.0
@@ -262,12 +325,18 @@ def _known_prior(each: ExpectedReadings, name: str, least: float) -> float:
 
 def _of_fit(each: ExpectedReadings, fit: ReadingFit) -> Reason | None:
     """A Reason of a wrong sign, unit, scale or clock."""
-    name, off = label(each.source), abs(fit.scale - 1)
+    off = abs(fit.scale - 1)
     least = max(_known_prior(each, "scale", MAX_SCALE), SURE * fit.scale_std)
     if fit.explained < EXPLAINED:
         return None
     if off > least:
         return _of_scale(each, fit, min(off / least, 10.0))
+    return _of_clock(each, fit)
+
+
+def _of_clock(each: ExpectedReadings, fit: ReadingFit) -> Reason | None:
+    """A Reason of a wrong clock."""
+    name = label(each.source)
     least = max(_known_prior(each, "clock", MAX_LAG), SURE * fit.lag_std)
     if abs(fit.lag) > least:
         seen = f"it is {fit.lag:+.2f} +- {fit.lag_std:.2f} s late against the solution"

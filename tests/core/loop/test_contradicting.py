@@ -70,6 +70,17 @@ def test_it_is_used_again_once_it_is_right(drive):
     assert solution.innovations.accepted[late].mean() > 0.9
 
 
+def test_it_is_not_used_in_an_outage_soon_after(drive):
+    """Wrong from 60 to 80 s it is used again from about 125 s on, and without GNSS from 185 s on."""
+    wrong = with_log(drive, lambda t, y: np.where((t > 60) & (t < 80), -y, y))
+    solution = sd.fuse(wrong.hidden([(145.0, 175.0)], ("position", "velocity")))
+    assert any("nothing checks it without position and velocity" in text for text in said(solution))
+    at, log = solution.innovations.t, solution.innovations.source == 2
+    used = solution.innovations.accepted
+    assert used[log & (at > 135) & (at < 145)].mean() > 0.9
+    assert not used[log & (at > 156) & (at < 175)].any()
+
+
 def test_a_stream_leaves_it_out_too(drive):
     from recordings import events_of, start as near
 

@@ -14,8 +14,8 @@ from strapdown.core.mathematics.source import new_source
 from strapdown.filters.invariant.adjoint_change import SMOOTHER
 from strapdown.filters.invariant.composed import CHANGE
 from strapdown.filters.invariant.eqf import EQF
-from strapdown.filters.invariant.second_order import IN_BODY, IN_N
 from strapdown.filters.invariant.iekf import IEKF
+from strapdown.filters.invariant.second_order import IN_BODY, IN_N
 from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short

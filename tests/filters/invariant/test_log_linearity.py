@@ -7,9 +7,9 @@ from scipy.linalg import expm, logm
 from scipy.spatial.transform import Rotation
 from test_group_errors import algebra, coordinates, error_on_group, pose
 
-from strapdown.core.mathematics.kalman import WORKSPACE, propagate_error
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import BLOCKS
+from strapdown.core.mathematics.kalman import WORKSPACE, propagate_error
 from strapdown.core.mathematics.rotation_vectors import exponentials
 from strapdown.filters.invariant.group_errors import LEFT, from_group, to_group
 

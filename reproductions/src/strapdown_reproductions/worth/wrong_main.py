@@ -25,7 +25,8 @@ INTRODUCTION = (
     "problem or the verdict is not `trusted`, and named if a reason against this sensor has the true "
     "cause. Errors are over those of the same run without the sensor: with GNSS the rms of position, "
     "velocity and heading after the first fifth, the worst of the three; and the largest horizontal "
-    "error in 30 s without GNSS, which begin after 170 to 400 s.",
+    "error in 30 s without GNSS, which begin after 170 to 400 s. shown_std: standard deviations by which the "
+    "mistake shifts the innovations of all fixes together, the most that any test of them could see.",
 )
 TARGETS = {
     "right": Target("right sensors: not trusted", "<=", 0.0, "%"),
@@ -48,13 +49,14 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
 
 
 def mistakes_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row per motion, sensor and mistake: in how many runs it is said and named, and the median
-    errors over those without the sensor."""
+    """A row per motion, sensor and mistake: in how many runs it is said and named, and medians of what the
+    innovations show of it and of the errors over those without the sensor."""
     groups = rows.groupby(["motion", "sensor", "mistake"], sort=False)
     return groups.agg(
         runs=("seed", "nunique"),
         said=("said", "sum"),
         named=("named", "sum"),
+        shown_std=("shown", "median"),
         with_gnss=("worse", "median"),
         in_outage=("worse_in_outage", "median"),
     ).reset_index()

@@ -8,7 +8,7 @@ import numpy as np
 
 from strapdown.checks import DataError
 from strapdown.data.recording import Recording
-from strapdown.data.solution import Solution
+from strapdown.data.solution import Innovations, Solution
 from strapdown.data.verdict import TRUSTED, Reason
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, outages
@@ -16,7 +16,7 @@ from strapdown.geometry.geodesy import wrap
 from strapdown.io.facts import recording_facts
 from strapdown.typing import Array
 
-from .mistakes import MISTAKES, SensorMistake
+from .mistakes import DELAYED, LATE, MISTAKES, SensorMistake
 from .sensors import GNSS, WITH_DIVE, SensorMotion, record_motion, with_kinds
 
 RIGHT = "none"
@@ -26,6 +26,8 @@ REFUSED = "refused"
 SKIPPED = 0.2
 """Part of a recording at its beginning that is not scored: the filter settles."""
 OUTAGE = 30.0  # s
+SAME = 1e-3
+"""s by which stamps of one fix differ."""
 
 
 class WrongSensorScore(NamedTuple):
@@ -44,13 +46,14 @@ def rows(name: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
         without, _ = _score(case, with_kinds(whole, ()))
         for kind in dict.fromkeys(a.kind for a in whole.sources if a.kind in MISTAKES):
             right = with_kinds(whole, (kind,))
+            found = fuse(right).innovations
             for mistake in (None, *MISTAKES[kind]):
                 yield {
                     "motion": name,
                     "sensor": kind,
                     "mistake": mistake.name if mistake else RIGHT,
                     "seed": seed,
-                    **_cell(case, right, kind, mistake, without),
+                    **_cell(case, right, kind, mistake, without, found),
                 }
 
 
@@ -60,6 +63,7 @@ def _cell(
     kind: str,
     mistake: SensorMistake | None,
     without: WrongSensorScore,
+    found: Innovations,
 ) -> dict[str, Any]:
     made = _with_mistake(right, kind, mistake) if mistake else right
     names = {a.name or a.kind for a in made.sources if a.kind == kind}
@@ -77,19 +81,41 @@ def _cell(
         "word": verdict.word,
         "said": bool(inspected) or verdict.word != TRUSTED,
         "named": bool(named),
+        "shown": _shown_std(found, solution.innovations, mistake, _first_of(made, kind)),
         "worse": float((score.rms / without.rms).max()),
         "worse_in_outage": score.outage / without.outage,
         "text": " | ".join(_text(reason) for reason in told[:3]),
     }
 
 
+def _shown_std(
+    right: Innovations, wrong: Innovations, mistake: SensorMistake | None, changed: int
+) -> float:
+    """Standard deviations by which a mistake shifts the whitened innovations of all fixes that both runs
+    have, as `faults.judging.deflection`; late ones are compared with themselves."""
+    assert right.whitened is not None and wrong.whitened is not None
+    squares = 0.0
+    for s in np.unique(wrong.source):
+        ours, theirs = np.flatnonzero(right.source == s), np.flatnonzero(wrong.source == s)
+        t = wrong.t[theirs] - (LATE if mistake is DELAYED and s == changed else 0.0)
+        pair = ours[np.minimum(np.searchsorted(right.t[ours], t - SAME), len(ours) - 1)]
+        same = np.abs(right.t[pair] - t) < SAME
+        change = wrong.whitened[theirs[same]] - right.whitened[pair[same]]
+        squares += float(np.nansum(change**2))
+    return float(np.sqrt(squares))
+
+
 def _text(reason: Reason) -> str:
     return f"{reason.cause} {reason.weight:.2g} {reason.source}: {reason.seen}"
 
 
+def _first_of(recording: Recording, kind: str) -> int:
+    return next(i for i, a in enumerate(recording.sources) if a.kind == kind)
+
+
 def _with_mistake(right: Recording, kind: str, mistake: SensorMistake) -> Recording:
     """The recording with the mistake in the first source of the kind."""
-    first = next(i for i, a in enumerate(right.sources) if a.kind == kind)
+    first = _first_of(right, kind)
     start, stop = right.span
     wrong = mistake.make(right.sources[first]).between(start, np.nextafter(stop, start))
     sources = (*right.sources[:first], wrong, *right.sources[first + 1 :])

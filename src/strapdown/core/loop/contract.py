@@ -228,6 +228,10 @@ class SourceLike(Protocol):
         """Standard deviations (m, rows)."""
 
     @property
+    def estimate(self) -> Mapping[str, Sequence[float]]:
+        """{parameter of its installation that is a state: prior standard deviations, SI}."""
+
+    @property
     def parameters(self) -> Sequence[float]:
         """As its MeasurementModel says, e.g. a lever arm."""
 

@@ -89,16 +89,26 @@ class Books:
     in_a_row: int  # rejections since the last accepted one
     since: float  # s, the first of them, or the last that was used with the gate opened
     lifts: int  # how many of them were used so, positions and velocities apart
-    last: float  # s, the last measurement, up to which its own states have walked
+    last: float  # s, the last measurement that could be true
+    walked: float  # s, up to when its own states have walked
     last_used: float  # s
+    used_since: float  # s, the first of those that follow each other within HEARD
     floor: Annotated[Array, 3]  # least standard deviations
     rejecting: int  # 1: rejected so long that the gate was or must be lifted; -1: left out
     lifted_at: int  # rejections in a row when the gate was opened last, 0 since one passed
     # of a sensor beside GNSS: 1 while it is left out, because it contradicts positions and velocities
-    # in use; how often that was, and until when it is left out at least, s
+    # in use; how often that was; until when it is left out at least, and without GNSS, s
     contradicts: int
     exclusions: int
     barred: float
+    proven: float
+    # of the same where it has states: its value, since when it is held, s, and for how many more
+    # measurements; all of them, and those with a new value
+    value: float
+    held_since: float
+    held: int
+    values: int
+    changes: int
     # tests of its innovations: cumulative sum, its terms, 1 where it fails; sums and counts of the
     # present second and when the last one ended, s
     sums: Annotated[Array, 7]
@@ -125,17 +135,6 @@ class Books:
     level_at: float
     level_since: float
     suspended: int
-    # of a velocity through the air: initial standard deviation of the wind, m/s, 0 of all others; its value,
-    # since when it is held, s, and for how many more measurements; all of them, and those with a new
-    # value; 1 while they are left out, and when one of them contradicted a position or a velocity, s
-    through_air: float
-    value: float
-    held_since: float
-    held: int
-    values: int
-    changes: int
-    suspected: int
-    contradicted_at: float
 
 
 class Work:

@@ -12,7 +12,7 @@ from ...typing import Array
 from ..compile.jit import helper, inline
 from ..compile.records import Table
 from ..mathematics.belief import FilterState
-from ..mathematics.source import Kind
+from ..mathematics.source import Kind, SourceRow
 from .cursor import CHANNELS, Axis, Books, Cursor
 from .log import Code, notify
 from .tables import Fixes
@@ -54,7 +54,8 @@ MAX_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its t
 ROOM = 4.0
 """Growth of P where a sensor is left out that the filter has used: twice the standard deviations."""
 BARRED = 60.0
-"""s for which a sensor is left out at least; each time again twice as long."""
+"""s for which a sensor is left out at least; each time again twice as long. A turn or two are in it, which
+are what shows a wrong airspeed: its scale flies straight without a contradiction."""
 NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
 NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
@@ -94,34 +95,62 @@ def is_gnss(kind: int) -> bool:
 
 
 @helper
+def last_gnss(fixes: Fixes, cursor: Cursor) -> float:
+    """When the filter has used a position or a velocity last, s."""
+    last = -math.inf
+    for s in range(fixes.sources.size):
+        if is_gnss(fixes.sources[s].kind):
+            last = max(last, cursor.books[s].last_used)
+    return last
+
+
+@inline
 def gnss_is_used(fixes: Fixes, t: float, cursor: Cursor) -> bool:
     """True where the filter has used a position or a velocity lately, at time `t` s."""
-    for s in range(fixes.sources.size):
-        if is_gnss(fixes.sources[s].kind) and t - cursor.books[s].last_used <= HEARD:
-            return True
-    return False
+    return t - last_gnss(fixes, cursor) <= HEARD
 
 
 @helper
-def gnss_contradicts(fixes: Fixes, t: float, cursor: Cursor) -> bool:
-    """True where the tests of positions and those of velocities fail together: the two do not depend on
-    each other, so that the belief is wrong."""
-    position, velocity = False, False
+def gnss_contradicts_since(fixes: Fixes, t: float, cursor: Cursor) -> float:
+    """Since when innovations of positions and velocities are off whose tests fail together, s: the two do not
+    depend on each other, so that the belief is wrong. inf where these tests hold."""
+    position, velocity, since = False, False, math.inf
     for s in range(fixes.sources.size):
-        if is_gnss(fixes.sources[s].kind) and t - cursor.books[s].tested <= HEARD:
-            if fails(cursor.books[s]):
-                position |= fixes.sources[s].kind == Kind.POSITION
-                velocity |= fixes.sources[s].kind == Kind.VELOCITY
-    return position and velocity
+        books = cursor.books[s]
+        if is_gnss(fixes.sources[s].kind) and t - books.tested <= HEARD:
+            for channel in range(CHANNELS):
+                if books.fails[channel] > 0:
+                    position |= fixes.sources[s].kind == Kind.POSITION
+                    velocity |= fixes.sources[s].kind == Kind.VELOCITY
+                    since = min(since, books.tested - books.terms[channel] + 1)
+    return since if position and velocity else math.inf
 
 
 @helper
-def exclude_contradicting(s: int, t: float, cursor: Cursor) -> None:
-    """Leave out source `s`, which contradicts positions and velocities, until the sum of its NIS has
-    fallen again."""
+def share_states(a: SourceRow, b: SourceRow) -> bool:
+    """True where two sources bring the same states along."""
+    return a.states > 0 and b.states > 0 and a.first_state == b.first_state
+
+
+@helper
+def exclude_contradicting(fixes: Fixes, s: int, t: float, cursor: Cursor) -> bool:
+    """Leave out source `s`, which contradicts positions and velocities, and all that share its states: they
+    rest on what it made of these. True where P must grow, to undo what the source has done to the belief."""
+    source, books = fixes.sources[s], cursor.books[s]
+    seconds = BARRED * (1 << min(books.exclusions, 10))
+    for i in range(fixes.sources.size):
+        if i == s or share_states(source, fixes.sources[i]):
+            _bar(i, t, seconds, cursor)
+    return was_used(books, t)
+
+
+@helper
+def _bar(s: int, t: float, seconds: float, cursor: Cursor) -> None:
+    """Leave out one source for some seconds, until the sum of its NIS has fallen again, and without GNSS for
+    twice as long."""
     books = cursor.books[s]
     books.contradicts, books.rejecting = 1, 0
-    books.barred = t + BARRED * (1 << min(books.exclusions, 10))
+    books.barred, books.proven = t + seconds, t + 2 * seconds
     books.exclusions += 1
     books.fails[6], books.sums[6] = 1.0, MAX_OF_BOUND * NIS_ALARM
     notify(cursor, Code.CONTRADICTS, s, t, 0.0)
@@ -386,22 +415,28 @@ def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> Non
         books.nis_sum = books.nis_count = 0.0
 
 
+@inline
+def cumulative_sum(total: float, value: float, allowed: float, most: float) -> float:
+    """A one-sided cumulative sum with one term more, which counts by what it exceeds the allowed mean, and
+    `most` at most; of one run, or of runs side by side."""
+    return max(total + min(max(value, -most), most) - allowed, 0.0)
+
+
 @helper
 def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t: float) -> None:
     """One term of a cumulative sum, which fails above its bound until it is well below."""
     books, of_nis = cursor.books[s], channel == 6
     allowed, most = (NIS_ALLOWED, MAX_NIS) if of_nis else (MEAN_ALLOWED, MAX_WHITENED)
     sums, terms, fails = books.sums, books.terms, books.fails
-    total = sums[channel] + min(max(value, -most), most) - allowed
+    total = cumulative_sum(sums[channel], value, allowed, most)
     terms[channel] += 1
     if total <= 0:
-        total = terms[channel] = 0.0
+        terms[channel] = 0.0
     sums[channel] = min(total, MAX_OF_BOUND * bound)
     if total > bound or fails[channel] > 0 and total > RECOVERED * bound:
         fails[channel] = 1.0
         mean = min(total / terms[channel] + allowed, most)
         if books.contradicts > 0:
-            notify(cursor, Code.CONTRADICTS, s, t, 0.0)
             return
         if of_nis:
             notify(cursor, Code.NIS_OFF, s, t, mean)

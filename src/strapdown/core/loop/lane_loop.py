@@ -45,10 +45,12 @@ from .integrity import (
     SAME_VALUE,
     SECOND,
     STUCK_SAMPLES,
+    cumulative_sum,
+    share_states,
 )
 from .kernels import CORRECT, PREDICT
 from .loop import SAME_TIME
-from .measurement import LIFT_AFTER, REJECTED, share_states, walk
+from .measurement import LIFT_AFTER, REJECTED, walk
 from .tables import FIXES, Fixes
 
 IN_A_ROW, SINCE, NIS_SUM, NIS_COUNT = range(4)
@@ -294,8 +296,8 @@ def _is_tested(fixes: Fixes, s: int) -> bool:
 
 @inline
 def _test(nis: float, s: int, t: float, cursor: LaneCursor) -> None:
-    """The running tests of a source, as `core.loop.integrity.test` has them: runs in
-    which one nearly fails must go alone."""
+    """The running tests of a source, as `core.loop.integrity.test` gathers them for one run: runs in which
+    one nearly fails must go alone."""
     innovation, books, rows = cursor.work[SEEN], cursor.books[s], 0.0
     whitened, counts, sums = books[WHITENED], books[COUNTS], books[SUMS]
     for i in range(3):
@@ -312,13 +314,12 @@ def _test(nis: float, s: int, t: float, cursor: LaneCursor) -> None:
     for i in range(3):
         mean = whitened[i] / max(counts[i], 1.0)
         for channel, value in ((i, mean), (3 + i, -mean)):
-            value = min(max(value, -MAX_WHITENED), MAX_WHITENED) - MEAN_ALLOWED
-            sums[channel] = max(sums[channel] + value, 0.0)
+            sums[channel] = cumulative_sum(sums[channel], value, MEAN_ALLOWED, MAX_WHITENED)
             _mark(LEFT, sums[channel] > NEARLY * MEAN_ALARM, t, cursor)
         whitened[i] = 0.0 * mean
         counts[i] = 0.0 * mean
-    value = min(books[NIS_SUM] / max(books[NIS_COUNT], 1.0), MAX_NIS) - NIS_ALLOWED
-    sums[6] = max(sums[6] + value, 0.0)
+    value = books[NIS_SUM] / max(books[NIS_COUNT], 1.0)
+    sums[6] = cumulative_sum(sums[6], value, NIS_ALLOWED, MAX_NIS)
     _mark(LEFT, sums[6] * several > NEARLY * NIS_ALARM, t, cursor)
     books[NIS_SUM] = 0.0 * value
     books[NIS_COUNT] = 0.0 * value

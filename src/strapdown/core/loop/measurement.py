@@ -24,6 +24,7 @@ from ..mathematics.source import Kind, SourceRow
 from .cursor import Books, Cursor
 from .integrity import (
     CONFIRM,
+    HEARD,
     LEFT,
     confirm,
     exclude_contradicting,
@@ -34,8 +35,8 @@ from .integrity import (
     length,
     make_room_for_gnss,
     reachable,
+    share_states,
     test,
-    was_used,
 )
 from .kernels import Kernels, correct_at, observe_at
 from .log import Code, notify
@@ -88,17 +89,12 @@ def _begin(belief: FilterState, fixes: Fixes, k: int, cursor: Cursor) -> None:
     work.nis, work.weight, work.gate = math.nan, 1.0, source.gate
     work.alone, work.withheld, work.lifted = 0, -1, 0
     if source.walk > 0:
-        last = cursor.books[s].last
+        last = cursor.books[s].walked
         for i in range(fixes.sources.size):
             if share_states(source, fixes.sources[i]):
-                last = max(last, cursor.books[i].last)
+                last = max(last, cursor.books[i].walked)
         walk(belief.P, source, fixes.t[k] - last)
-
-
-@helper
-def share_states(a: SourceRow, b: SourceRow) -> bool:
-    """True where two sources bring the same states along."""
-    return a.states > 0 and b.states > 0 and a.first_state == b.first_state
+        cursor.books[s].walked = fixes.t[k]
 
 
 @helper
@@ -123,8 +119,7 @@ def _ask(
     work.nis = _correct(kernels, belief, fixes, k, cursor, gate)
     lift = work.nis > max(gate, source.gate) and _is_due(cursor.books[s], work.alone, t)
     if lift and source.beside_gnss > 0 and gnss_is_used(fixes, t, cursor):
-        exclude_contradicting(s, t, cursor)
-        if was_used(cursor.books[s], t):
+        if exclude_contradicting(fixes, s, t, cursor):
             make_room_for_gnss(belief.P)
         lift = False
     if weighed and not lift and work.nis > gate:
@@ -222,6 +217,8 @@ def _keep_books(
     elif work.believable and not math.isnan(work.nis):
         books.in_a_row = books.lifts = books.lifted_at = books.rejecting = 0
     if use > 0:
+        if books.accepted == 0 or t - books.last_used > HEARD:
+            books.used_since = t
         books.last_used = t
         books.accepted += 1
     if use == Use.REJECTED:

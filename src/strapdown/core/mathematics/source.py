@@ -56,6 +56,7 @@ class SourceRow:
 
     first_state: int  # of the states that it brings along
     states: int  # how many these are
+    state_std: float  # their initial standard deviation, unit
     walk: float  # their random walk, unit/sqrt(s)
 
     # parameters of the installation that are states: the error of the clock, s, of the lever arm, m,

@@ -20,7 +20,7 @@ from typing import TypeAlias
 from ...core.compile.jit import helper, inline, matrix
 from ...core.compile.selection import any_of, where
 from ...core.compile.workspace import MAX_STATES
-from ...core.loop.contract import FilterState, Kind, Noise, Observe, Slots, SourceRow
+from ...core.loop.contract import STATES, FilterState, Kind, Noise, Observe, Slots, SourceRow
 from ...core.mathematics.error_state import observe_innovation
 from ...core.mathematics.joseph import (
     FORCE,
@@ -57,6 +57,7 @@ from .equations import (
     TOLD,
     XI as XI_VALUE,
     gain,
+    has_estimated_errors,
     outage,
 )
 
@@ -332,8 +333,11 @@ def _field(
     what of them is across the specific force.
 
     With h the force as the observer has it, u = h x m and noise n of the field, the angle of the
-    latter is (h ((m x u)' theta - u' n) + m u' e_xi) / |u|^2.
+    latter is (h ((m x u)' theta - u' n) + m u' e_xi) / |u|^2, and that of the fields (theta without
+    its part along m) - m x n / |m|^2. Where errors of the magnetometer are states, n is what they and
+    the noise of the fix at hand, which has corrected them, do by the columns of H.
     """
+    errs = has_estimated_errors(belief, source)
     workspace, C, f, xi = belief.workspace, belief.C_nb, belief.f, belief.workspace[XI_VALUE]
     m, share, ki = (
         (source.parameters[0], source.parameters[1], source.parameters[2]),
@@ -350,7 +354,10 @@ def _field(
         xi = belief.P.shape[0] + XI
         for j in range(3):
             b[0, 6 + j], b[1, xi + j] = along[j], u[j]
-        r[0, 0] = variance * square
+        if errs:
+            _field_errors(belief, u, b[0])
+        else:
+            r[0, 0] = variance * square
         turn(a, 0, C, force, scale_vector(each, h), ki)
         turn(a, 1, C, force, scale_vector(each, m), ki)
     else:
@@ -358,13 +365,27 @@ def _field(
         for i in range(3):
             for j in range(3):
                 b[i, 6 + j] = (1.0 if i == j else 0.0) - m[i] * m[j] / square
-                r[i, j] = variance / square * b[i, 6 + j]
+                if not errs:
+                    r[i, j] = variance / square * b[i, 6 + j]
+            if errs:
+                unit = (1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2))
+                _field_errors(belief, scale_vector(1 / square, cross(unit, m)), b[i])
             x, y, z = (
                 where(i == 0, share, 0.0),
                 where(i == 1, share, 0.0),
                 where(i == 2, share, 0.0),
             )
             turn(a, i, C, force, (x, y, z), ki)
+
+
+@helper
+def _field_errors(belief: FilterState, u: Three, row: Array) -> None:
+    """- u' n (u in n) in the columns of states that make n: those of the magnetometer's errors and the noise
+    of the fix at hand."""
+    h, C = matrix(belief.workspace, H, 3, row.size), belief.C_nb
+    for k in range(STATES, row.size):
+        x, y, z = rotate_vector(C, h[0, k], h[1, k], h[2, k])
+        row[k] -= u[0] * x + u[1] * y + u[2] * z
 
 
 @helper

@@ -370,7 +370,7 @@ def take(
         workspace[SLOW] = where(measured & free, 0.0, workspace[SLOW])
     elif kind == Kind.MAGNETIC_FIELD:
         total = e[0] + e[1] + e[2]
-        _towards_field(bar, y, source, (total == total) & free)
+        _towards_field(bar, y, source, e, (total == total) & free)
         there = (e[0] == e[0]) & wanted & (not free)
         workspace[SINCE_FIELD] = where(there, 0.0, workspace[SINCE_FIELD])
     elif kind == Kind.POSITION or kind == Kind.VELOCITY or kind == Kind.ALTITUDE:
@@ -561,6 +561,12 @@ def _towards_heading(bar: FilterState, heading: float, seconds: float, wanted: b
 
 
 @helper
+def has_estimated_errors(bar: FilterState, source: SourceRow) -> bool:
+    """True where errors of a source are states of the filter."""
+    return bar.augmented.size > 0 and source.estimated > 0
+
+
+@helper
 def _remaining_angle(angle: float, time: float) -> float:
     """Return the remainder of an angle (rad) whose rate is - sin(angle), after that (scaled)
     time."""
@@ -568,9 +574,12 @@ def _remaining_angle(angle: float, time: float) -> float:
 
 
 @inline
-def _towards_field(bar: FilterState, y: Array, source: SourceRow, wanted: bool) -> None:
+def _towards_field(
+    bar: FilterState, y: Array, source: SourceRow, innovation: Array, wanted: bool
+) -> None:
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
-    since the last, where it is wanted.
+    since the last, where it is wanted. Where its errors are states, y is that field and what the
+    innovation leaves, without iron.
 
     Of both what is across the specific force counts, f x m: a field that dips steeply is almost
     parallel to it and alone holds the heading badly.
@@ -583,6 +592,8 @@ def _towards_field(bar: FilterState, y: Array, source: SourceRow, wanted: bool) 
         C[0, 2] * m0 + C[1, 2] * m1 + C[2, 2] * m2,
     )
     b0, b1, b2 = y[0], y[1], y[2]
+    if has_estimated_errors(bar, source):
+        b0, b1, b2 = e0 + innovation[0], e1 + innovation[1], e2 + innovation[2]
     if int(workspace[FIELD]) == ACROSS:
         f0, f1, f2 = f[0], f[1], f[2]
         h0 = f0 + C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]

@@ -88,6 +88,11 @@ def begin(belief: FilterState, covariance: str, turns: bool = True) -> None:
     an unknown word and for too many states."""
     check_choice(covariance, "covariance", ("joseph", "published"))
     n = len(belief.P)
+    if n > STATES and covariance == "published":
+        raise ValueError(
+            f"covariance='published' has no gain for the {n - STATES} states that sources bring along; use "
+            "covariance='joseph', or leave `estimate` and `correlated` of the sources out"
+        )
     if n + AUXILIARY > MAX_STATES:
         raise ValueError(
             f"{n - STATES} states of the installation are too many beside the two stages; at most "

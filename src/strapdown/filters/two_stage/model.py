@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, TypeAlias
 from ...checks import check_choice, check_number
 from ...core.compile.jit import helper, inline
 from ...core.loop.contract import STATES, Condition, FilterState, Noise, Slots, SourceLike
+from ...core.loop.stages.disturbed_field import KNOWN_HEADING
 from ...core.mathematics.error_state import ERROR_STATE
 from ...core.mathematics.kalman import decay, of_estimates
 from ...core.mathematics.rotation import rotate_vector
@@ -102,6 +103,8 @@ SLOW_OR_BANKED = Condition(
     "or a magnetic field would hold it",
     doubtful=False,
 )
+CRAB_DEG = 5.0
+"""Standard deviation of the angle between course and heading where none is given, deg."""
 NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
@@ -162,6 +165,7 @@ def configure(
 ) -> tuple[dict[str, Any], list[str]]:
     """(options, notes) for Filter.configure. Raises ValueError where nothing gives a heading."""
     kinds = {a.kind for a in sources}
+    _check_iron(options, sources)
     better = kinds & {"heading", "magnetic-field"}
     if better or options.get("course") != "none" and "velocity" in kinds:
         return options, []
@@ -171,6 +175,21 @@ def configure(
             "runs without)"
         )
     return options, [NO_HEADING]
+
+
+def _check_iron(options: dict[str, Any], sources: Sequence[SourceLike]) -> None:
+    """Raise ValueError where a hard iron would wait for ever, because a course alone tells the heading and is
+    said to be further off it."""
+    crab, most = options.get("crab", CRAB_DEG), math.degrees(KNOWN_HEADING)
+    if crab < most or any(a.kind == "heading" for a in sources):
+        return
+    for a in sources:
+        if "hard-iron" in a.estimate:
+            raise ValueError(
+                f"{a.name or a.kind}: its hard iron is estimated once the heading is known to {most:.1f} "
+                f"deg, and a course is said to be {crab:g} deg off it; set crab to 2 deg or less, or use "
+                "closed-loop"
+            )
 
 
 @helper

@@ -76,6 +76,7 @@ from .joseph_covariance import (
 from .model import (
     BEYOND,
     CONDITION,
+    CRAB_DEG,
     DEVIATION,
     ERROR,
     INNOVATION,
@@ -121,7 +122,7 @@ def start(
     velocity: str = "full",
     level: str = "bias-free",
     max_bank: float = 45.0,
-    crab: float = 5.0,
+    crab: float = CRAB_DEG,
     correlation: float = 10.0,
     window: float = 1.0,
     acceleration: float = 0.2,

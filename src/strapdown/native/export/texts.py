@@ -169,8 +169,8 @@ CODE = ExportNames(
             "to estimate its hard iron; value: standard deviation of the heading, rad",
             "FROZEN": "measurement through the air of source `which` left out, because it holds one value; "
             "value: for how long, s",
-            "UNCHECKED": "measurement through the air of source `which` left out, because such measurements "
-            "contradict positions or velocities; value: since when, s",
+            "UNCHECKED": "measurement of source `which` left out, because it contradicted position and velocity "
+            "shortly before they went missing; value: s without them",
             "CONTRADICTS": "source `which` left out, because it contradicts position and velocity",
             "AGREES_AGAIN": "source `which` agrees with position and velocity again and is used",
             "TOO_FAR": "position of source `which` farther away than the vehicle can have moved",

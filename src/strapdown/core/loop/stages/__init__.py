@@ -23,12 +23,10 @@ from . import (
     robust,
     side_slip,
     time_correlated,
-    unchecked_air,
 )
 
 PREPARE = (
     (disturbed_field.exclude_disturbed_field, disturbed_field.is_needed),
-    (unchecked_air.exclude_unchecked_air, unchecked_air.is_needed),
     (clock.look_back, clock.is_needed),
     (side_slip.inflate_side_slip, side_slip.is_needed),
     (time_correlated.fade_errors, time_correlated.is_needed),
