@@ -10,11 +10,7 @@ import workload
 
 AHRS_STD = np.radians([0.3, 0.3, 1.0])
 """Of the attitude record: white errors of roll, pitch and heading, rad."""
-TIMES = {
-    "navigation, mekf time": "mekf",
-    "navigation, iekf time": "iekf",
-    "navigation, fixed-gain time": "fixed-gain",
-}
+TIMES = {"navigation, mekf time": "mekf", "navigation, fixed-gain time": "fixed-gain"}
 """Figure and filter, which runs in turns with the closed loop on the same sources."""
 FED = ("direct-ahrs", "direct-euler", "indirect-ahrs-open", "indirect-ahrs-closed")
 """The Kalman filters whose attitude an AHRS measures."""

@@ -108,6 +108,17 @@ def behind_ekf(text):
     return right["ekf"] - min(right[name] for name in PUBLISHED)
 
 
+def of_group(name):
+    """A function that finds the time of a filter on the group over that of the closed loop."""
+
+    def found(text):
+        heading = "Kalman filters whose error is on a group"
+        (time,) = column(heading, "time", text, filter=(f"[`{name}`](filters/{name}.md)",))
+        return time
+
+    return found
+
+
 RANKING = "of python benchmarks/ranking.py"
 EVIDENCE = ROOT / "docs" / "reference" / "evidence"
 
@@ -225,6 +236,11 @@ STUDIES = (
         },
     ),
     Study(
+        "filters of python docs/_site/filter_pages.py",
+        {"iekf, time": of_group("iekf")},
+        page="../filters.md",
+    ),
+    Study(
         "vehicle-kit",
         {
             "drive0708, vehicle kit with clock and arm as states": lambda text: number(
@@ -242,7 +258,7 @@ STUDIES = (
 def place(study):
     """(page, mark above the text) of a study."""
     if study.page:
-        return EVIDENCE / study.page, f"<!-- begin: {study.name} -->"
+        return (EVIDENCE / study.page).resolve(), f"<!-- begin: {study.name} -->"
     file, page = (write_docs.MORE if study.more else write_docs.PAGES)[study.name]
     return (write_docs.DOCS / page).resolve(), markdown.begin(file, study.name)
 
