@@ -7,6 +7,7 @@ from .calibration.fitting import Calibration as Calibration, calibrate as calibr
 from .calibration.installation.calibrate import calibrate_installation as calibrate_installation
 from .calibration.installation.findings import Installation as Installation
 from .checks import DataError as DataError
+from .cli.live.program import Live as Live
 from .core.loop.contract import (
     FilterState as FilterState,
     Imu as Imu,
@@ -18,6 +19,7 @@ from .data.solution import Solution as Solution, Source as Source, Trajectory as
 from .data.vehicle import Vehicle as Vehicle
 from .data.verdict import Reason as Reason, Verdict as Verdict
 from .engine.batch import fuse as fuse
+from .engine.live_stream import LiveStream as LiveStream
 from .engine.smoothing import smooth as smooth
 from .engine.stream import Measurement as Measurement, Sample as Sample, Stream as Stream
 from .evaluation.metrics import errors as errors, outages as outages, rms as rms

@@ -26,6 +26,7 @@ OPTIONAL = {
     "ipykernel": OptionalPackage("a notebook", "notebook"),
     "ppigrf": OptionalPackage("the magnetic field before 2010", "igrf"),
     "jsbsim": OptionalPackage("an aircraft of JSBSim", "jsbsim"),
+    "pymavlink": OptionalPackage("MAVLink", "mavlink"),
 }
 """By the name under which it is installed."""
 OF_MODULE = {name.partition(".")[0]: name for name in OPTIONAL} | {

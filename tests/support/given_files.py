@@ -156,7 +156,15 @@ def drive(path):
     sd.write_recording(replace(made, meta={**made.meta, "name": path.stem}), path)
 
 
+def vehicle(path):
+    """A configuration of `strapdown live` that replays a flight at once."""
+    flight(path.with_name("flight.nc"))
+    text = '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = inf\n'
+    path.write_text(text, encoding="utf-8")
+
+
 GIVEN = {
+    "vehicle.toml": vehicle,
     "flight.ulg": lambda path: written_ulog.write(path, car()),
     "YOUR.ulg": lambda path: written_ulog.write(path, car()),
     "flight.bin": two_imus,

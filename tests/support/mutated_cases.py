@@ -20,6 +20,7 @@ from scipy.io import savemat
 from written_phones import START, gnsslogger, phyphox, sensor_logger, signals, zipped
 
 import strapdown as sd
+from strapdown.io.readers import live_log
 
 SECONDS = 4.0
 """Of the recordings: enough for a few fixes."""
@@ -153,6 +154,19 @@ PSINS = """% PSINS-format SIMU log file.
 34.246048 108.909664 380.0 100.0 10.0 9.780327
 0.1 0.2 0.3 125.0 100.0 50.0
 """
+
+
+def live_log_case(_: Path) -> Case:
+    """A log of strapdown live."""
+    recording = flight()
+    start = sd.align(recording, sd.imu("tactical"))
+    text = live_log.head_line("closed-loop", recording.sources, start, "tactical", None, {})
+    rows = zip(*(column.tolist() for column in recording.imu))
+    text += "".join(live_log.sample_line(*row) for row in rows)
+    for s, a in enumerate(recording.sources):
+        fixes = zip(a.t.tolist(), a.y.tolist(), a.std.tolist())
+        text += "".join(live_log.fix_line(s, t, y, std) for t, y, std in fixes)
+    return alone("live log", "log.jsonl", text.encode())
 
 
 def psins_case(_: Path) -> Case:
@@ -298,6 +312,7 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "ubx": ubx_case,
     "ubx with IMU": ubx_imu_case,
     "psins": psins_case,
+    "live log": live_log_case,
     "broad": broad_case,
     "recording.toml": description_case,
     "packed table": packed_case,

@@ -61,6 +61,7 @@ from .console import (
     with_figures,
 )
 from .help import Command, Commands, ResultCommand
+from .live.command import live
 from .output import complain, note, record, say, say_verdict, spell_for, wrote
 
 if TYPE_CHECKING:
@@ -73,8 +74,7 @@ app = typer.Typer(
     cls=Commands,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, "
-    "attitude and biases with uncertainties.",
+    help="Aided inertial navigation from IMU, GNSS and other records, with uncertainties.",
 )
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -623,7 +623,7 @@ COMMANDS: dict[type[Command], tuple[Callable[..., None], ...]] = {
         *(with_figures(compare.compare), with_figures(tune.tune), with_figures(fly.fly)),
         *(diagnose.diagnose, export.export),
     ),
-    Command: (*lists.COMMANDS, filters.filters),
+    Command: (*lists.COMMANDS, filters.filters, live),
 }
 for kind, functions in COMMANDS.items():
     for function in functions:

@@ -82,6 +82,15 @@ ABOUT = {
             ("Of a part of the log", "strapdown diagnose drive.nc --from 60 --to 600"),
         ),
     ),
+    "live": About(
+        LOG,
+        "the same filters on what sensors send now",
+        "Run a filter on live data: strapdown live",
+        (
+            ("Ports, sources and outputs from a file", "strapdown live vehicle.toml"),
+            ("For ten minutes", "strapdown live vehicle.toml --seconds 600"),
+        ),
+    ),
     "allan": About(
         SENSORS,
         "how good an IMU is, from a record at rest",

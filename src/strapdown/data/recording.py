@@ -85,6 +85,8 @@ class RecordingMeta(TypedDict, total=False):
         As position.
     gravity : float
         As position, m/s^2.
+    start : dict[str, Any]
+        Fields of the InitialState from which a live filter began; `fuse` begins there too.
     installed : dict[str, Any]
         What its recording.toml says of the installation; not of one changed after reading.
     aircraft : str
@@ -134,6 +136,7 @@ class RecordingMeta(TypedDict, total=False):
     velocity: list[float]
     attitude: list[float]
     gravity: float
+    start: dict[str, Any]
     installed: dict[str, Any]
     aircraft: str
     filter_options: dict[str, Any]

@@ -1,8 +1,9 @@
 """The alignment buffer of a stream: samples and measurements before the start, and the InitialState
 from them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Source
 from ..preprocessing.plausible import refuse_mistakes
 from ..sensor_models.imu import ImuSpec
-from .arrivals import Sample, UsableFix
+from .arrivals import Sample, UsableFix, fix_of, sample_of
 from .heading_hypotheses import DOUBTFUL, align_start
 from .options import RunOptions
 from .prepare import has_position
@@ -45,6 +46,7 @@ class Gathering:
         self._given, self._noise, self._notify = asked["start"], asked["noise"], asked["notify"]
         self._within, self._most, self._meta = within, most, meta
         self._first = self._due = np.inf
+        self.found = ""  # what the last attempt lacked
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
         """Keep one sample and the fixes up to its end; return True when it is time to try a
@@ -62,6 +64,32 @@ class Gathering:
         while self._due <= sample.t + 1e-6:  # a gap may be longer
             self._due += ALIGN_EVERY
         return True
+
+    @property
+    def needs(self) -> str:
+        """Data that the next attempt to find a start waits for, as text."""
+        if not self.samples:
+            return "the first IMU sample"
+        more = f"{max(self._due - self.samples[-1].t, 0.0):.0f} s of samples"
+        return f"{self.found}; the next attempt is in {more}" if self.found else more
+
+    def state(self) -> dict[str, Any]:
+        """Return the buffer as `put` takes it."""
+        samples, fixes = [*self.samples], [*self.fixes]
+        return {
+            "samples": samples,
+            "fixes": fixes,
+            "first": self._first,
+            "due": self._due,
+            "found": self.found,
+        }
+
+    def put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `state`. Raises ValueError, TypeError or KeyError where it is none."""
+        self.samples = [sample_of(each) for each in saved["samples"]]
+        self.fixes = [fix_of(each) for each in saved["fixes"]]
+        self._first, self._due = float(saved["first"]), float(saved["due"])
+        self.found = str(saved["found"])
 
     def _forget(self) -> None:
         self.samples = self.samples[len(self.samples) // 2 :]

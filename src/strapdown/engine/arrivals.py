@@ -3,7 +3,7 @@ are those of arrays and files."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -20,6 +20,10 @@ from ..units import quantities
 
 MAX_WAITING_FIXES = 1024
 """Largest number of fixes that a stream keeps while it waits for a sample."""
+
+
+MAX_WHOLE = 10**300
+"""Largest whole number that is taken for a time."""
 
 
 class Sample(NamedTuple):
@@ -74,6 +78,23 @@ class UsableFix(NamedTuple):
     std: list[float]
 
 
+def sample_of(saved: Sequence[Any]) -> Sample:
+    """Return the Sample of these fields, as JSON has them."""
+    t, dt, dtheta, dv = saved
+    return Sample(float(t), float(dt), _three(dtheta), _three(dv))
+
+
+def fix_of(saved: Sequence[Any]) -> UsableFix:
+    """Return the UsableFix of these fields, as JSON has them."""
+    t, source, y, std = saved
+    return UsableFix(float(t), int(source), [*_three(y)], [*_three(std)])
+
+
+def _three(values: Iterable[Any]) -> tuple[float, float, float]:
+    a, b, c = map(float, values)
+    return a, b, c
+
+
 def refuse_event(event: object) -> NoReturn:
     """Raise DataError for an object that is neither a Sample nor a Measurement."""
     raise DataError(
@@ -85,9 +106,9 @@ def refuse_event(event: object) -> NoReturn:
 def refuse_sample(sample: Sample) -> NoReturn:
     """Raise DataError for a Sample with invalid fields."""
     t, dt, dtheta, dv = sample
-    where = f"IMU sample at {t:.3f} s" if is_number(t) else "IMU sample"
+    where = f"IMU sample at {t:.3f} s" if _is_time(t) else "IMU sample"
     for name, value in (("t", t), ("dt", dt)):
-        if not is_number(value):
+        if not _is_time(value):
             raise DataError(f"{where}: {name} is {brief(value)}; it must be a number of seconds")
     if dt <= 0 or dt > MAX_INTERVAL:
         raise DataError(
@@ -100,10 +121,15 @@ def refuse_sample(sample: Sample) -> NoReturn:
     )
 
 
+def _is_time(value: object) -> bool:
+    """True for a number that a float can hold."""
+    return is_number(value) and not (isinstance(value, int) and abs(value) > MAX_WHOLE)
+
+
 def _is_vector(value: object) -> bool:
     try:
         array = np.asarray(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False
     return array.shape == (3,) and not isinstance(value, str)
 
@@ -137,15 +163,15 @@ class Sources:
     def usable(self, fix: Measurement) -> UsableFix:
         """Return the fix with NaN for values that are not finite. Raises DataError for an invalid
         fix."""
-        if not is_number(fix.t):
+        if not _is_time(fix.t):
             raise DataError(f"fix: t is {brief(fix.t)}; it must be a number of seconds")
         where = f"fix at {fix.t:.3f} s"
-        place = self._place(fix.source, where)
+        place = self.place(fix.source, where)
         most = self._most[place]
         width = len(most)
         try:
             y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.std]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DataError(
                 f"{where}: y is {brief(fix.y)} and std {brief(fix.std)}; each must be a tuple, "
                 f"source {place} needs {width} number{'s' * (width > 1)}"
@@ -174,7 +200,7 @@ class Sources:
         of_fix = np.array([fix.y]), np.array([fix.std]), self._given[fix.source]
         return float(abs(length_errors(*of_fix)[0][0])) if wrong_lengths(*of_fix)[0] else 0.0
 
-    def _place(self, source: str | int, where: str) -> int:
+    def place(self, source: str | int, where: str) -> int:
         """Return the index of a source in the stream. Raises DataError."""
         if isinstance(source, str):
             if source in self._places:

@@ -13,6 +13,7 @@ from ..typing import Progress
 from .finish import solution
 from .heading_hypotheses import align_start
 from .installation import of_grade, with_estimates
+from .live_run import start_of
 from .options import RunOptions, run_options, takes
 from .prepare import (
     Run,
@@ -72,6 +73,16 @@ def fuse(
     return solution(run)
 
 
+def recorded_start(recording: Recording) -> InitialState | None:
+    """Return the start that a recording names, as a log of `strapdown live` does; None without one,
+    or where its samples no longer begin there."""
+    if "start" not in recording.meta:
+        return None
+    start = start_of(recording.meta["start"][name] for name in InitialState._fields)
+    first = recording.imu.t[0] - recording.imu.dt[0]
+    return start if start.t >= first - 0.5 * recording.imu.dt[0] else None
+
+
 def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
     """The Run of `fuse` before its first sample. Raises DataError."""
     check_recording(recording)
@@ -79,7 +90,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
     if asked["vehicle"] is not None:  # all runs of the recording then use it
         recording = recording.with_meta(vehicle=find_vehicle(asked["vehicle"]))
     recording = with_estimates(recording, asked["estimate"])
-    imu, start = asked["imu"], asked["start"]
+    imu, start = asked["imu"], asked["start"] or recorded_start(recording)
     whole = isinstance(start, InitialState) and not missing_fields(start)
     noise, spec = assumed_noise(
         recording.meta.get("grade") if imu is None else imu, asked["noise"], needed=not whole

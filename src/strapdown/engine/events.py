@@ -1,7 +1,8 @@
 """Events of a run as text: rows of the loop's log and runs of rejected measurements become (t,
 text)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from enum import IntEnum
 from typing import Any
 
@@ -14,16 +15,18 @@ from ..core.loop.integrity import MAX_NIS, MAX_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
 from ..core.loop.stages.disturbed_field import KNOWN_HEADING
+from ..core.loop.tables import FixRow
 from ..data.solution import Rejected, Source
 from ..data.vehicle import Vehicle
 from ..typing import Array
 from ..units import quantities
 from ..units.wording import count_text
 from .rejections import runs
-from .rejections.contradictions import RejectedRun
+from .rejections.contradictions import RejectedRun, plain_run, run_of_plain
 from .rejections.sequel import repeated_spans, unresolved_spans
 from .rejections.texts import rejection_texts
-from .rejections.windows import WindowFixes
+from .rejections.windows import BEFORE as EARLIER, MAX_BEFORE as MAX_EARLIER, WindowFixes
+from .saved_state import put_array
 
 MAX_OF_A_KIND = 20
 """Largest number of separate events of one kind and source; the last one includes all that
@@ -76,6 +79,8 @@ class Events:
         self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
         self._known = np.full(len(sources), -np.inf)  # s, end of these runs, by source
         self._begin = np.full(len(sources), np.inf)  # s, the first tested fix, by source
+        # fixes before those of the history, as `look_at` takes them
+        self._earlier: tuple[Any, Array] = rows(FixRow, 0), np.empty((0, 3))
 
     def take(self, cursor: Cursor) -> None:
         """Take the rows of the log, and empty it."""
@@ -93,6 +98,7 @@ class Events:
     def look_at(self, fixes: Any, std: Array, before: float = -np.inf) -> None:
         """Find the runs of rejections in the loop's fixes, a table of FixRow with their standard
         deviations (m, 3). Runs that begin before the time `before` (s) are final."""
+        fixes, std = self._with_earlier(fixes, std)
         tested = fixes[np.isfinite(fixes["nis"])]
         np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
         found = runs.find(WindowFixes(fixes, std, self._known, self._begin), self._sources)
@@ -106,6 +112,65 @@ class Events:
         self._runs = runs.join_runs(self._runs, kept)
         for run in kept:
             self._known[run.source] = max(self._known[run.source], run.stop)
+        if len(self._earlier[0]) and before > -np.inf:
+            left = self._earlier[0]["t"] >= before
+            self._earlier = self._earlier[0][left], self._earlier[1][left]
+
+    def _with_earlier(self, fixes: Any, std: Array) -> tuple[Any, Array]:
+        before = self._earlier
+        if not len(before[0]):
+            return fixes, std
+        joined = rows(FixRow, len(before[0]) + len(fixes))
+        joined[: len(before[0])], joined[len(before[0]) :] = before[0], fixes
+        return joined, np.concatenate([before[1], std])
+
+    def state(self, fixes: Any, std: Array) -> dict[str, Any]:
+        """Return the events, with the last of these fixes (as for `look_at`) that runs of
+        rejections which go on may need, as `put` takes them."""
+        recent, recent_std = self._with_earlier(fixes, std)
+        last = recent["t"][-MAX_EARLIER:]
+        begin = max(last[0], last[-1] - EARLIER) if len(last) else np.inf
+        left = recent["t"] >= begin
+        then = copy(self)
+        then._known, then._begin = self._known.copy(), self._begin.copy()
+        then.look_at(fixes, std, begin)
+        return {
+            "rows": [[getattr(row, name) for name in LogRow.__annotations__] for row in self.rows],
+            "because": [*self.because.items()],
+            "runs": [plain_run(run) for run in then._runs],
+            "known": then._known,
+            "begin": then._begin,
+            "fixes": np.ascontiguousarray(recent[left]).view(np.int64),
+            "std": recent_std[left],
+        }
+
+    def anew(self) -> "Events":
+        """Return those of the same filter, sources and vehicle before anything happened."""
+        own = Events(self._filter, self._sources, self.vehicle)
+        own.of_ahrs = self.of_ahrs
+        return own
+
+    def put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `state`. Raises ValueError, TypeError or KeyError where it is none of these
+        sources."""
+        self.because = {int(code): str(text) for code, text in saved["because"]}
+        self.rows, self._counts = [], {}
+        for fields in saved["rows"]:
+            t, until, code, which, count, value = map(float, fields)
+            row = log_row(t, until, int(code), int(which), int(count), value)
+            self.text(row)  # a code or a source that is not there
+            self._rows_like(row).append(row)
+            self.rows.append(row)
+        self._runs = [run_of_plain(run) for run in saved["runs"]]
+        put_array(self._known, saved["known"])
+        put_array(self._begin, saved["begin"])
+        earlier = rows(FixRow, len(saved["std"]))
+        std = np.empty((len(earlier), 3))
+        put_array(earlier.view(np.int64), saved["fixes"])
+        put_array(std, saved["std"])
+        if not np.isin(earlier["source"], np.arange(len(self._sources))).all():
+            raise ValueError("a source that is not there")
+        self._earlier = earlier, std
 
     def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
         """Log an event from outside the loop; return True where it does not continue an earlier

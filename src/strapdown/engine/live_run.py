@@ -1,9 +1,10 @@
 """A filter that takes one sample at a time and keeps the newest part of its input and output,
 enough for a Solution of that part."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy, deepcopy
 from dataclasses import replace
-from math import inf
+from math import inf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,11 +40,14 @@ from .finish import solution, stop_message
 from .installation import OfImu
 from .plausible_limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare, stages_of
+from .saved_state import put_array
 
 ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
     place(LoopState, name) for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged")
 )
 """Offsets of these in the memory of a LoopState."""
+OF_HISTORY = ("row", "stop", "fix", "fixes", "out")
+"""Fields of a LoopState that count rows of the history."""
 TELL = 10.0  # s from the first of rejected fixes until their cause is determined
 
 
@@ -84,12 +88,26 @@ class _Room:
         self.stamp, self.std = np.empty(most), np.empty((most, 3))
         self.waits = self.fixes.sources["delay"].tolist()
         self.out = new_output(of.filter, belief, rows, covariance, most)
+        self._of = kernels, belief, of.noise, cursor
+        self._bind()
+
+    def _bind(self) -> None:
+        """Bind the loop to the arrays, and take views of them."""
+        kernels, belief, noise, cursor = self._of
         self.run = bind_kernel(
-            loop.run, kernels, belief, self.imu, self.fixes, of.noise, cursor, self.out
+            loop.run, kernels, belief, self.imu, self.fixes, noise, cursor, self.out
         )
         columns: list[Any] = [cursor.state.view(np.int64), *self.imu]
         views: list[Any] = [memoryview(column.reshape(-1)) for column in columns]
         self.state, self.t, self.dt, self.dtheta, self.dv = views
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "_Room":
+        own = object.__new__(type(self))
+        memo[id(self)] = own
+        for name in ("imu", "fixes", "stamp", "std", "waits", "out", "_of"):
+            setattr(own, name, deepcopy(getattr(self, name), memo))
+        own._bind()
+        return own
 
     def put(self, fixes: Iterable[UsableFix], k: int) -> None:
         """Write fixes into the rows from `k` on."""
@@ -119,7 +137,9 @@ class LiveRun:
         events: Events | None = None,
     ) -> None:
         filter, noise, spec, options, sources, vehicle, of_imu = set_up
-        self.filter, self.start, self.spec, self.options = filter, start, spec, options
+        self.filter, self.spec, self.options = filter, spec, options
+        # the start of the filter, and that of the history
+        self.begun = self.start = start
         self.sources = tuple(a._where(np.zeros(len(a.t), bool)) for a in sources)
         self.belief = new_belief(filter, start, noise, options, sources, of_imu)
         self.noise = noise = filter.with_bias_model(noise, options)
@@ -130,13 +150,21 @@ class LiveRun:
         self.kernels = prepare(filter, [a.kind for a in self.sources], notify, needed)
         self.events = events or Events(filter, self.sources, vehicle)
         self.seen = 0  # rows of the log that were examined
+        self._dt = nan  # s, length of the newest sample
         # s, begin of a source's rejections that are not reported yet; the reported ones
         self._refusing: dict[int, float] = {}
         self._told: set[tuple[str, float]] = set()
-        used = set_up._replace(noise=noise, sources=self.sources)
-        self._room = _Room(used, self.kernels, self.belief, self.cursor, rows, covariance)
-        self._ahead = _Room(used, self.kernels, self.belief, self.cursor, 1)
+        self._used = set_up._replace(noise=noise, sources=self.sources)
+        self._room = _Room(self._used, self.kernels, self.belief, self.cursor, rows, covariance)
         self._rows = rows
+
+    def run_ahead(self) -> "LiveRun":
+        """Return a run from here on with a state of its own, for `look`."""
+        own = copy(self)
+        tables: list[Any] = [table.copy() for table in self.cursor]
+        own.belief, own.cursor = self.copy(), Cursor(*tables)
+        own._room = _Room(self._used, self.kernels, own.belief, own.cursor, 1)
+        return own
 
     # ---- samples and fixes
 
@@ -154,8 +182,8 @@ class LiveRun:
         return state[LOGGED] > self.seen
 
     def look(self, sample: Sample, fixes: Sequence[UsableFix]) -> None:
-        """Do the same but change only `belief` and `cursor`, which the caller restores."""
-        room, state = self._ahead, self._ahead.state
+        """Do the same in a run of `run_ahead`, without a history."""
+        room, state = self._room, self._room.state
         state[ROW] = state[FIX] = state[FIXES] = state[OUT] = 0
         room.put(fixes, 0)
         self._go(room, sample, 0)
@@ -164,6 +192,7 @@ class LiveRun:
         state, dtheta, dv = room.state, room.dtheta, room.dv
         i = 3 * row
         j, k = i + 1, i + 2
+        self._dt = sample[1]
         room.t[row], room.dt[row], (dtheta[i], dtheta[j], dtheta[k]), (dv[i], dv[j], dv[k]) = sample
         state[STOP] = row + 1
         try:
@@ -182,7 +211,7 @@ class LiveRun:
     @property
     def rate(self) -> float:
         """Rate of the IMU, Hz, from its newest sample."""
-        return 1 / float(self._room.dt[self._room.state[ROW] - 1])
+        return 1 / float(self._dt)
 
     @property
     def status(self) -> int:
@@ -298,9 +327,9 @@ class LiveRun:
             )
         )
 
-    def newest(self, looking: bool = False) -> Trajectory:
-        """Return the newest row in the form of a Solution; `looking`: that of the last `look`."""
-        row = self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.state[OUT] - 1]
+    def newest(self) -> Trajectory:
+        """Return the newest row in the form of a Solution."""
+        row = self._room.out.nav[self._room.state[OUT] - 1]
         std = row[None, solution_row.STD : solution_row.ROW_STATUS].copy()
         std[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
         parts = (
@@ -313,13 +342,54 @@ class LiveRun:
         lla, v, q = (row[None, a:b].copy() for a, b in zip(parts[1:], parts[2:]))
         return Trajectory(row[:1].copy(), lla, v, q, std)
 
+    # ---- state
+
+    def state(self) -> dict[str, Any]:
+        """Return everything that the run needs to go on, except the history, as `put` takes it."""
+        events, state = self.all_events(), self.cursor.state[0]
+        row, fix = int(state.row), int(state.fix)
+        end = start_at(self._room.out.nav[row - 1]) if row else self.start
+        tables = self.cursor._replace(state=self.cursor.state.copy())
+        for field in OF_HISTORY:
+            tables.state[field] = 0
+        return {
+            "begun": self.begun,
+            "start": end,
+            "belief": [column.copy() for column in self.belief],
+            "cursor": [table.view(np.int64).copy() for table in tables],
+            "dt": self._dt,
+            "refusing": [*self._refusing.items()],
+            "told": [*self._told],
+            "events": events.state(self._room.out.fix[:fix], self._room.fixes.std[:fix]),
+        }
+
+    def put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `state`, with a history that begins there. Raises ValueError, TypeError or
+        KeyError where it is none of this filter and these sources."""
+        address = self.cursor.state[0].save_step
+        for column, before in zip(self.belief, saved["belief"], strict=True):
+            put_array(column, before)
+        for table, before in zip(self.cursor, saved["cursor"], strict=True):
+            put_array(table.view(np.int64), before)
+        state = self.cursor.state[0]
+        state.save_step = address
+        if not (
+            0 <= state.logged < LOG_FULL and 0 <= state.latest < max(len(self.cursor.recent), 2)
+        ):
+            raise ValueError("a row that is not there")
+        self.start, self._dt = start_of(saved["start"]), float(saved["dt"])
+        self._refusing = {int(s): float(t) for s, t in saved["refusing"]}
+        self._told = {(str(name), float(t)) for name, t in saved["told"]}
+        self.events.put(saved["events"])
+
     def snapshot(self) -> list[Any]:
         """Return copies of everything that a step changes, except the history."""
-        return [column.copy() for column in self._changing]
+        return [*(column.copy() for column in self._changing), self._dt]
 
-    def restore(self, arrays: Iterable[Any]) -> None:
+    def restore(self, arrays: Sequence[Any]) -> None:
         """Go back to a `snapshot`."""
-        for column, before in zip(self._changing, arrays):
+        *columns, self._dt = arrays
+        for column, before in zip(self._changing, columns, strict=True):
             column[...] = before
 
     @property
@@ -329,6 +399,12 @@ class LiveRun:
     def copy(self) -> FilterState:
         """Return a copy of the filter state."""
         return FilterState(*(column.copy() for column in self.belief))
+
+
+def start_of(saved: Any) -> InitialState:
+    """Return an InitialState from its fields as JSON has them."""
+    fields: list[Any] = [tuple(part) if isinstance(part, list) else part for part in saved]
+    return InitialState(*fields)
 
 
 def start_at(row: Array) -> InitialState:

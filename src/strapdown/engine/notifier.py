@@ -1,7 +1,10 @@
 """The notifier of a stream: it keeps events, passes them to the callback when they begin, and
 counts dropped data."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy, deepcopy
+from types import MethodType
+from typing import Any
 
 from ..checks import DataError, brief
 from ..core.loop.log import LogRow
@@ -26,6 +29,21 @@ class Notifier:
         self.dropped_by = dict.fromkeys(DROPPED, 0)
         self.waits = False  # True where events wait to be passed on
         self._on_event, self._deaf, self._news = on_event, False, list[tuple[float, str]]()
+
+    def anew(self, dropped_by: Mapping[str, int]) -> "Notifier":
+        """Return one without events, for the same callback, with these numbers of dropped data."""
+        own = Notifier(self.events.anew(), self._on_event)
+        own.dropped_by |= {reason: int(dropped_by[reason]) for reason in own.dropped_by}
+        return own
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Notifier":
+        own = copy(self)
+        memo[id(self)] = own
+        if isinstance(self._on_event, MethodType) and id(self._on_event.__self__) in memo:
+            own._on_event = deepcopy(self._on_event, memo)  # of the stream around an AHRS
+        own.events, own.dropped_by = deepcopy(self.events, memo), dict(self.dropped_by)
+        own._news = [*self._news]
+        return own
 
     def note(self, code: int, which: int, t: float, value: float = 0.0, because: str = "") -> None:
         """Log an event from outside the loop."""

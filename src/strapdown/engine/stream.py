@@ -1,26 +1,29 @@
 """Live filters: `Stream` takes samples and fixes as they arrive, and returns the results and
 messages of `fuse`, bit for bit."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy, deepcopy
 from heapq import heapify, heappop, heappush
 from math import inf, isfinite, nan
-from typing import NoReturn, Unpack
+from typing import Any, NoReturn, Unpack
 
 import numpy as np
 
-from .. import filters
+from .. import __version__, filters
 from ..alignment.missing_fields import missing_fields
-from ..checks import DataError, check_number
-from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState
+from ..checks import DataError, check_flag, check_number
+from ..core.compile.records import Table, rows
+from ..core.loop.contract import INVALID, STATES, VALID, Filter, FilterState, InitialState, Noise
+from ..core.loop.cursor import Limits
 from ..core.loop.loop import SAME_TIME
+from ..core.loop.tables import FixRow
 from ..data.recording import Recording, RecordingMeta
 from ..data.solution import Solution, Source
 from ..data.vehicle import Vehicle, find as find_vehicle
 from ..data.verdict import Verdict
 from ..preprocessing.imu_samples import MAX_INTERVAL
 from ..preprocessing.plausible import mistakes
-from ..typing import Array
+from ..typing import Array, File
 from ..units.constants import MAX_PAUSE
 from . import events as words
 from .alignment_buffer import Gathering
@@ -31,10 +34,13 @@ from .arrivals import (
     Sources,
     UsableFix,
     checked_sources,
+    fix_of,
     refuse_event,
     refuse_sample,
+    sample_of,
 )
 from .events import Events
+from .front import Front
 from .installation import (
     Estimate,
     OfImu,
@@ -45,9 +51,10 @@ from .installation import (
     parameters,
     without_estimates,
 )
-from .live_run import LiveRun, SetUp
+from .live_run import LiveRun, SetUp, start_of
 from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
+from .plausible_limits import limits
 from .prepare import (
     assumed_noise,
     augmented_states,
@@ -60,6 +67,7 @@ from .prepare import (
     stages_of,
     usable,
 )
+from .saved_state import check_set_up, contradiction, plain_source, read_state, write_state
 from .source_noise import with_correlated_errors
 from .source_weights import apply_weights
 from .with_ahrs import SILENT, attitudes, choose_ahrs, notes_on, taken_by, whose
@@ -73,6 +81,8 @@ MAX_HISTORY = 10_000_000
 MAX_OVERLAP = 0.45
 """Share of its `dt` by which a sample may begin before the end of the one before: of two interleaved
 series of stamps one in two overlaps by half and more."""
+OnUse = Callable[[Sample, list[Measurement]], object]
+"""(sample, measurements) that the filter has used; their sources by index among those that it can use."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
 
@@ -108,6 +118,11 @@ class Stream:
         reports this as an event and does not call it again.
     align_within : float
         s of samples after which any start is taken.
+    replay : bool
+        True: `step` returns the state at the newest sample at once. A fix that is up to `lag` s
+        late is used at its own time, and the samples since are used again.
+    on_use : callable
+        Function called with each Sample, and a list of Measurement, after the filter has used them.
     history : int
         Number of samples for `solution` and `verdict`; at least the newer half of them is kept.
 
@@ -126,10 +141,12 @@ class Stream:
         on_event: OnEvent | None = None,
         align_within: float = 60.0,
         history: int = HISTORY,
+        replay: bool = False,
+        on_use: OnUse | None = None,
         **given: Unpack[RunOptions],
     ) -> None:
         self._asked = asked = run_options(**given)
-        _check(lag, align_within, history, asked["covariance"])
+        _check(lag, align_within, history, asked["covariance"], replay)
         sources = apply_weights(checked_sources(sources), asked["robust"], asked["adaptive"])
         sources, of_imu = _with_estimates(sources, asked["estimate"])
         start, vehicle = asked["start"], asked["vehicle"]
@@ -160,15 +177,13 @@ class Stream:
         if asked["estimate"] is None or (asked["estimate"] and not of_imu):
             of_imu, said = of_grade(filter, self._spec)
             self.notes += said
-        self._vehicle, self._rows, self.lag = find_vehicle(vehicle), history, lag
+        self._vehicle, self._rows = find_vehicle(vehicle), history
+        self.lag, self._replay, self._on_use = lag, replay, on_use
         self._serve(sources, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
         self._notifier = Notifier(_events(filter, self._used, self._vehicle, first), on_event)
         self._nothing_yet()
-        if start is not None:
-            check_start(
-                start, self.noise, missing_fields(start) if isinstance(start, InitialState) else ()
-            )
+        _check_start(start, self.noise)
         check_options(filter, asked["options"] or {})
         self._make_ready(sources, tries=start is None and self._spec is not None)
         self._gathered = Gathering(
@@ -210,7 +225,10 @@ class Stream:
         # events up to this time are too late
         self._late = self._late_fix = -inf
         self._began, self._stopped, self._looking = -inf, "", False
+        self._look_at = inf  # s, when samples are compared with gravity
+        self._decided: dict[str, Any] = {}  # options of the filter that its sources decided
         self._live: LiveRun | None = None
+        self._front: Front | None = None
         self.belief = _nothing_known()
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
 
@@ -232,6 +250,40 @@ class Stream:
     def started(self) -> bool:
         """True once the stream has its start."""
         return self._live is not None
+
+    @property
+    def stopped(self) -> str:
+        """Reason why the stream has stopped, which each further sample raises; empty while it
+        runs."""
+        return self._stopped
+
+    @property
+    def used(self) -> tuple[Source, ...]:
+        """The sources that the filter can use."""
+        return self._used
+
+    @property
+    def estimated(self) -> OfImu:
+        """{parameter of the IMU that is a state: prior standard deviations}."""
+        return self._of_imu
+
+    @property
+    def limits(self) -> Table[Limits]:
+        """Limits of its samples and states, one row."""
+        found: Table[Limits] = limits(self._spec, self.noise, self._vehicle)
+        return found
+
+    @property
+    def waits_for(self) -> str:
+        """Data that are needed before the state is valid, as text; empty where it is."""
+        if self._live is None:
+            return self._gathered.needs
+        gap = self.status == INVALID and has_position(self._filter)
+        return "a position fix that ends the gap" if gap else ""
+
+    def source_index(self, source: str | int) -> int:
+        """Return the index of a source, given by name or index. Raises DataError."""
+        return self._sources.place(source, "stream")
 
     @property
     def start(self) -> InitialState | None:
@@ -265,24 +317,12 @@ class Stream:
         sources = self._used
         if self._gathered.samples and not any(len(a.t) for a in sources):
             sources = usable(self._filter, self._gathered.recording().sources)[0]
-        options, notes = configure_options(self._filter, self._asked["options"] or {}, sources)
+        asked = self._asked["options"] or {}
+        options, notes = configure_options(self._filter, asked, sources)
+        self._decided = {name: value for name, value in options.items() if name not in asked}
         self.notes += notes
-        live = LiveRun(
-            SetUp(
-                self._filter,
-                self.noise,
-                self._spec,
-                options,
-                sources,  # with the fixes that the start is made of
-                self._vehicle,
-                self._of_imu,
-            ),
-            start,
-            self._rows,
-            self._asked["covariance"],
-            self._asked["notify"],
-            self._notifier.events,
-        )
+        # with the fixes that the start is made of
+        live = self._new_run(start, options, sources, self._notifier.events)
         samples, self._gathered.samples = self._gathered.samples, []
         fixes, self._gathered.fixes = self._gathered.fixes, []
         self._live, self.belief, self._began = live, live.belief, start.t
@@ -305,7 +345,33 @@ class Stream:
                 del fixes[:count]
             else:
                 self._notifier.drop("before the start", 0, None, sample.t)
+        self._renew_front()
         return self.belief
+
+    def _new_run(
+        self,
+        start: InitialState,
+        options: dict[str, Any],
+        sources: tuple[Source, ...],
+        events: Events,
+    ) -> LiveRun:
+        """Return the run from this start, with these options of the filter."""
+        return LiveRun(
+            SetUp(
+                self._filter,
+                self.noise,
+                self._spec,
+                options,
+                sources,
+                self._vehicle,
+                self._of_imu,
+            ),
+            start,
+            self._rows,
+            self._asked["covariance"],
+            self._asked["notify"],
+            events,
+        )
 
     def _gather(self, sample: Sample, fixes: list[UsableFix]) -> None:
         """Buffer data before the start, and start as soon as a sufficient start is found."""
@@ -320,10 +386,12 @@ class Stream:
         try:
             start = self._find_start()
         except DataError as error:
+            gathered.found = str(error)
             if gathered.late:
                 self._notifier.note(words.Said.NO_START, 0, sample[0], because=str(error))
             return
         if not gathered.suffices(start):
+            gathered.found = f"a better start than this one: {start.note}"
             if not gathered.late:
                 return
             self._notifier.note(words.Said.POOR_START, 0, sample[0], because=start.note)
@@ -335,12 +403,17 @@ class Stream:
         """Take a Sample or a Measurement, use all data that have waited long enough, and return the
         filter state (updated in place). Raises DataError for other objects, without any change, and
         where the stream has stopped."""
+        front = self._front if self._replay else None
+        numbers: list[int] = front.numbers() if front else []
         if isinstance(event, Sample):
             self._take_sample(event)
         elif isinstance(event, Measurement):
             self._take_fix(event)
         else:
             refuse_event(event)
+        if front:
+            front.take(event, numbers)
+            self.belief = front.belief
         if self._notifier.waits:
             self._notifier.tell(self._event_time(self.t))
         return self.belief
@@ -350,7 +423,7 @@ class Stream:
             t, dt, (a, b, c), (d, e, f) = event
             finite = isfinite(t + dt + a + b + c + d + e + f)
             possible = 0 < dt <= MAX_INTERVAL and type(t) is not bool and type(dt) is not bool
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             refuse_sample(event)
         if not finite:
             self._notifier.drop("not finite", words.Said.SAMPLES_NOT_FINITE, 0, self._event_time(t))
@@ -426,7 +499,7 @@ class Stream:
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
         """Queue the attitude of the AHRS after its newest sample as a measurement."""
         assert self._ahrs is not None  # whose this is
-        fix = self._ahrs.fix(live, inner._looking)
+        fix = self._ahrs.fix(live)
         if not inner._looking and (silent := live.t - self._ahrs.valid) > SILENT:
             name = self._ahrs.made.name
             self._notifier.note(words.Said.AHRS_SILENT, 0, live.t, silent, because=name)
@@ -502,6 +575,8 @@ class Stream:
                 self._notifier.notify(live.new_rejections(len(fixes)))
             if self._row is not None:
                 self._row(self, live)
+            if self._on_use is not None:
+                self._on_use(sample, [Measurement(*fix) for fix in fixes])  # type: ignore[arg-type]  # three values
             if t >= self._look_at:
                 self._compare_with_gravity(live, t)
         self._late, self._late_fix = t, t - SAME_TIME
@@ -524,33 +599,55 @@ class Stream:
     def now(self) -> FilterState:
         """Return the filter state at the newest sample: a copy, propagated through the waiting
         data."""
-        with self._ahead() as live:
-            if live is None:
-                return self.belief
-            if self._ahrs is None:
-                self._use(inf)
-            else:
-                with self._ahrs.ahead():
-                    self._use(inf)
-            return live.copy()
+        if self._live is None:
+            return self.belief
+        self._front = self._front or Front(self)
+        if not self._replay:
+            self._front.renew()
+        return FilterState(*(column.copy() for column in self._front.belief))
 
-    @contextmanager
-    def _ahead(self) -> Iterator[LiveRun | None]:
-        """Undo at the end of the block all steps inside it; yield None before the start."""
-        live = self._live
-        if live is None:
-            yield None
-            return
-        arrays, seen = live.snapshot(), live.seen
-        plain = list(self._samples), list(self._waiting), list(self._before)
-        late, self._looking = (self._late, self._late_fix), True
-        try:
-            yield live
-        finally:
-            live.restore(arrays)
-            live.seen, self._looking = seen, False
-            self._samples, self._waiting, self._before = plain
-            self._late, self._late_fix = late
+    def _levels(self) -> list["Stream"]:
+        """Return the stream and, once it has started, that of its AHRS."""
+        inner = [self._ahrs.stream] if self._ahrs else []
+        return [self, *(stream for stream in inner if stream._live is not None)]
+
+    def _renew_front(self) -> None:
+        """Show the newest state again after a start, a restart or the end."""
+        if self._replay and self._live is not None:
+            self._front = self._front or Front(self)
+            self._front.renew()
+            self.belief = self._front.belief
+
+    def _run_ahead(self) -> "Stream":
+        """Return a stream from here on, which reports nothing and keeps no history, for `Front`."""
+        own = object.__new__(type(self))
+        vars(own).update(vars(self))
+        own._looking, own._front, own._replay = True, None, False
+        if self._live is not None:
+            own._live = self._live.run_ahead()
+            own.belief = own._live.belief
+        if self._ahrs is not None:
+            own._ahrs = copy(self._ahrs)
+            own._ahrs.stream = self._ahrs.stream._run_ahead()
+            own._ahrs.stream._row = own._take_attitude
+        return own
+
+    def _mark(self) -> tuple[Any, ...]:
+        """Return what a step changes, for `_return_to`."""
+        assert self._live is not None  # `Front` asks after the start
+        own, ahrs = (self._late, self._late_fix, self._stopped), self._ahrs
+        of_ahrs = (ahrs._every, ahrs._count, ahrs.valid) if ahrs else ()
+        return self._live.snapshot(), [*self._waiting], [*self._before], own, of_ahrs
+
+    def _return_to(self, mark: tuple[Any, ...]) -> None:
+        """Go back to where this stream, or the one that it runs ahead of, was."""
+        assert self._live is not None
+        arrays, waiting, before, own, of_ahrs = mark
+        self._live.restore(arrays)
+        self._waiting, self._before = [*waiting], [*before]
+        self._late, self._late_fix, self._stopped = own
+        if self._ahrs is not None:
+            self._ahrs._every, self._ahrs._count, self._ahrs.valid = of_ahrs
 
     def finish(self) -> FilterState:
         """Use all waiting data and return the filter state; a stream that has not started does so.
@@ -566,8 +663,172 @@ class Stream:
             self.begin()
         if self._live is not None and self._notifier.listens:
             self._notifier.notify(self._live.new_rejections(0, over=True))
+        self._renew_front()
         self._notifier.tell(self._event_time(self.t))
         return self.belief
+
+    # ---- save and restore
+
+    def save(self, path: File) -> None:
+        """Write the state of the stream to a file, from which `restore` goes on bit for bit.
+
+        The file holds the filter state with its covariance, the sources' states, counts and open
+        waits, the samples and fixes that wait, and the events; no history. It is complete or
+        absent, whenever the process ends.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; an older one is replaced.
+
+        Raises
+        ------
+        DataError
+            If the stream has stopped, or the file cannot be written.
+        """
+        write_state(path, self.saved_content())
+
+    def saved_content(self) -> dict[str, Any]:
+        """Return what `save` writes. Raises DataError."""
+        if self._stopped:
+            raise DataError(f"{self._stopped}; there is nothing to go on from: begin a new stream")
+        return {"set-up": self._set_up(), "stream": self._state()}
+
+    def restore(self, path: File) -> FilterState:
+        """Go on from a file that `save` wrote, with the same results as the stream that was saved.
+
+        Build the stream as the saved one was built; `lag`, `history`, `every` and callbacks may
+        differ. What it has done before is forgotten. The samples missed since are a gap. The
+        history, and so `solution` and `verdict`, begin at the save.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Returns
+        -------
+        FilterState
+            The filter state, NaN where the saved stream had not started.
+
+        Raises
+        ------
+        DataError
+            If the file is damaged or none that `save` wrote, or is of another version or of a
+            stream with another filter, other sources or another IMU. The stream is then unchanged.
+        """
+        return self.put_content(path, read_state(path))
+
+    def put_content(self, path: File, saved: Mapping[str, Any]) -> FilterState:
+        """Go on from what `saved_content` returned and the file `path` holds. Raises DataError."""
+        check_set_up(path, saved.get("set-up"), self._set_up())
+        try:
+            self._put(saved["stream"])
+        except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
+            raise contradiction(path) from error
+        return self.belief
+
+    def _set_up(self) -> dict[str, str]:
+        """Return by name the parts that a saved stream and this one must have in common."""
+        options = (self._asked["options"] or {}).items()
+        sources = [len(self._places), *(plain_source(a) for a in self._used)]
+        return {
+            "strapdown": __version__,
+            "filter": self._filter.name,
+            "options": repr(sorted((name, getattr(v, "name", v)) for name, v in options)),
+            "sources": repr(sources),
+            "IMU": repr((self.noise, self._spec, self._of_imu)),
+            "vehicle": repr(self._vehicle),
+            "AHRS": repr(self._ahrs.stream._set_up() if self._ahrs else None),
+        }
+
+    def _state(self) -> dict[str, Any]:
+        """Return everything that the stream needs to go on, except the history, as `_put` takes
+        it."""
+        live = self._live
+        return {
+            "notes": [*self.notes],
+            "before": [*self._before],
+            "samples": [row[2] for row in self._samples],
+            "waiting": [row[2:] for row in sorted(self._waiting)],
+            "number": self._number,
+            "times": [self.newest, self._late, self._late_fix, self._began, self._look_at],
+            "dropped": {**self._notifier.dropped_by},
+            "live": live.state() if live else None,
+            "decided": self._decided,
+            "events": None
+            if live
+            else self._notifier.events.state(rows(FixRow, 0), np.empty((0, 3))),
+            "gathered": self._gathered.state(),
+            "ahrs": self._ahrs.state() if self._ahrs else None,
+        }
+
+    def _put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `_state`; where it is none of this stream, raise ValueError, TypeError,
+        KeyError, IndexError or OverflowError and leave the stream as it was."""
+        before = {**vars(self)}
+        try:
+            self._replace_state(saved)
+        except Exception:
+            vars(self).update(before)
+            raise
+
+    def _replace_state(self, saved: Mapping[str, Any]) -> None:
+        self._notifier = notifier = self._notifier.anew(saved["dropped"])
+        self._gathered = copy(self._gathered)
+        self._gathered.put(saved["gathered"])
+        self._live, self._front, self._decided = None, None, dict(saved["decided"])
+        self.belief = _nothing_known()
+        if saved["live"] is None:
+            notifier.events.put(saved["events"])
+        else:
+            options = (self._asked["options"] or {}) | self._decided
+            begun = start_of(saved["live"]["begun"])
+            live = self._new_run(begun, options, self._used, notifier.events)
+            live.put(saved["live"])
+            self._live, self.belief = live, live.belief
+        self._stopped, self.notes = "", [str(note) for note in saved["notes"]]
+        self.newest, self._late, self._late_fix, self._began, look_at = map(float, saved["times"])
+        # what came before is not in the history
+        self._look_at = max(look_at, self._late + LOOKS[0]) if look_at < inf else inf
+        self._before = [fix and fix_of(fix) for fix in saved["before"]]
+        if len(self._before) != len(self._places):
+            raise ValueError("other sources")
+        self._put_waiting(saved)
+        if self._ahrs is not None:
+            self._ahrs = copy(self._ahrs)
+            self._ahrs.put(saved["ahrs"])
+        self._renew_front()
+
+    def _put_waiting(self, saved: Mapping[str, Any]) -> None:
+        """Take the samples and fixes that waited, of a `_state`."""
+        self._number = int(saved["number"])
+        samples = [sample_of(sample) for sample in saved["samples"]]
+        self._samples = [(sample.t, k, sample) for k, sample in enumerate(samples)]
+        heapify(self._samples)
+        self._waiting = []
+        for number, fields in saved["waiting"]:
+            fix = fix_of(fields)
+            self._waiting.append((self._due_at(fix), fix.source, int(number), fix))
+        heapify(self._waiting)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Stream":
+        own = object.__new__(type(self))
+        memo[id(self)] = own
+        for part in ("_asked", "_spec", "_vehicle", "_sources", "_used", "_of_imu", "_meta"):
+            value = getattr(self, part)  # never changes
+            memo[id(value)] = value
+        for callback in (self._asked["notify"], self._on_use):
+            memo[id(callback)] = callback
+        for name, value in vars(self).items():
+            setattr(own, name, deepcopy(value, memo))
+        return own
+
+    def __copy__(self) -> NoReturn:
+        raise TypeError("a copy of a Stream would share its state: use copy.deepcopy")
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        raise TypeError("a Stream cannot be pickled: use its methods save and restore")
 
     # ---- reports
 
@@ -614,12 +875,14 @@ class Stream:
     @property
     def t(self) -> float:
         """Time of the filter state, s; NaN before the start."""
-        return self._live.t if self._live else nan
+        front = self._front if self._replay else None
+        return front.t if front else self._live.t if self._live else nan
 
     @property
     def status(self) -> int:
         """VALID, BRIDGED, INVALID or DOUBTFUL, as in a row of a Solution."""
-        return self._live.status if self._live else INVALID
+        front = self._front if self._replay else None
+        return front.status if front else self._live.status if self._live else INVALID
 
     def counts(self) -> list[tuple[int, int]]:
         """(accepted, rejected) per source; (0, 0) for a source that the filter cannot use."""
@@ -679,9 +942,18 @@ def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
     return meta
 
 
-def _check(lag: float, align_within: float, history: int, covariance: bool) -> None:
+def _check_start(start: InitialState | None, noise: Noise) -> None:
+    """Refuse a start, or a part of one, that no filter can begin with. Raises DataError."""
+    if start is not None:
+        missing = missing_fields(start) if isinstance(start, InitialState) else ()
+        check_start(start, noise, missing)
+
+
+def _check(lag: float, align_within: float, history: int, covariance: bool, replay: bool) -> None:
     """Refuse arguments out of range. Raises DataError."""
     check_number(lag, "lag", "s", least=0)
+    if check_flag(replay, "replay") and not lag:
+        raise DataError("replay needs a lag: the s by which a fix may be late, such as lag=2")
     check_number(align_within, "align_within", "s", least=0, infinite=True)
     most = MAX_HISTORY // 5 if covariance else MAX_HISTORY
     check_number(history, "history", "samples", least=100, most=most, whole=True)
@@ -732,7 +1004,7 @@ class _Ahrs:
             return f"{self.made.name}: {error}; no attitude from here on"
         return ""
 
-    def fix(self, live: LiveRun, looking: bool) -> UsableFix | None:
+    def fix(self, live: LiveRun) -> UsableFix | None:
         """Return its attitude after its newest sample, when one is due."""
         if not self._every:
             own = live.rate
@@ -746,19 +1018,25 @@ class _Ahrs:
             self.valid = live.t
         if self._count % self._every or live.status != VALID:
             return None
-        path = live.newest(looking)
+        path = live.newest()
         y, std = attitudes(live.filter, path, bool(self._taken))
         return UsableFix(float(path.t[0]), self._source, y[0].tolist(), std[0].tolist())
 
-    @contextmanager
-    def ahead(self) -> Iterator[None]:
-        """Undo at the end of the block all steps of the AHRS inside it."""
+    def state(self) -> dict[str, Any]:
+        """Return its state as `put` takes it."""
         count, valid = self._count, self.valid
-        with self.stream._ahead() as live:
-            if live is not None:
-                self.stream._use(inf)
-            yield
-        self._count, self.valid = count, valid
+        return {
+            "every": self._every,
+            "count": count,
+            "valid": valid,
+            "stream": self.stream._state(),
+        }
+
+    def put(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a `state`; raises as `Stream._put`."""
+        self._every, self._count = int(saved["every"]), int(saved["count"])
+        self.valid = float(saved["valid"])
+        self.stream._put(saved["stream"])
 
 
 def _nothing_known() -> FilterState:

@@ -1,8 +1,8 @@
 """Runs of rejections of several sources at the same time: which runs explain the others, and which
 only show that the sources contradict each other."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,20 @@ class RejectedRun(NamedTuple):
     others: tuple[int, ...] = ()  # sources that were rejected at the same time
     silent: float = 0.0  # s since the fix before its cause; inf for the first fix
     receiver: str = ""  # of which the source is a class
+
+
+def plain_run(run: RejectedRun) -> list[Any]:
+    """Return a run as lists, numbers and text, for `run_of_plain`."""
+    found = run.found._replace(size=run.found.size.tolist())
+    return [*run._replace(found=[*found], others=[*run.others])]  # type: ignore[arg-type]  # for JSON
+
+
+def run_of_plain(fields: Sequence[Any]) -> RejectedRun:
+    """Return the run of these fields."""
+    run = RejectedRun(*fields)
+    shape, size, *rest = fields[RejectedRun._fields.index("found")]
+    found = CauseFound(shape, np.array(size, float), *map(float, rest))
+    return run._replace(found=found, others=tuple(run.others))
 
 
 def assign_blame(runs: list[RejectedRun]) -> list[RejectedRun]:

@@ -20,7 +20,12 @@ ANDROID = b"NMEA,$"
 
 def open_nmea(path: Path) -> Log:
     """The Log of a file. Raises DataError where it has no position, velocity or heading."""
-    sentences = find_sentences(read_bytes(path))
+    return log_of_bytes(path, read_bytes(path))
+
+
+def log_of_bytes(path: Path, data: bytes) -> Log:
+    """The Log of the bytes of a file. Raises DataError as `open_nmea`."""
+    sentences = find_sentences(data)
     log = nmea_log(path, sentences)
     if log.sections:
         return log

@@ -49,7 +49,11 @@ LEFT_OUT = {
 
 def open_ubx(path: Path) -> Log:
     """The Log of a file. Raises DataError where it holds no UBX message."""
-    data = read_bytes(path)
+    return ubx_log(path, read_bytes(path))
+
+
+def ubx_log(path: Path, data: bytes) -> Log:
+    """The Log of the bytes of a file. Raises DataError where they hold no UBX message."""
     frames = find_frames(data)
     if not len(frames.start):
         raise DataError(f"{path}: holds no whole UBX message; is it the log of a u-blox receiver?")

@@ -1,0 +1,147 @@
+"""The clock of a device against arrival on this machine.
+
+A message that the device stamps s arrives at a(s) = s + offset + drift s + delay, and no delay is
+below the smallest one. So the line below all points (s, a - s) that lies closest to them shows
+offset and drift, with the smallest delay in the offset: it is the edge of the lower convex hull
+over the mean of s (Moon, Skelly & Towsley 1999, "Estimation and removal of clock skew from network
+delay measurements").
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+BIN = 1.0
+"""s of stamps of which only the smallest delay counts."""
+SPAN = 300
+"""Bins that count, at most."""
+MAX_DRIFT = 1e-3
+"""Largest drift of a clock, and largest rate at which the mapping follows its estimate."""
+RESTARTED = 1.0
+"""s by which a stamp may be off before the clock counts as another one."""
+DELAYS = 1000
+"""Number of newest delays of which quantiles are shown."""
+
+
+class ClockEstimate(NamedTuple):
+    """The clock of a device.
+
+    Attributes
+    ----------
+    offset : float
+        Time of this machine less that of the device at its newest stamp, with the smallest delay, s.
+    drift : float
+        Change of the offset, s per s.
+    delay : float
+        Median of the delays beyond the smallest, s.
+    worst_delay : float
+        Their 99 % quantile, s.
+    """
+
+    offset: float
+    drift: float
+    delay: float
+    worst_delay: float
+
+    def __str__(self) -> str:
+        return (
+            f"offset {self.offset:.6g} s, drift {1e6 * self.drift:+.1f} ppm, delays beyond the "
+            f"smallest {1e3 * self.delay:.2g} ms (median), {1e3 * self.worst_delay:.2g} ms (99 %)"
+        )
+
+
+class ArrivalClock:
+    """Maps stamps of a device to the time of this machine at which its fastest message would have
+    arrived, less `latency` s. `restarts` counts how often the clock of the device began anew."""
+
+    def __init__(self, latency: float = 0.0) -> None:
+        self.latency, self.restarts = latency, -1
+        self._begin()
+
+    def _begin(self) -> None:
+        self.restarts += 1
+        self._bins: deque[tuple[float, float]] = deque(maxlen=SPAN)  # (stamp, smallest offset)
+        self._open: tuple[float, float] | None = None
+        self._opened = 0.0  # stamp with which the open bin began
+        self._line: tuple[float, float, float] | None = None  # (stamp, offset, drift)
+        self._shown: tuple[float, float] | None = None  # (stamp, offset) of the mapping
+        self._delays: deque[float] = deque(maxlen=DELAYS)
+
+    def take(self, stamp: float, arrived: float) -> None:
+        """Take the stamp of a message and its time of arrival, s."""
+        offset = arrived - stamp
+        if self._line is not None:
+            delay = offset - self._offset_at(stamp)
+            if delay < -RESTARTED or delay > RESTARTED and stamp < self._opened - RESTARTED:
+                self._begin()
+            else:
+                self._delays.append(max(delay, 0.0))
+        if self._open is None:
+            self._opened = stamp
+        if self._open is None or offset < self._open[1]:
+            self._open = stamp, offset
+        if stamp - self._opened >= BIN:
+            self._bins.append(self._open)
+            self._open = None
+            self._fit()
+
+    @property
+    def ready(self) -> bool:
+        """True once the first bin is complete."""
+        return self._line is not None
+
+    def time(self, stamp: float) -> float:
+        """Return the time of a stamp, s, once `ready`. The mapping follows the estimate by at most
+        MAX_DRIFT, so that intervals keep their length."""
+        wanted = self._offset_at(stamp)
+        if self._shown is not None and stamp > self._shown[0]:
+            last, offset = self._shown
+            most = MAX_DRIFT * (stamp - last)
+            wanted = min(max(wanted, offset - most), offset + most)
+        if self._shown is None or stamp > self._shown[0]:
+            self._shown = stamp, wanted
+        return stamp + wanted - self.latency
+
+    @property
+    def estimate(self) -> ClockEstimate | None:
+        """The estimate; None before it is `ready`."""
+        if self._line is None:
+            return None
+        delays = np.array(self._delays or [0.0])
+        median, worst = np.quantile(delays, [0.5, 0.99]).tolist()
+        return ClockEstimate(self._line[1], self._line[2], median, worst)
+
+    def _offset_at(self, stamp: float) -> float:
+        assert self._line is not None  # it is ready
+        at, offset, drift = self._line
+        return offset + drift * (stamp - at)
+
+    def _fit(self) -> None:
+        """Set the line to the edge of the lower hull over the mean of the stamps."""
+        hull: list[tuple[float, float]] = []
+        for point in self._bins:
+            while len(hull) > 1 and _is_above(hull[-2], hull[-1], point):
+                hull.pop()
+            hull.append(point)
+        mean = sum(stamp for stamp, _ in self._bins) / len(self._bins)
+        newest = self._bins[-1][0]
+        (s, offset), drift = hull[0], 0.0
+        for (s0, o0), (s1, o1) in zip(hull, hull[1:]):
+            if s0 <= mean <= s1 or s1 == newest:
+                s, offset, drift = s0, o0, (o1 - o0) / (s1 - s0)
+                break
+        # few bins tell no drift: the smallest delays differ by more than a clock drifts meanwhile
+        if len(self._bins) < MIN_BINS:
+            drift, (s, offset) = 0.0, min(self._bins, key=lambda point: point[1])
+        drift = float(np.clip(drift, -MAX_DRIFT, MAX_DRIFT))
+        self._line = newest, offset + drift * (newest - s), drift
+
+
+MIN_BINS = 30
+"""Number of bins from which on a drift is estimated."""
+
+
+def _is_above(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    """True where b is not below the line from a to c."""
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

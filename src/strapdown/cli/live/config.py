@@ -1,0 +1,190 @@
+"""The configuration of `strapdown live`: a TOML file, or a table of the same keys."""
+
+from collections.abc import Mapping
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ... import aiding
+from ...checks import DataError, check_choice, check_flag, check_keys, check_number
+from ...data.solution import Source
+from ...fileio.files import read_toml
+from ...io import read
+from ...units.time_scales import gps_of
+from .output_formats import LINES
+from .ports import Address, address_of
+
+INPUTS = ("json", "ubx", "nmea", "mavlink", "recording")
+SCALES = ("own", "unix", "gps", "arrival")
+
+
+OWN_SCALES = {
+    "ubx": ("gps", "arrival"),
+    "nmea": ("gps", "arrival"),
+    "mavlink": ("own", "arrival"),
+}
+"""Clocks of other formats than JSON lines, their own one first."""
+
+
+class InputPart(NamedTuple):
+    """[[input]]"""
+
+    format: str
+    address: Address | None  # None of a recording
+    clock: str  # of the times of JSON lines
+    recording: str
+    speed: float  # of a recording, in its own seconds per second
+    latency: float  # s until the fastest message arrives, of the clock "arrival"
+
+
+class OutputPart(NamedTuple):
+    """[[output]]"""
+
+    format: str
+    address: Address
+    rate: float  # Hz
+
+
+class Config(NamedTuple):
+    """All that a program needs."""
+
+    name: str  # as messages have it
+    filter: str
+    imu: Any
+    vehicle: Any
+    sources: tuple[Source, ...]
+    inputs: tuple[InputPart, ...]
+    outputs: tuple[OutputPart, ...]
+    lag: float
+    replay: bool
+    align_within: float
+    options: dict[str, Any]
+    estimate: Any
+    epoch: float | None  # s of GPS time since its zero
+    log: str
+    state: str
+    save_every: float  # s
+
+
+def config_of(given: str | Path | Mapping[str, Any]) -> Config:
+    """Return the Config of a file or a table. Raises DataError, which names file and key."""
+    if isinstance(given, Mapping):
+        name, folder, table = "configuration", Path("."), dict(given)
+    else:
+        name, folder = str(given), Path(given).parent
+        table = read_toml(Path(given), "check the path")
+    keys = "filter imu vehicle lag replay align_within options estimate epoch log state save_every source input output"
+    check_keys(table, keys.split(), name)
+    inputs = tuple(
+        _input(part, f"{name}: [[input]] {k}", folder) for k, part in _parts(table, "input", name)
+    )
+    if not inputs:
+        raise DataError(f"{name}: has no [[input]]; add one with a port and a format")
+    sources = tuple(
+        _source(part, f"{name}: [[source]] {k}") for k, part in _parts(table, "source", name)
+    )
+    recorded = [part.recording for part in inputs if part.recording]
+    imu, vehicle = table.get("imu"), table.get("vehicle")
+    if recorded and not sources:
+        recording = read(recorded[0])
+        sources = tuple(a._where(np.zeros(len(a.t), bool)) for a in recording.sources)
+        imu = imu if imu is not None else recording.meta.get("grade")
+        vehicle = vehicle if vehicle is not None else recording.meta.get("vehicle")
+    lag = check_number(table.get("lag", 1.0), f"{name}: lag", "s", least=0)
+    return Config(
+        name,
+        _text(table.get("filter", "closed-loop"), f"{name}: filter"),
+        imu,
+        vehicle,
+        sources,
+        inputs,
+        tuple(
+            _output(part, f"{name}: [[output]] {k}", folder)
+            for k, part in _parts(table, "output", name)
+        ),
+        lag,
+        check_flag(table.get("replay", lag > 0), f"{name}: replay"),
+        check_number(
+            table.get("align_within", 60.0), f"{name}: align_within", "s", least=0, infinite=True
+        ),
+        dict(table.get("options", {})),
+        table.get("estimate"),
+        gps_of(_text(table["epoch"], f"{name}: epoch")) if "epoch" in table else None,
+        _path(table.get("log", ""), f"{name}: log", folder),
+        _path(table.get("state", ""), f"{name}: state", folder),
+        check_number(table.get("save_every", 10.0), f"{name}: save_every", "s", above=0),
+    )
+
+
+def _parts(table: Mapping[str, Any], key: str, name: str) -> list[tuple[int, dict[str, Any]]]:
+    """[(number, table)] of the parts of a list."""
+    parts = table.get(key, [])
+    if not isinstance(parts, list) or not all(isinstance(part, Mapping) for part in parts):
+        raise DataError(f"{name}: {key} must be given as [[{key}]]")
+    return [(k, dict(part)) for k, part in enumerate(parts, 1)]
+
+
+def _text(value: object, where: str) -> str:
+    if not isinstance(value, str) or not value:
+        raise DataError(f"{where} is {value!r}; it must be text")
+    return value
+
+
+def _path(value: object, where: str, folder: Path) -> str:
+    return str(folder / _text(value, where)) if value != "" else ""
+
+
+def _in_folder(address: Address, folder: Path) -> Address:
+    return (
+        address._replace(place=str(folder / address.place)) if address.kind == "file" else address
+    )
+
+
+def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
+    format = check_choice(part.get("format", "json"), f"{where}: format", INPUTS)
+    if format == "recording":
+        check_keys(part, ("format", "path", "speed"), where)
+        speed = check_number(part.get("speed", 1.0), f"{where}: speed", above=0, infinite=True)
+        path = _path(_text(part.get("path"), f"{where}: path"), f"{where}: path", folder)
+        return InputPart(format, None, "own", path, speed, 0.0)
+    check_keys(part, ("format", "port", "clock", "latency"), where)
+    scales = SCALES if format == "json" else OWN_SCALES[format]
+    clock = check_choice(part.get("clock", scales[0]), f"{where}: clock", scales)
+    latency = check_number(part.get("latency", 0.0), f"{where}: latency", "s", least=0)
+    if latency and clock != "arrival":
+        raise DataError(f'{where}: latency is that of the clock "arrival", not of {clock!r}')
+    address = _in_folder(address_of(part.get("port"), where), folder)
+    return InputPart(format, address, clock, "", 1.0, latency)
+
+
+def _output(part: dict[str, Any], where: str, folder: Path) -> OutputPart:
+    check_keys(part, ("format", "port", "rate"), where)
+    format = check_choice(part.get("format", "json"), f"{where}: format", list(LINES))
+    rate = check_number(part.get("rate", inf), f"{where}: rate", "Hz", above=0, infinite=True)
+    return OutputPart(format, _in_folder(address_of(part.get("port"), where), folder), rate)
+
+
+def _source(part: dict[str, Any], where: str) -> Source:
+    check_keys(
+        part, ("kind", "name", "parameters", "lever_arm", "gate", "robust", "adaptive"), where
+    )
+    kind = aiding.find(_text(part.get("kind"), f"{where}: kind"))
+    width = len(kind.quantities)
+    own = part.get("parameters", part.get("lever_arm", ()))
+    if not isinstance(own, list | tuple):
+        raise DataError(f"{where}: parameters are {own!r}; they must be a list of numbers")
+    numbers = tuple(check_number(value, f"{where}: parameters") for value in own)
+    gate = part.get("gate")
+    return Source(
+        kind.name,
+        np.empty(0),
+        np.empty((0, width)),
+        np.empty((0, width)),
+        parameters=numbers,
+        gate=None if gate is None else check_number(gate, f"{where}: gate", above=0, infinite=True),
+        name=str(part.get("name", "")),
+        robust=check_flag(part.get("robust", False), f"{where}: robust"),
+        adaptive=check_number(part.get("adaptive", 0.0), f"{where}: adaptive", "s", least=0),
+    )

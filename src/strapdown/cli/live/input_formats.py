@@ -1,0 +1,191 @@
+"""Samples and measurements from bytes as they come. UBX and NMEA go through the readers of logs: the bytes of
+the last epochs are read as the log that they are, and what is new in it is taken."""
+
+import time
+from collections.abc import Callable, Sequence
+from math import nan
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...checks import DataError
+from ...engine.stream import Measurement, Sample
+from ...fileio.file_access import json_of
+from ...io.reader import Log
+from ...units.time_scales import gps_from_unix, midnight
+
+MAX_LINE = 1 << 16
+"""Bytes of a line, at most."""
+MAX_GAP = 1.0
+"""s between two rates, at most, over which the first one gives the length of the sample."""
+WINDOW = 1 << 14
+"""Bytes of a receiver that are read as one log: some epochs."""
+QUIET = 0.03
+"""s without bytes after which an epoch is whole."""
+
+
+class Clock:
+    """The time of the stream: s since `epoch`, in s of GPS time since its zero. Without a given one
+    it is midnight, UTC, before the first absolute time; None where there was none yet."""
+
+    def __init__(self, epoch: float | None = None) -> None:
+        self.epoch = epoch
+
+    def of_gps(self, gps: float) -> float:
+        """Return the time of a moment of GPS time."""
+        if self.epoch is None:
+            self.epoch = midnight(gps)
+        return gps - self.epoch
+
+
+class Decoder:
+    """Bytes of one input to events; `bad` counts what is none."""
+
+    def __init__(self) -> None:
+        self.bad = 0
+        # s, of time.monotonic: when the bytes came of which the events are; None: just now
+        self.last: float | None = None
+
+    def feed(self, piece: bytes) -> list[Sample | Measurement]:
+        """Take bytes and return the events that they complete."""
+        raise NotImplementedError
+
+    def idle(self) -> list[Sample | Measurement]:
+        """Return the events that are complete because nothing came for QUIET s."""
+        return []
+
+
+class JsonLines(Decoder):
+    """A JSON object in each line, in SI and body axes forward, right, down: a sample with `t` and
+    `dt`, `dtheta`, `dv`, or `gyro`, `accel`; a measurement with `t`, `source`, `y`, `std`."""
+
+    def __init__(self, clock: Clock, scale: str) -> None:
+        super().__init__()
+        self._clock, self._scale, self._rest, self._last = clock, scale, b"", nan
+
+    def feed(self, piece: bytes) -> list[Sample | Measurement]:
+        """As of Decoder."""
+        *lines, self._rest = (self._rest + piece).split(b"\n")
+        if len(self._rest) > MAX_LINE:
+            self._rest, self.bad = b"", self.bad + 1
+        found: list[Sample | Measurement] = []
+        for line in lines:
+            if line.strip():
+                try:
+                    event = self._event(json_of(line, "input"))
+                    found += [event] if event is not None else []
+                except (DataError, ValueError, TypeError, KeyError, OverflowError):
+                    self.bad += 1
+        return found
+
+    def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
+        t = float(table["t"])
+        if self._scale in ("unix", "gps"):
+            t = self._clock.of_gps(float(gps_from_unix(t)) if self._scale == "unix" else t)
+        if "source" in table:
+            y, std = (tuple(map(_number, table[key])) for key in ("y", "std"))
+            return Measurement(t, table["source"], y, std)
+        last, self._last = self._last, t
+        if "dtheta" in table:
+            return Sample(t, float(table["dt"]), _three(table["dtheta"]), _three(table["dv"]))
+        dt = float(table["dt"]) if "dt" in table else t - last
+        rates = (_three(table[key]) for key in ("gyro", "accel"))
+        if not 0 < dt <= MAX_GAP:  # the first one, or one after a gap
+            return None
+        dtheta, dv = ((x * dt, y * dt, z * dt) for x, y, z in rates)
+        return Sample(t, dt, dtheta, dv)
+
+
+def _number(value: Any) -> float:
+    return nan if value is None else float(value)
+
+
+def _three(values: Sequence[Any]) -> tuple[float, float, float]:
+    x, y, z = map(_number, values)
+    return x, y, z
+
+
+class _Row(NamedTuple):
+    """A measurement of a receiver."""
+
+    t: float
+    kind: str
+    y: tuple[float, ...]
+    std: tuple[float, ...]
+
+
+class Receiver(Decoder):
+    """UBX or NMEA of a GNSS receiver: positions, velocities and headings for the first source of
+    each kind. `log` makes the Log of bytes."""
+
+    def __init__(
+        self, clock: Clock, log: Callable[[Path, bytes], Log], kinds: Sequence[str], name: str
+    ) -> None:
+        super().__init__()
+        self._clock, self._log, self._name = clock, log, Path(name)
+        self._kinds = kinds
+        self._window, self._fresh, self._waits = b"", 0, False
+        self._used: dict[str, float] = {}  # s, the last time of each kind
+
+    def feed(self, piece: bytes) -> list[Sample | Measurement]:
+        """As of Decoder: all epochs but the last one, to which more may come."""
+        found: list[Sample | Measurement] = []
+        for at in range(0, len(piece), WINDOW // 4):
+            self._take(piece[at : at + WINDOW // 4])
+            if self._fresh >= WINDOW // 4:
+                found += self._new(False)
+        return found
+
+    def _take(self, piece: bytes) -> None:
+        self._window = (self._window + piece)[-WINDOW:]
+        self._fresh += len(piece)
+        self._waits = True  # the last epoch
+        self.last = time.monotonic()
+
+    def idle(self) -> list[Sample | Measurement]:
+        """As of Decoder."""
+        if not self._waits or time.monotonic() < (self.last or 0.0) + QUIET:
+            return []
+        return self._new(True)
+
+    def _new(self, whole: bool) -> list[Sample | Measurement]:
+        """Return the measurements that were not there before; `whole`: also of the last epoch."""
+        self._fresh, self._waits = 0, not whole
+        try:
+            rows = [row for row in self._rows() if row.kind in self._kinds]
+        except DataError:  # nothing usable in these bytes
+            self.bad += 1
+            return []
+        last = max((row.t for row in rows), default=0.0)
+        rows = [
+            row
+            for row in rows
+            if row.t > self._used.get(row.kind, -1e300) and (whole or row.t < last)
+        ]
+        for row in rows:
+            self._used[row.kind] = max(self._used.get(row.kind, row.t), row.t)
+        rows.sort(key=lambda row: row.t)
+        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in rows]
+
+    def _rows(self) -> list[_Row]:
+        """Return the measurements of the window, as a description of the log would read them."""
+        from ...io.description.fix_columns import Whereabouts, read_fixes
+        from ...io.description.schema_source import SourcePart
+        from ...io.description.source_files import Files
+
+        log = self._log(self._name, self._window)
+        parts = [
+            SourcePart.model_validate({**section.keys, "file": str(self._name)})
+            for section in log.sections
+            if section.of == "source" and not section.left and not section.instance
+            if "clock" in section.keys["time"] and section.keys["time"].get("week", "") is not None
+        ]
+        if self._clock.epoch is None and parts:
+            first = Files(self._name, None, ".", {self._name: log})
+            read_fixes(parts[0], first, Whereabouts((), None), str(self._name))
+            self._clock.epoch = first.epoch
+        files, rows = Files(self._name, self._clock.epoch, ".", {self._name: log}), list[_Row]()
+        for part in parts:
+            found = read_fixes(part, files, Whereabouts((), None), str(self._name))
+            columns = found.t.tolist(), found.y.tolist(), found.std.tolist()
+            rows += [_Row(t, part.kind, tuple(y), tuple(std)) for t, y, std in zip(*columns)]
+        return rows

@@ -1,0 +1,272 @@
+"""Places where bytes come from and go to, none of which ever waits: UDP, TCP, serial lines, files that
+grow, standard streams. One that vanishes is opened again each second."""
+
+import os
+import select
+import socket
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from ...checks import DataError, check_number
+from ...fileio.file_access import open_file
+
+RETRY = 1.0
+"""s between two attempts to open a port."""
+PIECE = 1 << 16
+"""Bytes that are read at a time, at most."""
+MAX_DATAGRAMS = 256
+"""Datagrams that are read at a time, at most; the system drops those that its buffer cannot hold."""
+KINDS = ("udp", "tcp", "serial", "file", "-")
+
+
+class Address(NamedTuple):
+    """The text of a port, such as `udp:127.0.0.1:7001`, taken apart."""
+
+    kind: str  # one of KINDS
+    place: str  # host, device or path
+    number: int  # port, or bits per second
+
+    def __str__(self) -> str:
+        more = f":{self.number}" if self.number else ""
+        return self.kind if self.kind == "-" else f"{self.kind}:{self.place}{more}"
+
+
+def address_of(text: object, where: str) -> Address:
+    """Return the Address of a text. Raises DataError, which begins with `where`."""
+    kind, _, rest = str(text).partition(":")
+    forms = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, file:PATH or -"
+    if not isinstance(text, str) or kind not in KINDS or bool(rest) == (kind == "-"):
+        raise DataError(f"{where}: port is {text!r}; it must be {forms}")
+    if kind in ("file", "-"):
+        return Address(kind, rest, 0)
+    place, _, number = rest.rpartition(":")
+    if not number.isdecimal() or not (place or kind == "udp"):
+        raise DataError(f"{where}: port is {text!r}; it must be {forms}")
+    most = 65535 if kind != "serial" else 10_000_000
+    what = f"{where}: port {text!r}: its number"
+    check_number(int(number), what, least=1, most=most, whole=True)
+    return Address(kind, place or "127.0.0.1", int(number))
+
+
+class Port:
+    """An address to read from. `error` says why it cannot be read now; `lost` counts how often it
+    went."""
+
+    def __init__(self, address: Address) -> None:
+        self.address = address
+        self.error = ""
+        self.lost = 0
+        self.ended = False  # nothing more will come
+        self._tried = -RETRY
+        self.number: int | None = None  # descriptor on which to wait for bytes
+        self._close: Callable[[], None] = lambda: None
+        self._read: Callable[[], list[bytes]] | None = None
+
+    def read(self) -> list[bytes]:
+        """Return the pieces that are there now; one for each datagram of UDP."""
+        if self.ended or not self._is_open():
+            return []
+        assert self._read is not None  # it is open
+        try:
+            return self._read()
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            self._lose(error.strerror or str(error))
+            return []
+
+    def _is_open(self) -> bool:
+        if self._read is None and time.monotonic() >= self._tried + RETRY:
+            self._tried = time.monotonic()
+            try:
+                self._open()
+                self.error = ""
+            except OSError as error:
+                self.error = error.strerror or str(error)
+        return self._read is not None
+
+    def _lose(self, why: str) -> None:
+        self.close()
+        self.error, self._read, self._tried = why, None, time.monotonic()
+        self.lost += 1
+
+    def close(self) -> None:
+        """Close it."""
+        with suppress(OSError):
+            self._close()
+        self._close, self.number = lambda: None, None
+
+    def _open(self) -> None:
+        kind = self.address.kind
+        if kind == "udp":
+            self._open_udp()
+        elif kind == "tcp":
+            self._open_tcp()
+        elif kind == "file":
+            self._open_file()
+        else:
+            self._open_descriptor(sys.stdin.fileno() if kind == "-" else _serial_line(self.address))
+
+    def _open_udp(self) -> None:
+        udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        udp.setblocking(False)
+        self._close = udp.close
+        udp.bind((self.address.place, self.address.number))
+        self.number = udp.fileno()
+
+        def read() -> list[bytes]:
+            found: list[bytes] = []
+            with suppress(BlockingIOError):
+                while len(found) < MAX_DATAGRAMS:
+                    found.append(udp.recv(PIECE))
+            return found
+
+        self._read = read
+
+    def _open_tcp(self) -> None:
+        tcp = _tcp_socket(self.address)
+        self._close, self.number = tcp.close, tcp.fileno()
+
+        def read() -> list[bytes]:
+            piece = tcp.recv(PIECE)
+            if not piece:
+                raise OSError("the other side closed the connection")
+            return [piece]
+
+        self._read = read
+
+    def _open_file(self) -> None:
+        path = Path(self.address.place)
+        if not path.stat().st_size:
+            raise OSError("it is still empty")
+        file: BinaryIO = open_file(path)
+        self._close, known = file.close, path.stat().st_ino
+
+        def read() -> list[bytes]:
+            piece = file.read(PIECE)
+            if not piece:
+                now = path.stat()
+                if now.st_ino != known or now.st_size < file.tell():
+                    raise OSError("another file took its place")
+            return [piece] if piece else []
+
+        self._read = read
+
+    def _open_descriptor(self, number: int) -> None:
+        is_standard, self.number = self.address.kind == "-", number
+        self._close = (lambda: None) if is_standard else (lambda: os.close(number))
+
+        def read() -> list[bytes]:
+            if not select.select([number], [], [], 0.0)[0]:
+                return []
+            piece = os.read(number, PIECE)
+            if not piece and is_standard:
+                self.ended = True
+            elif not piece:
+                raise OSError("the device is gone")
+            return [piece] if piece else []
+
+        self._read = read
+
+
+def _tcp_socket(address: Address) -> socket.socket:
+    """Return a socket that connects meanwhile; until then reading and writing raise
+    BlockingIOError. Raises OSError."""
+    tcp = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    tcp.setblocking(False)
+    with suppress(BlockingIOError):
+        tcp.connect((address.place, address.number))
+    return tcp
+
+
+def _serial_line(address: Address) -> int:
+    """Return the descriptor of a serial line that passes bytes on as they are. Raises OSError."""
+    import termios
+    import tty
+
+    speed = getattr(termios, f"B{address.number}", None)
+    if speed is None:
+        raise OSError(f"{address.number} bit/s is no rate of this system")
+    line = os.open(address.place, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        tty.setraw(line)
+        settings = termios.tcgetattr(line)
+        settings[4] = settings[5] = speed
+        termios.tcsetattr(line, termios.TCSANOW, settings)
+    except (OSError, termios.error) as error:
+        os.close(line)
+        raise OSError(f"is no serial line ({error.args[-1]})") from None
+    return line
+
+
+class Sink:
+    """An address to write to. What cannot be written is dropped and counted; half a message never
+    goes out."""
+
+    def __init__(self, address: Address) -> None:
+        self.address, self.dropped, self.error = address, 0, ""
+        self._tried, self._rest = -RETRY, b""
+        self._write: Callable[[bytes], int] | None = None
+        self._close: Callable[[], None] = lambda: None
+
+    def write(self, data: bytes) -> None:
+        """Write what makes one message."""
+        if self._write is None and time.monotonic() >= self._tried + RETRY:
+            self._tried, self._rest = time.monotonic(), b""
+            try:
+                self._open()
+                self.error = ""
+            except OSError as error:
+                self.error = error.strerror or str(error)
+        if self._write is None:
+            self.dropped += 1
+            return
+        if len(self._rest) > PIECE:
+            data, self.dropped = b"", self.dropped + 1
+        data = self._rest + data
+        try:
+            self._rest = data[self._write(data) :]
+        except BlockingIOError:
+            self._rest = data
+        except OSError as error:
+            self._lose(error.strerror or str(error))
+
+    def _lose(self, why: str) -> None:
+        self.dropped, self.error, self._rest = self.dropped + 1, why, b""
+        if self.address.kind != "udp":  # where nobody may listen yet
+            self.close()
+            self._write, self._tried = None, time.monotonic()
+
+    def close(self) -> None:
+        """Close it."""
+        with suppress(OSError):
+            self._close()
+        self._close = lambda: None
+
+    def _open(self) -> None:
+        kind, place, number = self.address
+        if kind == "-":
+            self._write = _to_standard_output
+        elif kind == "udp":
+            udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            udp.setblocking(False)
+            self._close, self._write = udp.close, lambda data: udp.sendto(data, (place, number))
+        elif kind == "tcp":
+            tcp = _tcp_socket(self.address)
+            self._close, self._write = tcp.close, tcp.send
+        elif kind == "serial":
+            line = _serial_line(self.address)
+            self._close, self._write = lambda: os.close(line), lambda data: os.write(line, data)
+        else:
+            file = Path(place).open("ab", buffering=0)
+            self._close, self._write = file.close, file.write
+
+
+def _to_standard_output(data: bytes) -> int:
+    sys.stdout.buffer.write(data)
+    sys.stdout.buffer.flush()
+    return len(data)

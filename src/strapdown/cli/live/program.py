@@ -1,0 +1,409 @@
+"""`Live`, the program of `strapdown live`: it reads ports, steps a LiveStream, and writes states and a log."""
+
+import heapq
+import os
+import select
+import time
+from collections.abc import Callable, Iterator, Mapping
+from math import inf
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+from ...checks import DataError
+from ...core.loop.contract import Imu
+from ...data.solution import Source
+from ...engine.live_stream import LiveStream
+from ...engine.notifier import OnEvent
+from ...engine.stream import Measurement, Sample
+from ...io import read
+from ...io.readers.live_log import fix_line, head_line, sample_line
+from ...units.time_scales import gps_from_unix
+from .arrival_clock import ArrivalClock, ClockEstimate
+from .config import Config, InputPart, OutputPart, config_of
+from .decoders import decoder
+from .input_formats import Clock, Decoder
+from .output_formats import LINES, state_at
+from .ports import Port, Sink
+
+PAUSE = 0.002
+"""s that the program sleeps where nothing comes, at most."""
+FLUSH = 1.0
+"""s between two times at which the log is forced to the disk."""
+IMU_SILENT = 5.0
+"""s without a sample after which that is reported."""
+BATCH = 1000
+"""Events of a recording that are taken at a time, at most."""
+
+
+def time_of_arrival(monotonic: float | None = None) -> float:
+    """Return the time of this machine, now or at a time of `time.monotonic`, UNIX s; it never steps
+    while the machine runs."""
+    return STARTED + (time.monotonic() if monotonic is None else monotonic)
+
+
+STARTED = time.time() - time.monotonic()
+
+
+class _Bytes:
+    """An input from a port."""
+
+    def __init__(self, part: InputPart, clock: Clock, kinds: list[str]) -> None:
+        assert part.address is not None  # of all but a recording
+        self.port = Port(part.address)
+        self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
+        self._clock = clock
+        self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
+        self._held: list[Sample | Measurement] = []  # until the clock is ready
+        name = f"{part.format} of {part.address}".replace("/", "_")
+        self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name)
+
+    @property
+    def ended(self) -> bool:
+        """True where nothing more will come."""
+        return self.port.ended
+
+    def events(self) -> list[Sample | Measurement]:
+        """Return what has come."""
+        found: list[Sample | Measurement] = []
+        for piece in self.port.read():
+            found += self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
+        found += self.decoder.idle()
+        return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
+
+    def _by_arrival(
+        self, arrivals: ArrivalClock, found: list[Sample | Measurement]
+    ) -> list[Sample | Measurement]:
+        """Return events with the time at which the fastest message would have arrived."""
+        now, restarts = time_of_arrival(self.decoder.last), arrivals.restarts
+        for event in found:
+            arrivals.take(event.t, now)
+        if arrivals.restarts > restarts:
+            self._held.clear()
+        self._held += found
+        if not arrivals.ready:
+            return []
+        ready, self._held = self._held, []
+        return [each._replace(t=self._on_clock(arrivals.time(each.t))) for each in ready]
+
+    def _on_clock(self, unix: float) -> float:
+        return self._clock.of_gps(float(gps_from_unix(unix)))
+
+    def close(self) -> None:
+        """Close the port."""
+        self.port.close()
+
+
+class _Replayed:
+    """An input from a recording, at a speed."""
+
+    def __init__(self, part: InputPart) -> None:
+        recording = read(part.recording)
+        fixes = [_fix_rows(k, a) for k, a in enumerate(recording.sources)]
+        rows = heapq.merge(_sample_rows(recording.imu), *fixes, key=lambda row: row[:3])
+        self._events: Iterator[_Row] = iter(rows)
+        self._next = next(self._events, None)
+        self._speed, self._first, self._began = part.speed, 0.0, -1.0
+
+    @property
+    def ended(self) -> bool:
+        """True where nothing more will come."""
+        return self._next is None
+
+    def events(self) -> list[Sample | Measurement]:
+        """Return what is due."""
+        if self._next is not None and self._began < 0:
+            self._first, self._began = self._next[0], time.monotonic()
+        until = inf
+        if self._speed < inf:
+            until = self._first + self._speed * (time.monotonic() - self._began)
+        found: list[Sample | Measurement] = []
+        while self._next is not None and self._next[0] <= until and len(found) < BATCH:
+            found.append(self._next[3])
+            self._next = next(self._events, None)
+        return found
+
+    def close(self) -> None:
+        """Take nothing more."""
+        self._next = None
+
+
+_Row = tuple[float, int, int, Sample | Measurement]
+"""(t in s, 1 for a sample, source, event): by the first three a fix comes before the sample that ends
+with it."""
+
+
+def _sample_rows(imu: Imu) -> Iterator[_Row]:
+    columns = (column.tolist() for column in imu)
+    return ((t, 1, 0, Sample(t, dt, tuple(a), tuple(b))) for t, dt, a, b in zip(*columns))
+
+
+def _fix_rows(source: int, a: Source) -> Iterator[_Row]:
+    rows = zip(a.t.tolist(), a.y.tolist(), a.std.tolist())
+    return ((t, 0, source, Measurement(t, source, tuple(y), tuple(std))) for t, y, std in rows)
+
+
+class _StatePort:
+    """States to a port at a rate, by the time of the samples."""
+
+    def __init__(self, part: OutputPart) -> None:
+        self.sink, self._line, self._every = Sink(part.address), LINES[part.format], 1 / part.rate
+        self._due = -inf
+
+    def show(self, live: LiveStream, epoch: float | None) -> None:
+        """Write the newest state where one is due."""
+        t = live.t
+        if t < self._due - 1e-6 and t > self._due - 2 * self._every:
+            return
+        self._due = t + self._every if self._due + self._every < t else self._due + self._every
+        line = self._line(state_at(t, epoch, live.status, live.belief))
+        self.sink.write(line.encode())
+
+
+class _Log:
+    """A log of what the filter uses; each start begins a file of its own."""
+
+    def __init__(self, path: str, tell: Callable[[str], None]) -> None:
+        self._path, self._tell, self.written = Path(path), tell, list[Path]()
+        self._file: BinaryIO | None = None
+        self._start: object = None
+        self._forced = time.monotonic()
+
+    def use(self, stream: Any, config: Config, sample: Sample, fixes: list[Measurement]) -> None:
+        """Write a sample and the measurements used with it."""
+        try:
+            if self._start is not stream:
+                self._begin(stream, config)
+            if self._file is not None:
+                lines = [fix_line(int(fix.source), fix.t, fix.y, fix.std) for fix in fixes]
+                self._file.write("".join([*lines, sample_line(*sample)]).encode())
+        except OSError as error:
+            self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
+            self.close()
+
+    def _begin(self, stream: Any, config: Config) -> None:
+        self.close()
+        self._start, path = stream, self._free_path()
+        assert stream.start is not None  # it has used a sample
+        setup = (stream.start, config.imu, config.vehicle, stream.estimated)
+        line = head_line(config.filter, stream.used, *setup)
+        self._file = path.open("xb")
+        self.written.append(path)
+        self._file.write(line.encode())
+
+    def _free_path(self) -> Path:
+        """Return the path, or the first of its numbered ones that is free."""
+        path, number = self._path, 1
+        while path.exists():
+            number += 1
+            path = self._path.with_name(f"{self._path.stem}-{number}{self._path.suffix}")
+        return path
+
+    def force(self) -> None:
+        """Bring what was written to the disk once in FLUSH s."""
+        now = time.monotonic()
+        if self._file is not None and now >= self._forced + FLUSH:
+            self._forced = now
+            try:
+                self._file.flush()
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
+                self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        file, self._file = self._file, None
+        if file is not None:
+            try:
+                file.close()
+            except OSError as error:
+                self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
+
+
+class Live:
+    """A filter in a running system, as `strapdown live` runs it: samples and measurements from ports,
+    states to ports, a log and a state on disk.
+
+    Parameters
+    ----------
+    config : str, Path or dict
+        A TOML file, or a table with its keys (docs/how-to/live.md).
+    on_event : callable
+        Function called with (t, text) of each event when it begins.
+
+    Raises
+    ------
+    DataError
+        If the configuration has an unknown key or a value out of range.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> port = {"port": "udp:127.0.0.1:7001", "format": "json"}
+    >>> with sd.Live({"imu": "consumer", "filter": "mekf", "input": [port]}) as live:
+    ...     live.stream.waits_for
+    'the first IMU sample'
+    """
+
+    def __init__(
+        self, config: str | Path | Mapping[str, Any], on_event: OnEvent | None = None
+    ) -> None:
+        self.config = own = config_of(config)
+        self._on_event = on_event
+        self.clock = Clock(own.epoch)
+        self._log = _Log(own.log, self._tell) if own.log else None
+        self.stream = LiveStream(
+            own.filter,
+            sources=own.sources,
+            imu=own.imu,
+            vehicle=own.vehicle,
+            lag=own.lag,
+            replay=own.replay,
+            align_within=own.align_within,
+            options=own.options,
+            estimate=own.estimate,
+            on_event=self._hear,
+            on_use=self._use if self._log else None,
+        )
+        kinds = [a.kind for a in own.sources]
+        self.inputs: list[_Bytes | _Replayed] = [
+            _Replayed(part) if part.recording else _Bytes(part, self.clock, kinds)
+            for part in own.inputs
+        ]
+        self.outputs = [_StatePort(part) for part in own.outputs]
+        self._heard = self._saved = time.monotonic()
+        self._is_silent, self._closed = False, False
+        if own.state and Path(own.state).exists():
+            self._restore()
+
+    def _restore(self) -> None:
+        try:
+            self.stream.restore(self.config.state)
+        except DataError as error:
+            self._tell(f"{error}; beginning anew")
+        else:
+            self._tell(f"{self.config.state}: goes on from {self.stream.t:.2f} s")
+
+    # ---- the loop
+
+    def turn(self) -> bool:
+        """Take what has come, and write what is due; return False where nothing had come."""
+        count = 0
+        for each in self.inputs:
+            for event in each.events():
+                count += 1
+                self.stream.step(event)
+                if isinstance(event, Sample):
+                    self._heard, self._is_silent = time.monotonic(), False
+                    if self.stream.started:
+                        for output in self.outputs:
+                            output.show(self.stream, self.clock.epoch)
+        self._look_after()
+        return count > 0
+
+    def _look_after(self) -> None:
+        """Force the log to the disk, save the state, and see whether samples still come."""
+        now = time.monotonic()
+        if self._log is not None:
+            self._log.force()
+        if self.config.state and now >= self._saved + self.config.save_every:
+            self._saved = now
+            self._save()
+        if now > self._heard + IMU_SILENT and not self._is_silent:
+            self._is_silent = True
+            ports = [
+                each.port for each in self.inputs if isinstance(each, _Bytes) and each.port.error
+            ]
+            why = "".join(f"; {port.address}: {port.error}" for port in ports)
+            self._tell(f"IMU: no sample for {IMU_SILENT:g} s{why}")
+
+    def _save(self) -> None:
+        try:
+            self.stream.save(self.config.state)
+        except DataError as error:
+            self._tell(str(error))
+
+    def run(self, seconds: float = inf) -> None:
+        """Go on until all inputs have ended, or for so many seconds, and close all.
+
+        Parameters
+        ----------
+        seconds : float
+            Longest time, s.
+        """
+        end = time.monotonic() + seconds
+        try:
+            while time.monotonic() < end and not all(each.ended for each in self.inputs):
+                if not self.turn():
+                    self._wait()
+        finally:
+            self.close()
+
+    def _wait(self) -> None:
+        """Sleep until a port has bytes, at most for PAUSE s, since files are looked at."""
+        ports = [each.port.number for each in self.inputs if isinstance(each, _Bytes)]
+        select.select([number for number in ports if number is not None], [], [], PAUSE)
+
+    def close(self) -> None:
+        """Use what waits, save the state, and close log and ports. A second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        if self.config.state:
+            self._save()
+        try:
+            if self.stream.started:
+                self.stream.finish()
+        except DataError as error:
+            self._tell(str(error))
+        for each in self.inputs:
+            each.close()
+        for output in self.outputs:
+            output.sink.close()
+        if self._log is not None:
+            self._log.close()
+
+    def __enter__(self) -> "Live":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # ---- reports
+
+    def _use(self, sample: Sample, fixes: list[Measurement]) -> None:
+        assert self._log is not None  # it asks for them
+        self._log.use(self.stream.stream, self.config, sample, fixes)
+
+    def _tell(self, text: str) -> None:
+        newest = self.stream.stream.newest if hasattr(self, "stream") else -inf
+        self._hear(newest if newest > -inf else 0.0, text)
+
+    def _hear(self, t: float, text: str) -> None:
+        if self._on_event is not None:
+            self._on_event(t, text)
+
+    @property
+    def bad(self) -> int:
+        """Number of lines, and of pieces of a receiver, that could not be read."""
+        return sum(each.decoder.bad for each in self.inputs if isinstance(each, _Bytes))
+
+    @property
+    def clocks(self) -> dict[str, ClockEstimate]:
+        """{port: estimate} of the inputs with the clock "arrival"."""
+        found: dict[str, ClockEstimate] = {}
+        for each in self.inputs:
+            if isinstance(each, _Bytes) and each.arrivals and each.arrivals.estimate:
+                found[str(each.port.address)] = each.arrivals.estimate
+        return found
+
+    @property
+    def logs(self) -> list[Path]:
+        """Files of the log, one for each start."""
+        return [*self._log.written] if self._log else []

@@ -1,0 +1,437 @@
+"""A stream for a program that must go on: bad data, long gaps, clocks that jump and a filter that stops end
+in counts, events and a new alignment, never in an exception."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from math import inf, nan
+from typing import Any, NamedTuple, NoReturn, Unpack
+
+from ..checks import DataError
+from ..core.loop.contract import Filter, FilterState, InitialState
+from ..core.loop.gaps import BRIDGE
+from ..core.loop.log import FOLD
+from ..data.solution import Solution, Source
+from ..data.verdict import Verdict
+from ..plugins import one_line
+from ..typing import File
+from .arrivals import Measurement, Sample
+from .notifier import OnEvent
+from .options import RunOptions, takes
+from .saved_state import contradiction, read_state, write_state
+from .stream import HISTORY, OnUse, Stream
+
+SUSPICIOUS = BRIDGE
+"""s by which the time of a sample may step ahead; beyond that others must confirm it."""
+LONG_GAP = 60.0
+"""s without samples after which the attitude that the filter held is unknown: by the noise of a held gap
+its standard deviation is then 44 deg."""
+CONFIRMED = 1.0
+"""s for which samples must go on at another time before that is taken for the time."""
+MAX_SUSPECTS = 20_000
+"""Largest number of samples that wait for that."""
+MAX_STEP = 1.0
+"""s between two such samples, at most."""
+SILENT, SILENT_INTERVALS = 5.0, 10.0
+"""A source is silent after so many s, or so many of its intervals where these take longer."""
+MEAN_OF = 20
+"""Number of intervals of which the mean counts."""
+NEVER_HEARD = 30.0
+"""s of samples after which a source without a measurement is silent."""
+MAX_EVENTS = 1000
+"""Largest number of events that are kept of alignments before the present one."""
+INVALID_DATA, OTHER_TIME = "invalid", "at another time"
+"""Reasons why data are dropped, beside those of a Stream."""
+
+
+class _Heard(NamedTuple):
+    """The measurements of a source so far."""
+
+    number: int
+    t: float  # s, of the samples when the last one came
+    interval: float  # s, mean of the last ones
+
+
+class Watchdog:
+    """Tells which sources are silent, by the time of the samples."""
+
+    def __init__(self, sources: int) -> None:
+        self._heard = [_Heard(0, nan, 0.0)] * sources
+        self._due = -inf
+        self._first = inf
+
+    def hear(self, source: int, t: float) -> None:
+        """Take the time of the samples when a measurement comes, s."""
+        number, last, interval = self._heard[source]
+        if number:
+            interval += (t - last - interval) / min(number, MEAN_OF)
+        self._heard[source] = _Heard(number + 1, t, interval)
+
+    def silent(self, t: float) -> list[tuple[int, float]]:
+        """[(source, s since its last measurement)] of the silent ones at `t` s."""
+        return [
+            (k, t - self._since(heard)) for k, heard in enumerate(self._heard) if self._is(t, heard)
+        ]
+
+    def _since(self, heard: _Heard) -> float:
+        return heard.t if heard.number else self._first
+
+    def _is(self, t: float, heard: _Heard) -> bool:
+        limit = max(SILENT, SILENT_INTERVALS * heard.interval) if heard.number else NEVER_HEARD
+        return t - self._since(heard) > limit
+
+    def is_due(self, t: float) -> bool:
+        """True once a second of samples."""
+        self._first = min(self._first, t)
+        if t < self._due:
+            return False
+        self._due = t + 1.0
+        return True
+
+
+@takes(RunOptions)
+class LiveStream:
+    """A `Stream` for a running system. It takes the same data in the same way and returns the same
+    states, and `step` never raises on data.
+
+    - Invalid samples and measurements are dropped, counted and reported.
+    - After 60 s without samples, where the time of the samples jumps by more than that, and where
+      the filter stops, the stream aligns anew from the samples and measurements since.
+    - Where the time of a sample steps ahead by more than 1 s, the stream goes on there once samples
+      have done so for 1 s, and drops it otherwise.
+    - A source that falls silent for 5 s, and ten of its intervals, is reported.
+
+    Parameters
+    ----------
+    filter, sources, lag, on_event, align_within, history, replay, on_use
+        As for `Stream`.
+
+    Raises
+    ------
+    DataError
+        If an argument is out of range, or `imu` is missing, without which there is no alignment.
+
+    Examples
+    --------
+    >>> import strapdown as sd
+    >>> live = sd.LiveStream("mekf", imu="consumer")
+    >>> live.waits_for
+    'the first IMU sample'
+    >>> _ = live.step(sd.Sample(0.01, -0.01, (0, 0, 0), (0, 0, -0.098)))
+    >>> live.dropped_by["invalid"]
+    1
+    """
+
+    def __init__(
+        self,
+        filter: str | Filter,
+        *,
+        sources: Sequence[Source] = (),
+        lag: float = 0.0,
+        on_event: OnEvent | None = None,
+        align_within: float = 60.0,
+        history: int = HISTORY,
+        replay: bool = False,
+        on_use: OnUse | None = None,
+        **given: Unpack[RunOptions],
+    ) -> None:
+        def stream(begin: InitialState | None) -> Stream:
+            return Stream(
+                filter,
+                sources=sources,
+                lag=lag,
+                on_event=None if on_event is None else self._hear,
+                align_within=align_within,
+                history=history,
+                replay=replay,
+                on_use=on_use,
+                **given | {"start": begin},
+            )
+
+        start = given.get("start")
+        self._unstarted = stream(None)
+        self._stream = deepcopy(self._unstarted) if start is None else stream(start)
+        self._on_event, self._is_deaf = on_event, False
+        (self._limits,) = self._unstarted.limits
+        self._names = [a.name or a.kind for a in sources]
+        self._dropped = {INVALID_DATA: 0, OTHER_TIME: 0}
+        # of streams before the present one
+        self._past: deque[tuple[float, str]] = deque(maxlen=MAX_EVENTS)
+        self._counted = [(0, 0)] * len(sources)
+        self._dropped_before: dict[str, int] = {}
+        self._said: dict[str, float] = {}  # s, when each of its own events was so last
+        self._alignments = 0
+        self._forget_suspects()
+        self._watchdog = Watchdog(len(sources))
+
+    # ---- data
+
+    def step(self, event: Sample | Measurement) -> FilterState:
+        """Take a Sample or a Measurement and return the filter state (updated in place), NaN before
+        an alignment. It raises nothing on data, only TypeError for what is neither."""
+        if isinstance(event, Sample):
+            self._take_sample(event)
+        elif isinstance(event, Measurement):
+            if self._suspects:
+                self._suspect_fixes.append(event)
+            if self._pass_on(event) and self._stream.newest > -inf:
+                self._watchdog.hear(self._stream.source_index(event.source), self._stream.newest)
+        else:
+            raise TypeError(
+                f"step is given a {type(event).__name__}, neither Sample nor Measurement"
+            )
+        return self._stream.belief
+
+    def _take_sample(self, sample: Sample) -> None:
+        try:
+            away = sample.t - self._stream.newest
+            jumps = inf > away > SUSPICIOUS or -inf < away < -LONG_GAP
+        except (TypeError, ValueError, OverflowError):  # which the stream refuses
+            jumps = False
+        if jumps:
+            self._suspect(sample)
+        elif off := self._beyond_range(sample):
+            self._refuse(f"IMU sample at {sample.t:.3f} s: {off}")
+        else:
+            if self._suspects and sample.t > self._stream.newest:
+                self._drop_suspects()
+            if self._pass_on(sample) and self._watchdog.is_due(self._stream.newest):
+                self._tell_silence()
+
+    def _beyond_range(self, sample: Sample) -> str:
+        """Say which value no alignment can use, because no sensor measures it; empty of others. After
+        the start the filter bridges them, as long as they are numbers that a sensor could send."""
+        factor, limits = 1e3 if self._stream.started else 1.0, self._limits
+        ranges = (limits.gyro_range, "rad/s"), (limits.accel_range, "m/s^2")
+        try:
+            _, dt, *increments = sample
+            for (largest, unit), values in zip(ranges, increments):
+                if (rate := max(map(abs, values)) / dt) > factor * largest:
+                    return f"{rate:.4g} {unit} is out of range"
+        except (TypeError, ValueError, ArithmeticError):  # which the stream refuses
+            pass
+        return ""
+
+    def _pass_on(self, event: Sample | Measurement) -> bool:
+        """Give data to the stream; return False where it refuses them or stops."""
+        try:
+            self._stream.step(event)
+        except DataError as error:
+            if self._stream.stopped:
+                self._align_anew(str(error), self._stream.newest)
+            else:
+                self._refuse(str(error))
+            return False
+        return True
+
+    def _refuse(self, text: str) -> None:
+        self._dropped[INVALID_DATA] += 1
+        self._say(INVALID_DATA, f"invalid data dropped, the first: {text}")
+
+    # ---- samples at another time
+
+    def _forget_suspects(self) -> None:
+        self._suspects: list[Sample] = []
+        self._suspect_fixes: deque[Measurement] = deque(maxlen=MAX_EVENTS)
+
+    def _suspect(self, sample: Sample) -> None:
+        """Take a sample of which the time jumps; go on there once others have confirmed it."""
+        suspects = self._suspects
+        if suspects and abs(sample.t - suspects[-1].t) > max(MAX_STEP, self._stream.lag):
+            self._drop_suspects()
+        elif len(suspects) == MAX_SUSPECTS:
+            self._drop_suspects()
+        self._suspects.append(sample)
+        if sample.t - self._suspects[0].t >= CONFIRMED:
+            self._follow_suspects()
+
+    def _follow_suspects(self) -> None:
+        """Go on at the time of the suspects, after a gap or with a new alignment."""
+        suspects, fixes = self._suspects, [*self._suspect_fixes]
+        jump = suspects[0].t - self._stream.newest
+        self._forget_suspects()
+        if not 0 < jump <= LONG_GAP:
+            where = "without samples" if jump > 0 else "back in the time of the samples"
+            self._align_anew(f"{abs(jump):.0f} s {where}", suspects[0].t)
+            for fix in fixes:
+                self._pass_on(fix)
+        for sample in suspects:
+            self._pass_on(sample)
+
+    def _drop_suspects(self) -> None:
+        self._dropped[OTHER_TIME] += len(self._suspects)
+        off = self._suspects[0].t - self._stream.newest
+        self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off:+.6g} s away")
+        self._forget_suspects()
+
+    def _align_anew(self, reason: str, t: float) -> None:
+        """Begin with a new stream that has not started."""
+        old = self._stream
+        self._past.extend(old.events)
+        self._counted = self.counts()
+        for cause, count in old.dropped_by.items():
+            self._dropped_before[cause] = self._dropped_before.get(cause, 0) + count
+        self._stream = deepcopy(self._unstarted)
+        self._watchdog = Watchdog(len(self._names))
+        self._alignments += 1
+        self._forget_suspects()
+        self._say("anew", f"{reason}: aligning anew", t)
+
+    # ---- reports
+
+    def _say(self, about: str, text: str, t: float | None = None) -> None:
+        """Report an event unless the same was so less than FOLD s ago."""
+        if t is None:
+            t = self._stream.newest
+        t = t if t > -inf else 0.0
+        last, self._said[about] = self._said.get(about, -inf), t
+        if not abs(t - last) <= FOLD:
+            self._past.append((t, text))
+            self._hear(t, text)
+
+    def _hear(self, t: float, text: str) -> None:
+        """Pass an event on; a callback that raises is not called again."""
+        if self._on_event is None or self._is_deaf:
+            return
+        try:
+            self._on_event(t, text)
+        except Exception as error:
+            self._is_deaf = True
+            said = f"on_event raised {one_line(error)}; the callback is not called again"
+            self._past.append((t, said))
+
+    def _tell_silence(self) -> None:
+        for source, seconds in self._watchdog.silent(self._stream.newest):
+            name = self._names[source]
+            self._say(
+                f"silent {source}", f"{name}: silent for {seconds:.1f} s: check its connection"
+            )
+
+    @property
+    def silent(self) -> dict[str, float]:
+        """{name: s since its last measurement} of the sources that are silent."""
+        found = self._watchdog.silent(self._stream.newest)
+        return {self._names[source]: seconds for source, seconds in found}
+
+    @property
+    def waits_for(self) -> str:
+        """Data that are needed before the state is valid, as text; empty where it is."""
+        return self._stream.waits_for
+
+    @property
+    def stream(self) -> Stream:
+        """The present Stream, which is replaced where it aligns anew."""
+        return self._stream
+
+    @property
+    def alignments(self) -> int:
+        """Number of times that it began to align anew."""
+        return self._alignments
+
+    @property
+    def started(self) -> bool:
+        """True while there is a filter state."""
+        return self._stream.started
+
+    @property
+    def belief(self) -> FilterState:
+        """The filter state, NaN before an alignment."""
+        return self._stream.belief
+
+    @property
+    def now(self) -> FilterState:
+        """A copy of the filter state at the newest sample, as `Stream.now`."""
+        return self._stream.now
+
+    @property
+    def t(self) -> float:
+        """Time of the filter state, s; NaN before an alignment."""
+        return self._stream.t
+
+    @property
+    def status(self) -> int:
+        """VALID, BRIDGED, INVALID or DOUBTFUL, as in a row of a Solution."""
+        return self._stream.status
+
+    @property
+    def events(self) -> list[tuple[float, str]]:
+        """[(t, text)] of the events, those before the last alignment first."""
+        return [*self._past, *self._stream.events]
+
+    @property
+    def dropped_by(self) -> dict[str, int]:
+        """Numbers of unused samples and measurements by reason."""
+        here = self._stream.dropped_by
+        before = {
+            cause: self._dropped_before.get(cause, 0) + count for cause, count in here.items()
+        }
+        return before | self._dropped
+
+    def counts(self) -> list[tuple[int, int]]:
+        """(accepted, rejected) per source, of all alignments."""
+        pairs = zip(self._counted, self._stream.counts())
+        return [(used + more, refused + others) for (used, refused), (more, others) in pairs]
+
+    @property
+    def solution(self) -> Solution:
+        """The Solution since the last alignment, as `Stream.solution`. Raises DataError before."""
+        return self._stream.solution
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on its `solution`."""
+        return self._stream.verdict
+
+    def finish(self) -> FilterState:
+        """Use all data that wait, as `Stream.finish`. Raises DataError where no start is
+        possible."""
+        if self._suspects:
+            self._drop_suspects()
+        return self._stream.finish()
+
+    # ---- copies, save and restore
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "LiveStream":
+        own = object.__new__(type(self))
+        memo[id(self)] = own
+        for name, value in vars(self).items():
+            setattr(own, name, value if name == "_on_event" else deepcopy(value, memo))
+        return own
+
+    def __copy__(self) -> NoReturn:
+        raise TypeError("a copy of a LiveStream would share its state: use copy.deepcopy")
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        raise TypeError("a LiveStream cannot be pickled: use its methods save and restore")
+
+    def save(self, path: File) -> None:
+        """Write the state to a file, as `Stream.save`. Raises DataError."""
+        past: dict[str, Any] = {
+            "past": [*self._past],
+            "counted": self._counted,
+            "before": self._dropped_before,
+            "own": self._dropped,
+            "alignments": self._alignments,
+        }
+        write_state(path, self._stream.saved_content() | {"live": past})
+
+    def restore(self, path: File) -> FilterState:
+        """Go on from a file that `save` wrote, as `Stream.restore`. Raises DataError; the stream is
+        then unchanged."""
+        saved = read_state(path)
+        stream = deepcopy(self._unstarted)
+        stream.put_content(path, saved)
+        try:
+            past: Mapping[str, Any] = saved["live"]
+            alignments = int(past["alignments"])
+            counted = [(int(used), int(refused)) for used, refused in past["counted"]]
+            said = [(float(t), str(text)) for t, text in past["past"]]
+            before = {str(cause): int(count) for cause, count in past["before"].items()}
+            own = {cause: int(past["own"][cause]) for cause in self._dropped}
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise contradiction(path) from error
+        self._counted, self._dropped_before, self._dropped = counted, before, own
+        self._past, self._alignments = deque(said, MAX_EVENTS), alignments
+        self._stream, self._watchdog = stream, Watchdog(len(self._names))
+        self._forget_suspects()
+        return stream.belief

@@ -1,0 +1,148 @@
+"""Clocks of devices against arrival: offset and drift from the smallest delays, whatever the others are."""
+
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+from recordings import events_of, flight
+from test_live_program import config, free_port, ubx_bytes
+
+import strapdown as sd
+from strapdown.cli.live.arrival_clock import BIN, MAX_DRIFT, ArrivalClock
+from strapdown.engine.stream import Sample
+from strapdown.units.time_scales import unix_from_gps
+
+pytestmark = pytest.mark.short
+
+LEAST = 0.002
+"""s, the smallest delay."""
+
+
+def stamped(seconds, rate=100.0, offset=5000.0, drift=40e-6, jitter=0.004, seed=1):
+    """(stamps, times of arrival, times at which the fastest would have arrived), s."""
+    generator = np.random.default_rng(seed)
+    true = 1.7e9 + np.arange(round(seconds * rate)) / rate
+    stamps = (true - true[0]) / (1 + drift) + offset
+    arrived = true + LEAST + generator.exponential(jitter, len(true))
+    return stamps, np.maximum.accumulate(arrived), true + LEAST
+
+
+def mapped(clock, stamps, arrived):
+    """Times that the clock gives, NaN before it is ready."""
+    found = []
+    for stamp, at in zip(stamps.tolist(), arrived.tolist()):
+        clock.take(stamp, at)
+        found.append(clock.time(stamp) if clock.ready else np.nan)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("drift", [0.0, 40e-6, -200e-6])
+def test_offset_and_drift_come_from_the_smallest_delays(drift, seed):
+    clock = ArrivalClock()
+    stamps, arrived, best = stamped(200.0, drift=drift, seed=seed)
+    found = mapped(clock, stamps, arrived)
+    off = found - best
+    assert np.isnan(off[:90]).all() and np.isfinite(off[110:]).all()
+    assert np.abs(off[stamps > stamps[0] + 60.0]).max() < 0.6e-3
+    assert clock.estimate.drift == pytest.approx(drift, abs=5e-6)
+    assert 0.002 < clock.estimate.delay < 0.004 < clock.estimate.worst_delay < 0.03
+
+
+def test_intervals_keep_their_length():
+    clock = ArrivalClock()
+    stamps, arrived, _ = stamped(120.0, jitter=0.05)
+    steps = np.diff(mapped(clock, stamps, arrived)[110:])
+    assert np.abs(steps / np.diff(stamps[110:]) - 1).max() <= MAX_DRIFT * 1.05
+
+
+def test_messages_that_come_late_together_move_nothing():
+    """A second in which the system was busy."""
+    clock, other = ArrivalClock(), ArrivalClock()
+    stamps, arrived, _ = stamped(100.0)
+    late = np.where((stamps > stamps[5000]) & (stamps < stamps[5150]), arrived[5150], arrived)
+    a, b = mapped(clock, stamps, arrived), mapped(other, stamps, late)
+    assert np.nanmax(np.abs(a - b)) < 0.2e-3
+
+
+def test_a_device_that_restarts_is_another_clock():
+    clock = ArrivalClock()
+    stamps, arrived, best = stamped(60.0)
+    stamps[3000:] -= stamps[3000] - 1.0
+    found = mapped(clock, stamps, arrived)
+    assert clock.restarts == 1
+    assert np.nanmax(np.abs(found - best)[3200:]) < 5e-3
+    assert (np.diff(stamps[3000:]) > 0).all() and BIN == 1.0
+
+
+def test_a_latency_is_taken_off():
+    stamps, arrived, _ = stamped(20.0)
+    plain, late = (mapped(ArrivalClock(known), stamps, arrived) for known in (0.0, 0.1))
+    assert np.nanmax(np.abs(plain - late - 0.1)) < 1e-6
+
+
+def test_an_imu_and_a_receiver_with_clocks_of_their_own(tmp_path, monkeypatch):
+    """Each by UDP with its own offset and drift; on one clock by their arrival."""
+    from strapdown.cli.live import program
+
+    recording, ports, now = flight(60.0), (free_port(), free_port()), [0.0]
+    monkeypatch.setattr(program, "time_of_arrival", lambda *_: 1.7e9 + now[0])
+    inputs = [{"port": f"udp:{port}", "clock": "arrival"} for port in ports]
+    inputs[1]["latency"] = 0.1
+    live = sd.Live(config(tmp_path, *inputs))
+    live.turn()
+    generator = np.random.default_rng(2)
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sent = []
+    for event in events_of(recording):
+        is_sample = type(event) is Sample
+        delay = LEAST + generator.exponential(0.003) + (0.0 if is_sample else 0.1)
+        sent.append((event.t + delay, event))
+    for arrived, event in sorted(sent, key=lambda each: each[0]):
+        now[0] = arrived
+        if type(event) is Sample:
+            table = event._asdict() | {"t": 300.0 + event.t * (1 - 50e-6)}
+        else:
+            name = recording.sources[event.source].name
+            table = event._asdict() | {"t": 9e6 + event.t * (1 + 20e-6), "source": name}
+        sender.sendto(json.dumps(table).encode(), ("127.0.0.1", ports[type(event) is not Sample]))
+        live.turn()
+    sender.close()
+    live.close()
+    assert live.stream.started and live.stream.counts()[0][0] >= 45
+    imu, receiver = live.clocks.values()
+    assert imu.drift == pytest.approx(50e-6, abs=20e-6)
+    assert receiver.delay < 0.02
+    off = (live.stream.belief.lla - recording.reference.lla[-1]) * [6.4e6, 4.3e6, 1.0]
+    assert np.abs(off).max() < 6.0, off
+    assert "ppm" in str(imu)
+
+
+def test_a_receiver_by_its_arrival(tmp_path, monkeypatch):
+    """Epochs count as they come, not as they are decoded."""
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "STARTED", 1.7e9)
+    path = tmp_path / "gnss.ubx"
+    part = {"port": f"file:{path}", "format": "ubx", "clock": "arrival"}
+    live, taken = sd.Live(config(tmp_path, part)), []
+    live.stream.step = taken.append
+    data = ubx_bytes(12)
+    size = len(data) // 12
+    for k in range(12):
+        with path.open("ab") as file:
+            file.write(data[k * size : (k + 1) * size])
+        end = time.monotonic() + 0.2
+        while time.monotonic() < end:
+            live.turn()
+            time.sleep(0.002)
+    live.close()
+    (estimate,) = live.clocks.values()
+    assert estimate.delay < 0.03 and len(taken) >= 20
+    # on the clock of this machine, though the receiver says 2024-05-17
+    unix = unix_from_gps(live.clock.epoch + taken[-1].t)
+    assert abs(unix - (1.7e9 + time.monotonic())) < 1.0
+    position = [event.t for event in taken if event.source == 0]
+    assert np.diff(position) == pytest.approx(0.2, abs=2e-3)

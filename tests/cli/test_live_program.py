@@ -1,0 +1,671 @@
+"""`strapdown live` and `sd.Live`: what is replayed, sent or written to it gives the states of `fuse`, and its log
+read back gives them bit for bit; faults on the wire are counted."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import written_nmea
+import written_ubx
+from recordings import events_of, flight
+
+import strapdown as sd
+from strapdown.checks import DataError
+from strapdown.engine.stream import Sample
+from strapdown.io.readers import live_log
+
+pytestmark = pytest.mark.short
+
+SOURCES = [
+    {"kind": "position", "name": "GNSS position", "lever_arm": [0.3, -0.2, -0.5]},
+    {"kind": "velocity", "name": "GNSS velocity", "lever_arm": [0.3, -0.2, -0.5]},
+]
+
+
+def config(tmp_path, *inputs, **more):
+    """A configuration with these inputs, the sources of the flight, and a log."""
+    return {
+        "imu": "tactical",
+        "source": SOURCES,
+        "input": [*inputs],
+        "log": str(tmp_path / "log.jsonl"),
+        "lag": 0.5,
+    } | more
+
+
+def json_lines(recording):
+    """The recording as JSON lines, in the order of its events."""
+    lines = []
+    for event in events_of(recording):
+        if type(event) is Sample:
+            table = {"t": event.t, "dt": event.dt, "dtheta": event.dtheta, "dv": event.dv}
+        else:
+            table = {"t": event.t, "y": event.y, "std": event.std}
+            table["source"] = recording.sources[event.source].name
+        lines.append((json.dumps(table) + "\n").encode())
+    return lines
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+def turn_until(live, done, seconds=20.0):
+    """Turn until it is so."""
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, (live.stream.t, live.bad, live.stream.dropped_by)
+        if not live.turn():
+            time.sleep(0.001)
+
+
+def assert_reproduced(live, path):
+    """The log, read back, gives the states of the stream bit for bit."""
+    solution = sd.fuse(sd.read(path), covariance=True)
+    assert np.array_equal(solution.trajectory.lla[-1], live.stream.stream._live.belief.lla)
+    assert np.array_equal(solution.covariance[-1], live.stream.stream._live.belief.P)
+    assert np.array_equal(solution.trajectory.lla, live.stream.solution.trajectory.lla)
+    assert np.array_equal(solution.status, live.stream.solution.status)
+    return solution
+
+
+def expected(recording):
+    """The states of a stream on the recording."""
+    stream = sd.Stream("closed-loop", imu="tactical", sources=recording.sources, lag=0.5)
+    for event in events_of(recording):
+        stream.step(event)
+    return stream.finish()
+
+
+# ---- inputs
+
+
+def test_a_replayed_recording_is_reproduced_from_its_log(tmp_path):
+    recording = flight(40.0)
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    asked = config(tmp_path, part)
+    del asked["source"], asked["imu"]  # both are the recording's
+    live = sd.Live(asked)
+    live.run()
+    assert np.array_equal(live.stream.belief.P, expected(recording).P)
+    solution = assert_reproduced(live, tmp_path / "log.jsonl")
+    assert solution.counts() == {"GNSS position": (39, 0), "GNSS velocity": (39, 0)}
+    assert sd.fuse(sd.read(tmp_path / "log.jsonl").between(20.0, 40.0)).t[0] >= 20.0
+
+
+def test_at_its_own_speed_it_takes_as_long(tmp_path):
+    sd.write_recording(flight(2.0), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": 4.0}
+    live, begin = sd.Live(config(tmp_path, part)), time.monotonic()
+    live.run()
+    assert 0.45 < time.monotonic() - begin < 3.0
+
+
+def test_datagrams_give_the_states_of_the_batch(tmp_path):
+    recording, port = flight(), free_port()
+    live = sd.Live(config(tmp_path, {"port": f"udp:{port}"}))
+    live.turn()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for line in json_lines(recording):
+            sender.sendto(line.rstrip(), ("127.0.0.1", port))
+            live.turn()
+    turn_until(live, lambda: live.stream.t > 19.99)
+    live.close()
+    assert np.array_equal(live.stream.belief.P, expected(recording).P) and live.bad == 0
+    assert_reproduced(live, tmp_path / "log.jsonl")
+
+
+def test_a_connection_that_breaks_is_made_again(tmp_path):
+    recording = flight()
+    lines = json_lines(recording)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            for some in (lines[:250], lines[250:]):
+                connection, _ = server.accept()
+                with connection:
+                    for k in range(0, len(some), 7):  # half lines on the way
+                        text = b"".join(some[k : k + 7])
+                        connection.sendall(text[: len(text) // 3])
+                        connection.sendall(text[len(text) // 3 :])
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        live = sd.Live(config(tmp_path, {"port": f"tcp:127.0.0.1:{server.getsockname()[1]}"}))
+        turn_until(live, lambda: live.stream.t > 19.99)
+        thread.join()
+    live.close()
+    assert live.inputs[0].port.lost >= 1
+    assert np.array_equal(live.stream.belief.P, expected(recording).P)
+
+
+def test_a_serial_line_passes_bytes_on_as_they_are(tmp_path):
+    recording = flight()
+    ours, theirs = os.openpty()
+    live = sd.Live(config(tmp_path, {"port": f"serial:{os.ttyname(theirs)}:115200"}))
+    live.turn()
+    for line in json_lines(recording):
+        os.write(ours, line)
+        live.turn()
+    turn_until(live, lambda: live.stream.t > 19.99)
+    live.close()
+    os.close(ours)
+    os.close(theirs)
+    assert np.array_equal(live.stream.belief.P, expected(recording).P) and live.bad == 0
+
+
+def test_a_file_that_grows_and_is_not_there_at_first(tmp_path):
+    recording, path = flight(), tmp_path / "input.jsonl"
+    live = sd.Live(config(tmp_path, {"port": "file:" + str(path)}))
+    live.turn()
+    lines = json_lines(recording)
+    with path.open("wb") as file:
+        for k in range(0, len(lines), 50):
+            file.write(b"".join(lines[k : k + 50]))
+            file.flush()
+            live.turn()
+        turn_until(live, lambda: live.stream.t > 19.99)
+    live.close()
+    assert np.array_equal(live.stream.belief.P, expected(recording).P)
+
+
+def test_rates_become_increments(tmp_path):
+    port = free_port()
+    live = sd.Live(config(tmp_path, {"port": f"udp:{port}"}, lag=0.0))
+    live.turn()
+    taken = []
+    live.stream.step = taken.append
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for t in (1.0, 1.01, 1.02, 9.0, 9.01):
+            table = {"t": t, "gyro": [0.1, 0.2, 0.3], "accel": [0.0, 1.0, -9.8]}
+            sender.sendto(json.dumps(table).encode(), ("127.0.0.1", port))
+    turn_until(live, lambda: len(taken) == 3)
+    live.close()
+    assert [event.t for event in taken] == [1.01, 1.02, 9.01]
+    assert taken[0].dtheta == pytest.approx((0.001, 0.002, 0.003)) and taken[0].dt == pytest.approx(
+        0.01
+    )
+    assert taken[0].dv[2] == pytest.approx(-0.098)
+
+
+# ---- receivers
+
+
+FIRST = written_ubx.GPS + 10_000
+"""ms of GPS time of the first epoch."""
+
+
+def moved(count):
+    """Latitude and longitude (deg), and height (m), of a receiver that moves north-east."""
+    k = np.arange(count)
+    return 47.0 + 1e-5 * k, 8.0 + 2e-5 * k, 500.0 + 0.1 * k
+
+
+def ubx_bytes(count=40):
+    """A receiver that moves, 5 Hz, with NMEA and noise between its messages."""
+    lat, lon, height = moved(count)
+    values = {"lat": np.round(lat * 1e7), "lon": np.round(lon * 1e7)}
+    values |= {"height": np.round(height * 1e3), "velN": 5500, "velE": 7600, "velD": -500}
+    each = written_ubx.pvt(FIRST + 200 * np.arange(count), **values)
+    return b"".join(row.tobytes() + b"$GNTXT,hello*00\r\n\xb5\x00" for row in each)
+
+
+def nmea_bytes(count=40):
+    """The same as NMEA: RMC, GGA and GST of each epoch."""
+    lat, lon, height = moved(count)
+    found = ""
+    for k in range(count):
+        moment = np.datetime64("2024-05-17T16:53:12.00") + np.timedelta64(200 * k, "ms")
+        found += written_nmea.rmc(moment, lat[k], lon[k], 18.0, 54.0)
+        found += written_nmea.gga(moment, lat[k], lon[k], height[k])
+        found += written_nmea.gst(moment, 1.5, 1.4, 2.5)
+    return found.encode()
+
+
+@pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
+@pytest.mark.parametrize("size", [7, 100, 5000])
+def test_a_receiver_is_read_as_its_log_would_be(format, made, size, tmp_path):
+    """Epoch by epoch in pieces of any size: the measurements of the reader of logs, bit for bit."""
+    from strapdown.cli.live import decoders, input_formats
+    from strapdown.io.description.fix_columns import Whereabouts, read_fixes
+    from strapdown.io.description.schema_source import SourcePart
+    from strapdown.io.description.source_files import Files
+    from strapdown.io.registry import ask, readers
+
+    data = made()
+    (tmp_path / f"log.{format}").write_bytes(data)
+    path = tmp_path / f"log.{format}"
+    log = ask(readers()[format], "open", path)
+    files, batch = Files(path, None, ".", {path: log}), {}
+    for section in log.sections:
+        if section.of == "source" and not section.left:
+            part = SourcePart.model_validate({**section.keys, "file": str(path)})
+            found = read_fixes(part, files, Whereabouts((), None), "log")
+            batch[part.kind] = list(zip(found.t.tolist(), found.y.tolist(), found.std.tolist()))
+    clock = input_formats.Clock()
+    kinds = ["position", "velocity", "heading"]
+    reader = decoders.decoder(format, "gps", clock, kinds, "receiver")
+    taken = []
+    for k in range(0, len(data), size):
+        taken += reader.feed(data[k : k + size])
+    time.sleep(input_formats.QUIET)
+    taken += reader.idle()
+    assert reader.idle() == [] and clock.epoch == files.epoch
+    for s, kind in enumerate(kinds):
+        rows = [(fix.t, [*fix.y], [*fix.std]) for fix in taken if fix.source == s]
+        assert len(rows) == len(batch.get(kind, []))
+        for (t, y, std), (t1, y1, std1) in zip(rows, batch.get(kind, [])):
+            assert t == t1 and np.array_equal(y, y1, equal_nan=True), (kind, t)
+            assert np.array_equal(std, std1, equal_nan=True)
+    assert len(batch["position"]) == 40
+
+
+def test_a_receiver_and_an_imu_on_one_clock(tmp_path):
+    """The receiver is a UBX log that grows, the IMU JSON lines with UNIX times."""
+    from strapdown.units.time_scales import unix_from_gps
+
+    recording = flight(30.0)
+    p, v = recording.sources
+    gps = FIRST + np.round(1000 * p.t).astype(int)
+    moved_by = {"lat": np.round(np.degrees(p.y[:, 0]) * 1e7), "height": np.round(p.y[:, 2] * 1e3)}
+    moved_by |= {"lon": np.round(np.degrees(p.y[:, 1]) * 1e7)}
+    for name, values in zip(("velN", "velE", "velD"), v.y.T):
+        moved_by[name] = np.round(values * 1e3)
+    each = [row.tobytes() for row in written_ubx.pvt(gps, **moved_by)]
+    receiver, imu = tmp_path / "gnss.ubx", tmp_path / "imu.jsonl"
+    receiver.write_bytes(each[0])
+    live = sd.Live(
+        config(
+            tmp_path,
+            {"port": f"file:{receiver}", "format": "ubx"},
+            {"port": f"file:{imu}", "clock": "unix"},
+            lag=1.5,
+        )
+    )
+    live.turn()
+    base = float(unix_from_gps(FIRST / 1e3))
+    samples = [event for event in events_of(recording) if type(event) is Sample]
+    for k, fix in enumerate(each):
+        with receiver.open("ab") as file:
+            file.write(fix if k else b"")
+        with imu.open("ab") as file:
+            for one in samples[20 * k : 20 * k + 20]:
+                table = one._asdict() | {"t": base + one.t}
+                file.write((json.dumps(table) + "\n").encode())
+        live.turn()
+        time.sleep(0.04)
+        live.turn()
+    turn_until(live, lambda: live.stream.t > base % 86400.0 + 29.9)
+    live.close()
+    truth = recording.reference.lla[-1]
+    assert np.abs((live.stream.belief.lla - truth)[:2] * 6.4e6).max() < 6.0
+    assert live.stream.counts()[0][0] >= 28 and live.bad == 0
+    assert_reproduced(live, tmp_path / "log.jsonl")
+
+
+# ---- MAVLink
+
+
+def mavlink(system=1):
+    """A writer of MAVLink messages; `bytes_of(message)`."""
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    writer = common.MAVLink(None, srcSystem=system)
+    return common, lambda message: message.pack(writer)
+
+
+def gps_raw(common, t, y, v, accuracies=(1500, 2500, 100), fix_type=3):
+    """GPS_RAW_INT of a position (rad, m) and a velocity (m/s)."""
+    speed, course = float(np.hypot(*v[:2])), float(np.degrees(np.arctan2(v[1], v[0])) % 360.0)
+    h_acc, v_acc, vel_acc = accuracies
+    return common.MAVLink_gps_raw_int_message(
+        round(1e6 * t), fix_type, round(np.degrees(y[0]) * 1e7), round(np.degrees(y[1]) * 1e7),
+        round(y[2] * 1e3) - 47_000, 80, 120, round(100 * speed), round(100 * course) % 36000, 12,
+        round(y[2] * 1e3), h_acc, v_acc, vel_acc,
+    )  # fmt: skip
+
+
+def test_mavlink_is_read_in_si(tmp_path):
+    from strapdown.cli.live.decoders import decoder
+    from strapdown.cli.live.input_formats import Clock
+
+    common, bytes_of = mavlink()
+    clock = Clock()
+    reader = decoder("mavlink", "own", clock, ["position", "velocity"], "")
+    scaled = [
+        common.MAVLink_scaled_imu_message(ms, 100, -200, -1000, 10, 20, -30, 0, 0, 0)
+        for ms in (1000, 1010)
+    ]
+    taken = reader.feed(b"".join(map(bytes_of, scaled)))
+    (sample,) = taken
+    assert sample.t == pytest.approx(1.01) and sample.dt == pytest.approx(0.01)
+    assert sample.dtheta == pytest.approx((1e-4, 2e-4, -3e-4))
+    assert sample.dv == pytest.approx((9.80665e-3, -2 * 9.80665e-3, -9.80665e-2))
+    fix = gps_raw(common, 1.2, (0.8, 0.2, 300.0), (3.0, 4.0, 0.0))
+    position, velocity = reader.feed(bytes_of(fix))
+    assert position.y == pytest.approx((0.8, 0.2, 300.0), abs=2e-9 + 1e-3) and position.source == 0
+    assert position.std == (1.5, 1.5, 2.5) and position.t == pytest.approx(1.2)
+    assert velocity.y[:2] == pytest.approx((3.0, 4.0), abs=1e-3) and np.isnan(velocity.y[2])
+    # UNIX times need SYSTEM_TIME, which also gives the epoch
+    unix = 1_700_000_000.0
+    late = gps_raw(common, unix + 1.5, (0.8, 0.2, 300.0), (3.0, 4.0, 0.0))
+    assert reader.feed(bytes_of(late)) == [] and clock.epoch is None
+    reader.feed(bytes_of(common.MAVLink_system_time_message(round(unix * 1e6), 0)))
+    assert reader.feed(bytes_of(late))[0].t == pytest.approx(1.5, abs=1e-5)
+    assert clock.epoch == pytest.approx(unix - 315964800 + 18)
+    # what cannot be used
+    assert reader.bad == 0
+    assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), (0, 0, 0)))) == []
+    assert reader.bad == 1
+    assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), fix_type=1))) == []
+    _, of_another = mavlink(system=9)
+    assert reader.feed(of_another(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0)))) == []
+    reader.feed(b"noise" * 20)
+    assert reader.bad > 2
+    # HIGHRES_IMU takes the place of SCALED_IMU
+    high = [
+        common.MAVLink_highres_imu_message(
+            us, 1.0, 2.0, -9.8, 0.1, 0.2, 0.3, *(0.0,) * 7, fields_updated=63
+        )
+        for us in (3_000_000, 3_005_000)
+    ]
+    (sample,) = reader.feed(b"".join(map(bytes_of, high)))
+    assert sample.dv == pytest.approx((0.005, 0.01, -0.049)) and sample.dt == pytest.approx(0.005)
+    assert reader.feed(bytes_of(scaled[1])) == []
+
+
+def test_an_autopilot_by_datagrams(tmp_path):
+    recording, port = sd.simulate("demo", 30.0, seed=4, rate=100.0), free_port()
+    common, bytes_of = mavlink()
+    live = sd.Live(config(tmp_path, {"port": f"udp:{port}", "format": "mavlink"}))
+    live.turn()
+    p, v = recording.sources
+    fixes = [gps_raw(common, t, y, speed) for t, y, speed in zip(p.t, p.y, v.y)]
+    due = p.t.tolist()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for t, dt, dtheta, dv in zip(*recording.imu):
+            rates = [*(dv / dt).tolist(), *(dtheta / dt).tolist(), *(0.0,) * 7]
+            high = common.MAVLink_highres_imu_message(round(1e6 * t), *rates, fields_updated=63)
+            sender.sendto(bytes_of(high), ("127.0.0.1", port))
+            if due and t >= due[0] - 1e-6:
+                due.pop(0)
+                sender.sendto(bytes_of(fixes.pop(0)), ("127.0.0.1", port))
+            live.turn()
+    turn_until(live, lambda: live.stream.t > 29.98)
+    live.close()
+    off = (live.stream.belief.lla - recording.reference.lla[-1]) * [6.4e6, 4.3e6, 1.0]
+    assert np.abs(off).max() < 6.0 and live.bad == 0
+    assert_reproduced(live, tmp_path / "log.jsonl")
+
+
+# ---- outputs
+
+
+def test_outputs_come_at_their_rate_and_can_be_read(tmp_path):
+    recording = flight(40.0)
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        port = receiver.getsockname()[1]
+        outputs = [
+            {"port": f"file:{tmp_path}/out.nmea", "format": "nmea", "rate": 2.0},
+            {"port": f"udp:127.0.0.1:{port}", "format": "json", "rate": 5.0},
+        ]
+        live = sd.Live(config(tmp_path, part, output=outputs, epoch="2024-05-17T00:00:00Z"))
+        live.run()
+        receiver.setblocking(False)
+        shown = []
+        while True:
+            try:
+                shown.append(json.loads(receiver.recv(65536)))
+            except BlockingIOError:
+                break
+    assert 147 <= len(shown) <= 149 and np.diff([each["t"] for each in shown]) == pytest.approx(0.2)
+    last, truth = shown[-1], recording.reference
+    row = int(np.argmin(np.abs(truth.t - last["t"])))
+    assert last["status"] == "valid" and last["utc"].startswith("2024-05-17T00:00:")
+    assert last["lat"] == pytest.approx(np.degrees(truth.lla[row, 0]), abs=1e-4)
+    assert last["rph"][0] == pytest.approx(np.degrees(truth.rph[row, 0]), abs=1.0)
+    # by the library's own reader of NMEA
+    log = live_nmea(tmp_path / "out.nmea")
+    assert {part.kind for part in log} == {"position", "velocity", "heading"}
+    position = next(part for part in log if part.kind == "position")
+    assert np.diff(position.t) == pytest.approx(0.5)
+    at = np.searchsorted(truth.t, position.t + 1e-6) - 1
+    assert np.abs(position.y[:, 2] - truth.lla[at, 2]).max() < 5.0
+    assert np.degrees(np.abs(position.y[:, :2] - truth.lla[at, :2])).max() < 1e-4
+
+
+def live_nmea(path):
+    """Sources of a log of NMEA, at s of the day."""
+    from strapdown.io.description.fix_columns import Whereabouts, read_fixes
+    from strapdown.io.description.schema_source import SourcePart
+    from strapdown.io.description.source_files import Files
+    from strapdown.io.registry import ask, readers
+
+    log = ask(readers()["nmea"], "open", path)
+    files, found = Files(path, None, ".", {path: log}), []
+    for section in log.sections:
+        part = SourcePart.model_validate({**section.keys, "file": str(path)})
+        rows = read_fixes(part, files, Whereabouts((), None), "log")
+        found.append(sd.Source(part.kind, rows.t, rows.y, rows.std))
+    return found
+
+
+def test_without_a_state_nmea_says_so():
+    from strapdown.cli.live.output_formats import nmea_lines, state_at
+    from strapdown.data.solution import INVALID
+
+    state = sd.Stream("closed-loop", imu="tactical").belief
+    lines = nmea_lines(state_at(3.0, None, INVALID, state)).splitlines()
+    assert lines[0].startswith("$INGGA,000003.000,,,,,0,") and lines[1].startswith(
+        "$INRMC,000003.000,V,"
+    )
+    assert len(lines) == 2
+
+
+# ---- faults
+
+
+def test_whatever_is_sent_is_counted_and_the_rest_used(tmp_path):
+    recording, port = flight(), free_port()
+    live = sd.Live(config(tmp_path, {"port": f"udp:{port}"}))
+    live.turn()
+    generator = np.random.default_rng(3)
+    bad = [b"", b"{", b"[1,2]", b'{"t":1}', b'{"t":"x","source":0}', b"\xff\xfe\x00", b"3", b"null"]
+    bad += [b'{"t":1,"dt":1,"dtheta":[1],"dv":[2]}', b'{"t":1e999,"gyro":[0,0,0],"accel":[0,0,0]}']
+    bad += [generator.bytes(300).replace(b"\n", b"") for _ in range(20)] + [b"[" * 5000]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for k, line in enumerate(json_lines(recording)):
+            sender.sendto(line, ("127.0.0.1", port))
+            if k % 5 == 0:
+                sender.sendto(bad[k // 5 % len(bad)], ("127.0.0.1", port))
+            live.turn()
+    turn_until(live, lambda: live.stream.t > 19.99)
+    live.close()
+    assert np.array_equal(live.stream.belief.P, expected(recording).P) and live.bad > 50
+
+
+def test_a_flood_is_bounded(tmp_path):
+    port = free_port()
+    live = sd.Live(config(tmp_path, {"port": f"udp:{port}"}))
+    live.turn()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _ in range(40):
+            for _ in range(500):
+                sender.sendto(b"x" * 1000, ("127.0.0.1", port))
+            live.turn()
+    live.close()
+    assert 40 < live.bad <= 41 * 256
+    line = sd.Live(config(tmp_path, {"port": f"file:{tmp_path}/long"}))
+    (tmp_path / "long").write_bytes(b"y" * 1_000_000)
+    for _ in range(30):
+        line.turn()
+    line.close()
+    assert line.bad >= 7 and len(line.inputs[0].decoder._rest) <= 1 << 16
+
+
+def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "IMU_SILENT", 0.2)
+    said = []
+    live = sd.Live(
+        config(tmp_path, {"port": "serial:/dev/none:9600"}),
+        on_event=lambda t, text: said.append(text),
+    )
+    end = time.monotonic() + 1.0
+    while time.monotonic() < end:
+        live.turn()
+    assert said == ["IMU: no sample for 0.2 s; serial:/dev/none:9600: No such file or directory"]
+
+
+def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(tmp_path):
+    recording, said = flight(), []
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    asked = config(tmp_path, part) | {"log": str(tmp_path / "none" / "log.jsonl")}
+    live = sd.Live(asked, on_event=lambda t, text: said.append(text))
+    live.run()
+    assert [text for text in said if text.startswith("log: cannot be written")]
+    assert np.array_equal(live.stream.belief.P, expected(recording).P)
+
+
+def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
+    """kill -9 of the command while a recording is replayed in real time."""
+    recording = flight(60.0)
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\nstate = "state"\nsave_every = 0.2\nlag = 0.5\n'
+        '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n'
+    )
+    words = [sys.executable, "-m", "strapdown", "live", "live.toml"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 60.0
+    log = tmp_path / "log.jsonl"
+    while not (log.exists() and log.stat().st_size > 40_000):
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    found = sd.read(log)
+    assert len(found.imu.t) > 150
+    assert np.isfinite(sd.fuse(found).trajectory.lla).all()
+    said = []
+    again = sd.Live(tmp_path / "live.toml", on_event=lambda t, text: said.append(text))
+    assert any("goes on from" in text for text in said) and again.stream.started
+    again.close()
+
+
+# ---- the log as a file
+
+
+def written_log(tmp_path):
+    recording = flight()
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    live = sd.Live(config(tmp_path, part))
+    live.run()
+    return live, (tmp_path / "log.jsonl").read_bytes()
+
+
+def test_a_cut_log_is_read_up_to_its_last_whole_line(tmp_path):
+    _, content = written_log(tmp_path)
+    whole = sd.read(tmp_path / "log.jsonl")
+    cut = tmp_path / "cut.jsonl"
+    for size in (len(content) - 1, len(content) - 40, len(content) // 2):
+        cut.write_bytes(content[:size])
+        part = sd.read(cut)
+        n = len(part.imu.t)
+        assert 0 < n < len(whole.imu.t) + 1
+        assert np.array_equal(part.imu.dv, whole.imu.dv[:n])
+
+
+@pytest.mark.parametrize(
+    "old, new_text, said",
+    [
+        (b'"format": 1', b'"format": 7', "is a live log of format 7, this version reads 1"),
+        (b'"kind": "position"', b'"kind": "none"', "unknown|none"),
+        (b"\n[", b"\n[[", "line 2 is neither a sample nor a fix"),
+        (b'"parameters": [', b'"parameters": ["a", ', "does not hold what a live log holds"),
+        (b'"start": {"t"', b'"start": {"u"', "does not hold what a live log holds"),
+    ],
+)
+def test_a_damaged_log_is_refused_in_one_line(tmp_path, old, new_text, said):
+    _, content = written_log(tmp_path)
+    assert old in content
+    bad = tmp_path / "bad.jsonl"
+    bad.write_bytes(content.replace(old, new_text, 1))
+    with pytest.raises(DataError, match=said) as error:
+        sd.read(bad)
+    assert "\n" not in str(error.value)
+
+
+def test_what_was_not_measured_is_kept():
+    line = live_log.fix_line(0, 1.5, (1.0, np.nan, 3.0), (0.1, np.nan, 0.3))
+    assert json.loads(line) == [0, 1.5, [1.0, None, 3.0], [0.1, None, 0.3]]
+    assert json.loads(live_log.sample_line(1.0, 0.1, np.array([1, 2, 3]), (0.1, 0.2, 0.3))) == [
+        1.0,
+        0.1,
+        [1.0, 2.0, 3.0],
+        [0.1, 0.2, 0.3],
+    ]
+
+
+# ---- the configuration and the command
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"input": []}, "has no \\[\\[input\\]\\]"),
+        ({"inputs": 3}, "unknown key 'inputs'"),
+        ({"lag": -1}, "lag"),
+        (
+            {"input": [{"port": "udp:x"}]},
+            "\\[\\[input\\]\\] 1: port is 'udp:x'; it must be udp:HOST",
+        ),
+        ({"input": [{"port": "usb:1:2"}]}, "port is 'usb:1:2'"),
+        ({"input": [{"port": "udp:99999"}]}, "port 'udp:99999'"),
+        ({"input": [{"port": "udp:7000", "format": "xml"}]}, "format is 'xml'"),
+        ({"input": [{"format": "recording"}]}, "path is None"),
+        ({"input": [{"port": "udp:1", "format": "ubx", "clock": "unix"}]}, "clock is 'unix'"),
+        ({"input": [{"port": "udp:1", "latency": 0.1}]}, "latency is that of the clock .arrival."),
+        ({"source": [{"kind": "nothing"}]}, "nothing"),
+        ({"source": [{"kind": "position", "gate": "x"}]}, "gate"),
+        ({"source": {"kind": "position"}}, "source must be given as \\[\\[source\\]\\]"),
+        ({"output": [{"port": "udp:1", "rate": 0}]}, "rate"),
+        ({"epoch": "soon"}, "soon"),
+        ({"filter": "none"}, "none"),
+    ],
+)
+def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, change, said):
+    with pytest.raises(DataError, match=said) as error:
+        sd.Live(config(tmp_path, {"port": "udp:7001"}) | change)
+    assert "\n" not in str(error.value)
+
+
+def test_the_command(tmp_path, good, command, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sd.write_recording(flight(), tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\n[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = inf\n'
+    )
+    said = good("live", "live.toml")
+    assert "GNSS position: 19 used, 0 rejected" in said and "log.jsonl" in said
+    fused = json.loads(good("fuse", "log.jsonl", "--json"))
+    assert fused
+    (tmp_path / "live.toml").write_text("[[input]]\nport = 3\n")
+    code, _, err = command("live", "live.toml")
+    assert code == 2 and len(err) == 1 and "live.toml: [[input]] 1: port is 3" in err[0]

@@ -1,0 +1,349 @@
+"""A stream that must go on: it equals a Stream on sound data, aligns anew after long gaps, jumps of its clock and
+a filter that stops, counts what it drops, and says which sources are silent."""
+
+import copy
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import at_rest, flight, start, turning
+from test_stream import WITH_POSITION, equal, eventful, events_of, play, shuffled
+
+import strapdown as sd
+from strapdown.checks import DataError
+from strapdown.data.solution import INVALID, VALID
+from strapdown.engine.live_stream import LiveStream
+from strapdown.engine.stream import Measurement, Sample
+
+pytestmark = pytest.mark.short
+
+
+def live_of(recording, **more):
+    return LiveStream(
+        "closed-loop", **{"imu": "tactical", "sources": recording.sources, "lag": 0.2} | more
+    )
+
+
+def shifted(events, seconds):
+    return [event._replace(t=event.t + seconds) for event in events]
+
+
+def texts(stream, word):
+    return [text for _, text in stream.events if word in text]
+
+
+@pytest.mark.parametrize("replays", [False, True])
+@pytest.mark.parametrize("name", ["closed-loop", "mekf" if "mekf" in WITH_POSITION else "ekf"])
+def test_on_sound_data_it_is_a_stream_and_so_the_batch(name, replays):
+    recording, begin = eventful(name), start(flight())
+    solution = sd.fuse(recording, name, start=begin, covariance=True)
+    live = LiveStream(
+        name, start=begin, imu="tactical", sources=recording.sources, lag=0.4, replay=replays
+    )
+    play(live, shuffled(events_of(recording), 0.39))
+    assert equal(live.finish(), solution) and sum(live.dropped_by.values()) == 0
+    assert live.counts() == list(solution.counts().values()) and live.alignments == 0
+    assert live.events == list(solution.events) and live.t == solution.t[-1]
+
+
+def test_it_says_what_it_waits_for():
+    recording, asked = flight(), []
+    live = live_of(recording, lag=0.0)
+    assert live.waits_for == "the first IMU sample"
+    for event in events_of(recording):
+        live.step(event)
+        asked.append(live.waits_for)
+    assert "5 s of samples" in asked and asked[-1] == "" and live.started
+    without = live_of(replace(recording, sources=()), lag=0.0)
+    play(without, events_of(replace(recording, sources=())))
+    assert without.waits_for.startswith("no position fix to start from")
+    assert without.waits_for.endswith("; the next attempt is in 10 s of samples")
+    still = live_of(at_rest(), lag=0.0)
+    play(still, events_of(at_rest())[:500])
+    assert still.waits_for.startswith("a better start than this one: ")
+    assert "heading unknown" in still.waits_for
+    gap = live_of(recording, lag=0.0)
+    events = events_of(recording)
+    play(gap, [event for event in events if event.t < 12.0 or event.t > 15.05])
+    assert gap.waits_for == "" and gap.status == VALID
+    gap = live_of(recording, lag=0.0)
+    play(gap, [e for e in events if e.t < 12.0 or (e.t > 15.05 and type(e) is Sample)])
+    assert gap.status == INVALID and gap.waits_for == "a position fix that ends the gap"
+
+
+# ---- gaps and clocks
+
+
+@pytest.mark.parametrize("away", [61.0, 4000.0, 1e6, -500.0])
+def test_after_a_long_gap_or_another_clock_it_aligns_anew(away):
+    first, second, told = flight(), flight(seed=8), []
+    live = live_of(first, on_event=lambda t, text: told.append(text))
+    play(live, events_of(first))
+    used = live.counts()
+    assert live.started
+    states = []
+    for event in shifted(events_of(second), 20.0 + away):
+        states.append(live.step(event))
+    assert live.alignments == 1 and live.started
+    where = "without samples" if away > 0 else "back in the time of the samples"
+    assert any(where in text and text.endswith("aligning anew") for text in told)
+    # as a stream that saw nothing before; fixes that came before the second clock was believed, too
+    alone = live_of(second)
+    play(alone, shifted(events_of(second), 20.0 + away))
+    assert np.array_equal(live.belief.lla, alone.belief.lla)
+    assert np.array_equal(live.belief.P, alone.belief.P) and live.t == alone.t
+    summed = [(a + c, b + d) for (a, b), (c, d) in zip(used, alone.counts())]
+    assert live.counts() == summed
+    off = second.reference.lla[-1] - live.now.lla
+    assert np.abs(off[:2] * 6.4e6).max() < 10.0
+
+
+def test_a_shorter_gap_is_one_of_the_batch():
+    recording, begin = eventful(), start(flight())
+    events = [event for event in events_of(recording) if not 6.0 < event.t <= 9.0]
+    live, plain = (
+        live_of(recording, start=begin),
+        sd.Stream("closed-loop", imu="tactical", sources=recording.sources, lag=0.2, start=begin),
+    )
+    play(live, events)
+    play(plain, events)
+    assert np.array_equal(live.finish().P, plain.finish().P)
+    assert live.events == plain.events and live.alignments == 0
+
+
+@pytest.mark.parametrize("wild", [2.0, 50.0, 1e5, -1e5, 1e17])
+def test_single_samples_at_another_time_are_dropped(wild):
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    for k, event in enumerate(events_of(recording)):
+        plain.step(event)
+        live.step(event)
+        if k % 50 == 20:
+            live.step(Sample(event.t + wild, 0.05, (0.1, 0.2, 0.3), (9.0, 9.0, 9.0)))
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert live.dropped_by["at another time"] == 9
+    assert texts(live, "at another time dropped")
+
+
+def test_of_two_senders_with_two_clocks_the_first_is_used():
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    for event in events_of(recording):
+        plain.step(event)
+        live.step(event)
+        if type(event) is Sample:
+            live.step(event._replace(t=event.t + 3600.0))
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert live.dropped_by["at another time"] == 400 and len(live._suspects) <= 1
+
+
+def test_samples_that_creep_take_no_room():
+    live = live_of(flight())
+    play(live, events_of(flight())[:30])
+    for k in range(50_000):
+        live.step(Sample(1e4 + k * 1e-6, 1e-6, (0.0,) * 3, (0.0,) * 3))
+    assert len(live._suspects) <= 20_000 and live.dropped_by["at another time"] >= 20_000
+
+
+# ---- a filter that stops
+
+
+def test_a_filter_that_stops_aligns_anew():
+    recording = sd.simulate(turning(), 60.0, "tactical", 5, 20.0)
+    live = live_of(recording)
+    events = events_of(recording)
+    play(live, [event for event in events if event.t <= 20.0])
+    live.stream._live.belief.lla[0] = np.nan
+    belief = None
+    for event in events:
+        if 20.0 < event.t <= 25.0:
+            belief = live.step(event)
+    assert live.alignments == 1 and not live.started and np.isnan(belief.lla).all()
+    assert live.status == INVALID and live.waits_for
+    assert texts(live, "stopped at") and texts(live, "aligning anew")
+    play(live, [event for event in events if event.t > 25.0])
+    assert live.started and live.status == VALID
+    off = recording.reference.lla[-1] - live.finish().lla
+    assert np.abs(off[:2] * 6.4e6).max() < 10.0
+
+
+def test_samples_that_contradict_gravity_are_said_until_they_do_not():
+    recording = flight(60.0)
+    wrong = [
+        event._replace(dv=tuple(v / 9.81 for v in event.dv)) if type(event) is Sample else event
+        for event in events_of(recording)
+        if event.t <= 20.0
+    ]
+    live = live_of(recording)
+    play(live, wrong)
+    assert not live.started and texts(live, "values in g were read as m/s^2")
+    play(live, [event for event in events_of(recording) if event.t > 20.0])
+    assert live.started
+
+
+# ---- bad data
+
+
+BAD = [
+    Sample(None, 0.05, (0.0,) * 3, (0.0,) * 3),
+    Sample("1", 0.05, (0.0,) * 3, (0.0,) * 3),
+    Sample(5.0, -0.05, (0.0,) * 3, (0.0,) * 3),
+    Sample(10**400, 0.05, (0.0,) * 3, (0.0,) * 3),
+    Sample(5.0, 10**400, (0.0,) * 3, (0.0,) * 3),
+    Sample(5.0, 0.05, (0.0, 10**400, 0.0), (0.0,) * 3),
+    Sample(5.0, 0.05, None, (0.0,) * 3),
+    Sample(5.0, 0.05, (0.0,) * 2, (0.0,) * 3),
+    Sample(5.0, 0.05, ("a", "b", "c"), (0.0,) * 3),
+    Sample(True, 0.05, (0.0,) * 3, (0.0,) * 3),
+    Sample(np.array([1.0, 2.0]), 0.05, (0.0,) * 3, (0.0,) * 3),
+    Measurement(None, 0, (0.8, 0.2, 300.0), (1.0,) * 3),
+    Measurement(5.0, 7, (0.8, 0.2, 300.0), (1.0,) * 3),
+    Measurement(5.0, "none", (0.8, 0.2, 300.0), (1.0,) * 3),
+    Measurement(5.0, None, (0.8, 0.2, 300.0), (1.0,) * 3),
+    Measurement(5.0, 0, (80.0, 0.2, 300.0), (1.0,) * 3),
+    Measurement(5.0, 0, (0.8, 0.2), (1.0,) * 3),
+    Measurement(5.0, 0, (0.8, 0.2, 300.0), (-1.0,) * 3),
+    Measurement(5.0, 0, None, None),
+    Measurement(5.0, 0, (10**400, 0.2, 300.0), (1.0,) * 3),
+    Measurement(10**400, 0, (0.8, 0.2, 300.0), (1.0,) * 3),
+]
+
+
+def test_invalid_data_are_counted_and_change_nothing():
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    for k, event in enumerate(events_of(recording)):
+        plain.step(event)
+        live.step(event)
+        if k % 10 == 5:
+            bad = BAD[k // 10 % len(BAD)]
+            live.step(bad._replace(t=event.t) if isinstance(bad.t, float) else bad)
+    assert np.array_equal(live.finish().P, plain.finish().P)
+    assert live.dropped_by["invalid"] == 44 and live.alignments == 0
+    assert texts(live, "invalid data dropped, the first: ")
+    with pytest.raises(TypeError, match="^step is given a str, neither Sample nor Measurement$"):
+        live.step("nothing")
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("replays", [False, True])
+def test_whatever_comes_it_does_not_raise(seed, replays):
+    """Numbers of any size, order and kind among sound data."""
+    recording = flight()
+    generator = np.random.default_rng(seed)
+    live = live_of(recording, replay=replays)
+    sizes = [0.0, 1.0, -1.0, 1e-30, 1e30, 1e300, np.inf, -np.inf, np.nan, 5.0, 1e5]
+
+    def number(about):
+        scale = sizes[generator.integers(len(sizes))]
+        return about + scale if generator.random() < 0.5 else about * scale
+
+    for event in events_of(recording):
+        if generator.random() < 0.2:
+            part = generator.integers(4)
+            values = list(event)
+            if part in (0,) or (part == 1 and type(event) is Sample):
+                values[part] = number(values[part])
+            else:
+                part = max(part, 2)
+                values[part] = tuple(number(value) for value in values[part])
+            event = type(event)(*values)
+        live.step(event)
+        assert live.status in (0, 1, 2, 3) and isinstance(live.waits_for, str)
+    play(live, shifted(events_of(flight(40.0)), 100.0))
+    assert live.started and np.isfinite(live.belief.P).all()
+
+
+def test_a_callback_that_raises_is_called_once():
+    calls = []
+
+    def callback(t, text):
+        calls.append(text)
+        raise RuntimeError("no disk")
+
+    live = live_of(flight(), on_event=callback)
+    for event in events_of(flight()):
+        live.step(event)
+        live.step(BAD[0])
+    assert len(calls) == 1 and texts(live, "on_event raised RuntimeError: no disk")
+
+
+# ---- the watchdog
+
+
+def test_a_source_that_falls_silent_is_said_once():
+    recording, told = flight(60.0), []
+    live = live_of(
+        recording, on_event=lambda t, text: told.append((t, text)), start=start(flight())
+    )
+    for event in events_of(recording):
+        away = type(event) is Measurement and event.source == 1 and 20.0 < event.t < 45.0
+        if not away:
+            live.step(event)
+        if event.t < 29.0 or event.t > 46.0:
+            assert live.silent == {}
+        elif 32.0 < event.t < 44.9:
+            assert live.silent == {"GNSS velocity": pytest.approx(event.t - 20.0, abs=0.1)}
+    said = [(t, text) for t, text in told if "silent" in text]
+    ((t, text),) = said
+    assert 30.0 < t < 31.2  # ten intervals of 1 s
+    assert text.startswith("GNSS velocity: silent for ") and text.endswith("check its connection")
+
+
+def test_a_source_that_never_comes_is_said():
+    recording = flight(60.0)
+    live = live_of(recording, start=start(flight()))
+    play(live, [e for e in events_of(recording) if type(e) is Sample or e.source == 0])
+    ((t, text),) = [event for event in live.events if "silent" in event[1]]
+    assert 30.0 < t < 31.2 and text.startswith("GNSS velocity: silent for 3")
+
+
+# ---- files and copies
+
+
+def test_it_goes_on_from_a_file(tmp_path):
+    first, second = flight(), flight(40.0, seed=8)
+    whole, restored = live_of(first), live_of(first)
+    events = events_of(first) + shifted(events_of(second), 500.0)
+    play(whole, events[:-300])
+    whole.step(BAD[0])
+    assert whole.alignments == 1
+    whole.save(tmp_path / "state")
+    restored.restore(tmp_path / "state")
+    for stream in (whole, restored):
+        play(stream, events[-300:])
+        stream.finish()
+    assert np.array_equal(whole.belief.P, restored.belief.P)
+    for name in ("events", "dropped_by", "alignments", "t", "status"):
+        assert getattr(whole, name) == getattr(restored, name), name
+    assert whole.counts() == restored.counts()
+    plain = sd.Stream("closed-loop", imu="tactical", sources=first.sources)
+    plain.save(tmp_path / "plain")
+    with pytest.raises(DataError, match="does not hold what a saved stream holds"):
+        restored.restore(tmp_path / "plain")
+    assert whole.counts() == restored.counts()
+    plain.restore(tmp_path / "state")  # the other way round nothing is missing
+
+
+def test_copies_are_its_own_or_refused():
+    recording, told = flight(), []
+    live = live_of(recording, on_event=lambda t, text: told.append(text))
+    events = events_of(recording)
+    play(live, events[:300])
+    other = copy.deepcopy(live)
+    play(other, events[300:])
+    before = live.t
+    play(live, events[300:])
+    assert before < live.t == other.t and np.array_equal(live.belief.P, other.belief.P)
+    with pytest.raises(TypeError, match="would share its state"):
+        copy.copy(live)
+    with pytest.raises(TypeError, match="cannot be pickled"):
+        pickle.dumps(live)
+
+
+def test_it_needs_the_imu_and_refuses_what_a_stream_refuses():
+    with pytest.raises(DataError, match="IMU|imu"):
+        LiveStream("closed-loop", noise=sd.imu("tactical").noise(), start=start(flight()))
+    with pytest.raises(DataError, match="^LiveStream has no option 'lags'"):
+        LiveStream("closed-loop", imu="tactical", lags=3)
