@@ -123,20 +123,21 @@ def test_the_exponential_of_the_group(angle):
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_errors_about_a_correction_hold_to_second_order(side):
-    """What is left of errors c + e after exp(c): e's part is right but for terms of |c|^2 |e|, so that half
-    the correction leaves a quarter of the difference."""
-    direction, e = RNG.normal(size=9), 1e-6 * RNG.normal(size=9)
-    left_over = []
-    for size in (0.2, 0.1):
-        c = size * direction
-        whole, part = expm(algebra(c + e)), np.linalg.inv(expm(algebra(c)))
-        exact = coordinates(np.real(logm(part @ whole if side == LEFT else whole @ part)))
+@pytest.mark.parametrize("size", [0.1, 1.0, 2.5])
+def test_errors_about_a_correction(side, size):
+    """What is left of errors c + e after exp(c), to first order in e, of a rotation by up to 2.5 rad."""
+    direction = RNG.normal(size=9)
+    c = size * direction / np.linalg.norm(direction[6:])
+    back = np.linalg.inv(expm(algebra(c)))
+    for k in range(9):
+        e = 1e-6 * np.eye(9)[k]
+        one, two = (
+            coordinates(np.real(logm(back @ whole if side == LEFT else whole @ back)))
+            for whole in (expm(algebra(c + e)), expm(algebra(c - e)))
+        )
         x = np.concatenate([e, np.zeros(6)])
-        about_correction(x, side, np.concatenate([c, np.zeros(6)]))
-        left_over.append(np.linalg.norm(x[:9] - exact) / np.linalg.norm(e))
-    assert left_over[0] < 0.05
-    assert left_over[1] == pytest.approx(left_over[0] / 4, rel=0.15)
+        about_correction(x, side, np.concatenate([c, np.zeros(6)]), np.zeros(9))
+        np.testing.assert_allclose(x[:9], (one - two) / 2, atol=1e-7 * np.abs(one - two).max())
 
 
 @pytest.mark.parametrize("n", [15, 18])

@@ -17,7 +17,7 @@ from ..common.study import ReproducedStudy, held_against
 from ..common.tables import Tables
 from ..common.targets import Target, in_docs
 from .runs import KNOWN, RESTING, at_rest, far_off, flights
-from .worlds import FILTERS, SETTINGS, SIDES
+from .worlds import FILTERS, NO_GATE, SETTINGS, SIDES, UNGATED
 
 SEEDS, QUICK_SEEDS = 2, 1
 REST_RUNS, QUICK_REST_RUNS = 30, 3
@@ -25,6 +25,7 @@ FLIGHTS = tuple(f"paper1-{number:02d}" for number in range(1, 12))
 QUICK_FLIGHTS = ("paper1-02",)
 FLIGHT_RUNS, QUICK_FLIGHT_RUNS = 10, 2
 RESTED = ("consumer", "industrial", "tactical")
+LABELS = (*FILTERS, *(label + NO_GATE for label in UNGATED))
 STARTS, REST, FLOWN = "starts", "rest", "flights"
 """Tables of the StudyTables."""
 HOME = 2.0
@@ -52,7 +53,7 @@ def home(starts: pd.DataFrame) -> pd.DataFrame:
     own = starts.assign(home=starts["end_deg"] < HOME, setting=_settings(starts))
     of_seed = own.groupby(["setting", "filter", "seed"], sort=False)["home"].mean() * 27
     wide = of_seed.groupby(["setting", "filter"], sort=False).mean().unstack("filter")
-    return wide[[label for label in FILTERS if label in wide]].reset_index()
+    return wide[[label for label in LABELS if label in wide]].reset_index()
 
 
 def _settings(rows: pd.DataFrame) -> pd.Series:

@@ -1,6 +1,7 @@
 """The runs: starts far off, a vehicle at rest, and the flights of Hager & Bryne."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,17 @@ from strapdown.sim.synthesis import simulate
 from strapdown.sim.trajectory import DEG
 from strapdown.typing import Array
 
-from .worlds import FILTERS, RATE, FarSetting, begin, record, starts, true_attitude
+from .worlds import (
+    FILTERS,
+    NO_GATE,
+    RATE,
+    UNGATED,
+    FarSetting,
+    begin,
+    record,
+    starts,
+    true_attitude,
+)
 
 LAST = 10
 """s at the end over which an attitude must be right."""
@@ -40,9 +51,12 @@ def far_off(setting: FarSetting, seed: int) -> Iterator[dict[str, Any]]:
     """A row per filter and start: the largest attitude error of the last LAST s, and how far it is
     beyond its claim."""
     recording = record(setting, seed)
+    free = replace(recording, sources=tuple(replace(a, gate=np.inf) for a in recording.sources))
+    wanted = [(label, recording, FILTERS[label]) for label in FILTERS]
+    wanted += [(label + NO_GATE, free, FILTERS[label]) for label in UNGATED]
     for heading, tilt, start in starts(recording, setting.grade, seed):
-        for label, (name, options) in FILTERS.items():
-            solution = fuse(recording, name, start=start, every=int(RATE), options=options)
+        for label, given, (name, options) in wanted:
+            solution = fuse(given, name, start=start, every=int(RATE), options=options)
             found = attitude_errors(solution, recording)
             yield {
                 **setting._asdict(),

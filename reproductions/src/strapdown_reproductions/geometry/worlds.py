@@ -28,6 +28,9 @@ FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
     "eqf, published": ("eqf", PUBLISHED),
 }
 """{label: (filter, options)}."""
+UNGATED = ("closed-loop", "iekf, published", "eqf, published")
+"""Those that also run without a gate, from starts far off."""
+NO_GATE = ", no gate"
 RATE = 100.0
 """Hz of the IMU."""
 HEADINGS, TILTS, SIDES = (60.0, 120.0, 170.0), (0.0, 30.0, 60.0), 3

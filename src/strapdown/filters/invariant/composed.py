@@ -6,8 +6,8 @@ position turn with the attitude, and P turns with them, by M = T(new)^-1 J T(old
 `group_errors.to_group`.
 
     published     J = I: P of the group's errors stays what it was
-    second order  J = I -+ ad(c) / 2: errors about what the correction made of the estimate. Those of the biases
-                  then are what is left of them, in whatever coordinates, so that M leaves them alone
+    second order  J of `group_errors.about_correction`: errors about what the correction made of the
+                  estimate. Biases are corrected by addition then, and M leaves them alone
 """
 
 from ...core.compile.jit import helper, matrix
@@ -52,6 +52,7 @@ THEN = SLOTS.array("THEN", ESTIMATE)  # the estimate before a correction
 NOW = SLOTS.array("NOW", ESTIMATE)  # and after it
 ON_GROUP = SLOTS.array("ON_GROUP", STATES)  # the correction c
 ROW = SLOTS.array("ROW", STATES)
+TERM = SLOTS.array("TERM", 9)
 CHANGE = SLOTS.matrix("CHANGE", STATES, STATES)  # M
 
 
@@ -119,7 +120,7 @@ def write_change(work: Array, side: float) -> None:
             x[i] = 1.0 if i == j else 0.0
         to_group(x, side, biases, work[THEN])
         if work[FIRST] == 0:
-            about_correction(x, side, work[ON_GROUP])
+            about_correction(x, side, work[ON_GROUP], work[TERM])
         from_group(x, side, biases, work[NOW])
         for i in range(STATES):
             M[i, j] = x[i]

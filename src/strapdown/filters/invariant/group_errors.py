@@ -18,7 +18,7 @@ import math
 
 from ...core.compile.jit import helper, matrix
 from ...core.mathematics.belief import ATT, BA, BG, POS, STATES, VEL, FilterState
-from ...core.mathematics.rotation import Three, rotate_vector, rotation_terms, turned_by
+from ...core.mathematics.rotation import Three, rotate_vector
 from ...typing import Array
 
 LEFT, RIGHT = 0.0, 1.0
@@ -28,6 +28,8 @@ ADDED, IN_GROUP = 0.0, 1.0
 PLACE, V, P, B_A, B_G = 0, slice(9, 12), slice(12, 15), slice(15, 18), slice(18, 21)
 """An estimate in a row: C_nb, v_n (m/s), the position from the origin (m, n), biases (m/s^2, rad/s)."""
 ESTIMATE = 21
+TERMS = 20
+"""Of the series of a Jacobian: a correction of half a turn leaves 1e-8."""
 
 
 @helper
@@ -129,25 +131,39 @@ def left_jacobian(theta: Array, x: Array) -> Three:
 
 
 @helper
-def about_correction(x: Array, side: float, c: Array) -> None:
-    """xi about the corrected estimate from xi about the old one, the correction c taken off, to
-    second order, in place:
+def about_correction(x: Array, side: float, c: Array, term: Array) -> None:
+    """xi about the corrected estimate from xi about the old one, the correction c taken off, to first
+    order in what is left and to all orders in c, in place:
 
-        left   exp(xi+) = exp(-c) exp(xi)    xi+ = (I - ad(c) / 2) (xi - c)
-        right  exp(xi+) = exp(xi) exp(-c)    xi+ = (I + ad(c) / 2) (xi - c)
+        left   exp(xi+) = exp(-c) exp(xi)    xi+ = J(-ad c) (xi - c)
+        right  exp(xi+) = exp(xi) exp(-c)    xi+ = J(ad c) (xi - c)
+        J(A) = I + A / 2! + A^2 / 3! + ...
 
-    with the rotation in ad(c) to all orders, so that nothing shrinks. Source: Ge, van Goor & Mahony
-    (2023), "A note on the extended Kalman filter on Lie groups", and Mueller, Hehn & D'Andrea (2017).
+    With it errors on the left and on the right give one and the same filter. term (9,): workspace.
+    Source: Ge, van Goor & Mahony (2023), "A note on the extended Kalman filter on a manifold"; Maurer,
+    Basso, Schmidt-Didlaukies & Bryne (2025), arXiv:2506.01514.
     """
-    half = 0.5 if side == RIGHT else -0.5
-    R = rotation_terms(half * c[6], half * c[7], half * c[8])
-    dp, dv, theta = x[POS], x[VEL], x[ATT]
-    by_position, by_velocity = cross(c[POS], theta), cross(c[VEL], theta)
-    dp[0], dp[1], dp[2] = turned_by(R, dp[0], dp[1], dp[2])
-    dv[0], dv[1], dv[2] = turned_by(R, dv[0], dv[1], dv[2])
-    theta[0], theta[1], theta[2] = turned_by(R, theta[0], theta[1], theta[2])
-    add(dp, half, by_position)
-    add(dv, half, by_velocity)
+    sign = 1.0 if side == RIGHT else -1.0
+    for i in range(9):
+        term[i] = x[i]
+    for k in range(TERMS):
+        bracket(c, term, sign / (k + 2))
+        for i in range(9):
+            x[i] += term[i]
+
+
+@helper
+def bracket(c: Array, y: Array, factor: float) -> None:
+    """y <- factor ad(c) y."""
+    theta, turn = y[ATT], c[ATT]
+    p0, p1, p2 = cross(turn, y[POS])
+    v0, v1, v2 = cross(turn, y[VEL])
+    q0, q1, q2 = cross(c[POS], theta)
+    w0, w1, w2 = cross(c[VEL], theta)
+    t0, t1, t2 = cross(turn, theta)
+    y[0], y[1], y[2] = factor * (p0 + q0), factor * (p1 + q1), factor * (p2 + q2)
+    y[3], y[4], y[5] = factor * (v0 + w0), factor * (v1 + w1), factor * (v2 + w2)
+    y[6], y[7], y[8] = factor * t0, factor * t1, factor * t2
 
 
 @helper

@@ -1,20 +1,19 @@
-"""A fix to second order: its Jacobian half way through the correction, and as noise what a linear model
-leaves out.
+"""A fix to second order: its Jacobian with the output approximation of equivariant filters, and as noise
+what a linear model leaves out.
 
 On the group a vector that is measured in n (position, velocity, a baseline) or in the body (a magnetic
 field, a body velocity) is, to second order in the error xi = (.., theta),
 
     y = h + e + theta x e / 2 + ...,  e = H xi          in n; - theta x e / 2 in the body
 
-- H of the middle between the estimate and the corrected one leaves an error of third order. With e of the
-  correction, H_theta <- H_theta - S(e) / 2 in n and H_theta + S(e) C' / 2 in the body, C' to the axes of
-  the fix.
+- With e of the correction, H_theta <- H_theta - S(e) / 2 in n and H_theta + S(e) C' / 2 in the body, C' to
+  the axes of the fix, leave an error of third order. e is that of the pose alone: biases, iron, a clock
+  or noise that lasts do not turn with it.
 - Until the correction is known, theta x e / 2 is an error of the fix as any other. Without it the gate
-  refuses what a filter far off cannot predict: of 27 starts with errors of up to 170 deg between 2 and 8
-  did not come home for that.
+  refuses what a filter far off cannot predict.
 
 An equivariant filter as published takes the whole innovation for e. Then noise of the fixes is in H, and
-a vehicle at rest seems to tell its heading: after n fixes to 2 / sqrt(n) rad whatever the noise.
+a vehicle at rest seems to tell its heading: after n fixes to sqrt(2 / n) rad whatever the noise.
 
 Source: van Goor, Hamel & Mahony (2023), "Equivariant filter (EqF)", IEEE TAC 68(6), output approximation;
 second moments as in Gelb (1974), "Applied Optimal Estimation", section 6.1, second-order filter.
@@ -23,7 +22,6 @@ second moments as in Gelb (1974), "Applied Optimal Estimation", section 6.1, sec
 import math
 
 from ...core.compile.jit import helper, matrix
-from ...core.compile.workspace import MAX_STATES
 from ...core.mathematics.belief import FilterState
 from ...core.mathematics.error_state import CALL, DX, JACOBIAN, WORK, observe_innovation
 from ...core.mathematics.kalman import update, used_rows
@@ -34,9 +32,11 @@ from .group_errors import turn_back
 
 IN_N, IN_BODY = 1, 2
 """Axes in which a vector is measured: SourceRow.pose_axes."""
+POSE = 9
+"""As many errors turn with the pose: those of biases, sensors and noise that lasts do not."""
 EXPLAINED = SLOTS.array("EXPLAINED", 3)  # e
 STDS = SLOTS.array("STDS", 3)  # of the rows, with what the second order adds
-SPREAD = SLOTS.matrix("SPREAD", 3, MAX_STATES)  # H P
+SPREAD = SLOTS.matrix("SPREAD", 3, POSE)  # H P
 SEEN = SLOTS.matrix("SEEN", 3, 3)  # H P H'
 TURN = SLOTS.matrix("TURN", 3, 3)  # covariance of the attitude's error, in the axes of the fix
 
@@ -58,13 +58,15 @@ def measure_to_second_order(
     rows, stds = observe_innovation(belief, y, observe, source, innovation, H), work[STDS]
     for i in range(3):
         stds[i], e[i] = std[i], innovation[i]
-    if rows == 3 and source.pose_axes > 0 and not math.isnan(e[0] + e[1] + e[2]):
+    if rows == 3 and source.pose_axes > 0:
         if whole == 0:
             widen(belief, H, source.pose_axes, stds)
             update(belief.P, H, innovation, stds, rows, -1.0, work[WORK], dx)
             for i in range(3):
-                e[i] = dot(H[i], dx[:n])
-        turn_jacobian(H, e, source.pose_axes, belief.C_nb)
+                e[i] = dot(H[i], dx[:POSE])
+            turn_jacobian(H, e, source.pose_axes, belief.C_nb)
+        elif not math.isnan(e[0] + e[1] + e[2]):
+            turn_jacobian(H, e, source.pose_axes, belief.C_nb)
     nis = update(belief.P, H, innovation, stds, rows, gate, work[WORK], dx)
     work[CALL] = work[WORK.start + used_rows(n)] if nis <= gate else 0.0
     return nis
@@ -94,23 +96,24 @@ def turn_jacobian(H: Array, e: Array, axes: int, C: Array) -> None:
 
 @helper
 def widen(belief: FilterState, H: Array, axes: int, stds: Array) -> None:
-    """Standard deviations of the rows with those of theta x e / 2, the covariances of theta and e being A and
-    B = H P H'. Their variances are the diagonal of a quarter of
+    """Standard deviations of the rows with those of theta x e / 2, the covariances of theta and of the
+    part of e that is of the pose being A and B. For independent ones the trace of its covariance is
 
-    E[S(theta) e e' S(theta)'] = (tr A tr B - tr A B) I - A tr B - B tr A + A B + B A
+        E|theta x e|^2 / 4 = (tr A tr B - tr A B) / 4
 
-    with what theta and e have in common left out.
+    which two directions share, those across theta, whatever the axes of n. What theta and e have in common,
+    which a heading that is far off makes large, would give up to twice that.
     """
-    work, n = belief.workspace, belief.P.shape[0]
+    work = belief.workspace
     A, B = matrix(work, TURN, 3, 3), matrix(work, SEEN, 3, 3)
     spread_of_turn(belief, axes, A)
-    spread_of_rows(H, belief.P, matrix(work, SPREAD, 3, n), B)
+    spread_of_rows(H, belief.P, matrix(work, SPREAD, 3, POSE), B)
     a, b, both = A[0, 0] + A[1, 1] + A[2, 2], B[0, 0] + B[1, 1] + B[2, 2], 0.0
     for i in range(3):
         both += dot(A[i], B[i])
+    more = 0.125 * max(a * b - both, 0.0)
     for i in range(3):
-        more = a * b - both - A[i, i] * b - B[i, i] * a + 2.0 * dot(A[i], B[i])
-        stds[i] = math.sqrt(stds[i] * stds[i] + 0.25 * max(more, 0.0))
+        stds[i] = math.sqrt(stds[i] * stds[i] + more)
 
 
 @helper
@@ -129,10 +132,9 @@ def spread_of_turn(belief: FilterState, axes: int, A: Array) -> None:
 
 @helper
 def spread_of_rows(H: Array, P: Array, U: Array, B: Array) -> None:
-    """B = H P H', by way of U = H P."""
-    n = P.shape[0]
+    """B = H P H' of the errors of the pose, by way of U = H P."""
     for i in range(3):
-        for j in range(n):
-            U[i, j] = dot(H[i], P[j])
+        for j in range(POSE):
+            U[i, j] = dot(H[i], P[j, :POSE])
         for j in range(3):
-            B[i, j] = dot(H[j], U[i])
+            B[i, j] = dot(H[j], U[i, :POSE])
