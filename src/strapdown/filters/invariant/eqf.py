@@ -3,7 +3,7 @@ n, with the velocity as in the semi-direct product SE_2(3) x se(3), outputs line
 has them.
 
 A position in n is no function of the pose that this symmetry leaves alone; as in the literature it is
-taken as a zero that is measured in the body, C' (y - p) = 0, which gives the same H half way.
+taken as a zero that is measured in the body, C' (y - p) = 0, which gives the same H.
 """
 
 from ...core.loop.contract import (
@@ -27,9 +27,9 @@ from .second_order import measure_to_second_order
 
 
 def start(start: InitialState, noise: Noise, form: str = SECOND_ORDER) -> FilterState:
-    """The filter state at `start`. form: "second-order", with fixes linearised half way to what the
-    correction explains and P reset to errors about the corrected estimate, where biases in the symmetry and
-    added ones are the same; "published", half way to the whole innovation and without a reset."""
+    """The filter state at `start`. form: "second-order", which is `iekf`, whose errors on either side give
+    one filter; "published", with fixes linearised by the whole innovation, biases in the symmetry and no
+    reset."""
     return on_group(start, form, IN_GROUP)
 
 
@@ -64,5 +64,5 @@ EQF = Filter(
     installation=True,
     bias=DECAYING,
     good_for="comparisons with the literature on symmetries",
-    poor_for="first choice: `iekf` converges from more starts",
+    poor_for="other uses: to second order it is iekf",
 )

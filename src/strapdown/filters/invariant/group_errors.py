@@ -10,7 +10,7 @@ it. With biases in the symmetry their errors are coordinates of the group too:
     left, two frames            xi_a = da - b_a x C' theta,  xi_g = dg - b_g x C' theta
     right, semi-direct product  xi_a = C da + v x C dg,      xi_g = C dg
 
-Source: Barrau & Bonnabel (2017), IEEE TAC 62(4); two frames: Barrau & Bonnabel (2023), IEEE TAC 68(5);
+Source: Barrau & Bonnabel (2017), IEEE TAC 62(4); two frames: Barrau & Bonnabel (2023), IEEE TAC 68(2);
 semi-direct product: Fornasier, Ge, van Goor, Mahony & Weiss (2023), arXiv:2309.03765.
 """
 
@@ -29,7 +29,7 @@ PLACE, V, P, B_A, B_G = 0, slice(9, 12), slice(12, 15), slice(15, 18), slice(18,
 """An estimate in a row: C_nb, v_n (m/s), the position from the origin (m, n), biases (m/s^2, rad/s)."""
 ESTIMATE = 21
 TERMS = 20
-"""Of the series of a Jacobian: a correction of half a turn leaves 1e-8."""
+"""Terms of the series of a Jacobian: a correction by half a turn leaves 1e-8."""
 
 
 @helper

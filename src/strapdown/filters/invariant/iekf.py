@@ -38,14 +38,13 @@ NOT_OF_THE_POSE = ("heading", "course", "attitude", "range")
 def start(
     start: InitialState, noise: Noise, form: str = SECOND_ORDER, biases: str = "added"
 ) -> FilterState:
-    """The filter state at `start`. form: "second-order", with fixes linearised half way and P reset to errors
-    about the corrected estimate; "published", without either. biases: "added", or "two-frame", a
-    group of vectors in n and in the body (published form alone: to second order both are one)."""
+    """The filter state at `start`. form: "second-order", with fixes to second order and P reset to errors about
+    the corrected estimate; "published", without either. biases: "added", or "two-frame", a group of
+    vectors in n and in the body, in the published form alone."""
     check_choice(biases, "biases", BIAS_ERRORS)
     if biases != "added" and check_choice(form, "form", FORMS) != PUBLISHED:
         raise ValueError(
-            f'biases "{biases}" needs form "{PUBLISHED}": to second order the errors of biases are the '
-            "same in both"
+            f'biases "{biases}" needs form "{PUBLISHED}": to second order biases are corrected by addition'
         )
     return on_group(start, form, IN_GROUP if biases == "two-frame" else ADDED)
 

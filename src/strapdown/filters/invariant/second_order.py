@@ -83,7 +83,7 @@ def dot(h: Array, x: Array) -> float:
 
 @helper
 def turn_jacobian(H: Array, e: Array, axes: int, C: Array) -> None:
-    """H_theta half way: -S(e) / 2 more in n, S(e) C' / 2 in the body."""
+    """H_theta of the second order: -S(e) / 2 more in n, S(e) C' / 2 in the body."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3  # row i of S(e): -e[k] in column j, e[j] in column k
         if axes == IN_BODY:
