@@ -23,6 +23,7 @@ def row(mistake, seed, said, named, worse, in_outage):
         "named": named,
         "worse": worse,
         "worse_in_outage": in_outage,
+        "shown": 5.0,
     }
 
 

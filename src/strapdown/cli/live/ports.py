@@ -185,22 +185,25 @@ def _tcp_socket(address: Address) -> socket.socket:
 
 def _serial_line(address: Address) -> int:
     """Return the descriptor of a serial line that passes bytes on as they are. Raises OSError."""
-    import termios
-    import tty
+    if sys.platform == "win32":
+        raise OSError("serial lines are read on POSIX systems alone; send them by UDP or TCP")
+    else:
+        import termios
+        import tty
 
-    speed = getattr(termios, f"B{address.number}", None)
-    if speed is None:
-        raise OSError(f"{address.number} bit/s is no rate of this system")
-    line = os.open(address.place, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    try:
-        tty.setraw(line)
-        settings = termios.tcgetattr(line)
-        settings[4] = settings[5] = speed
-        termios.tcsetattr(line, termios.TCSANOW, settings)
-    except (OSError, termios.error) as error:
-        os.close(line)
-        raise OSError(f"is no serial line ({error.args[-1]})") from None
-    return line
+        speed = getattr(termios, f"B{address.number}", None)
+        if speed is None:
+            raise OSError(f"{address.number} bit/s is no rate of this system")
+        line = os.open(address.place, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            tty.setraw(line)
+            settings = termios.tcgetattr(line)
+            settings[4] = settings[5] = speed
+            termios.tcsetattr(line, termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
+            os.close(line)
+            raise OSError(f"is no serial line ({error.args[-1]})") from None
+        return line
 
 
 class Sink:
