@@ -68,6 +68,9 @@ KNOWN_HEADING = np.radians(3.0)
 """rad: standard deviation of a heading from which no field is compared."""
 
 
+SLOW = ("depth", "water-pressure")
+"""Kinds whose bias, a state, follows their slow changes and so what a clock does to them: of these a clock
+must explain its share, as other causes must."""
 AGREED = 0.9
 """Share of readings that a filter uses of a sensor that agrees with GNSS."""
 
@@ -134,7 +137,7 @@ def _reasons(each: ExpectedReadings) -> Iterator[Reason]:
         found = _disturbance(each)
     if found is None and each.source.kind == "range":
         found = _far_off(each)
-    if found is None and fit is not None:
+    if found is None and fit is not None and each.source.kind not in SLOW:
         found = _of_clock(each, fit)
     if (found is None or found.cause in OF_SET_UP) and _has_changed(each):
         found = _change(each)
