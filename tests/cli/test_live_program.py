@@ -669,3 +669,49 @@ def test_the_command(tmp_path, good, command, monkeypatch):
     (tmp_path / "live.toml").write_text("[[input]]\nport = 3\n")
     code, _, err = command("live", "live.toml")
     assert code == 2 and len(err) == 1 and "live.toml: [[input]] 1: port is 3" in err[0]
+
+
+# ---- restarts
+
+
+def by_unix(recording, began):
+    """The recording as JSON lines with UNIX time, from a moment on."""
+    tables = [json.loads(line) for line in json_lines(recording)]
+    return [(json.dumps(a | {"t": a["t"] + began}) + "\n").encode() for a in tables]
+
+
+def growing(tmp_path, **more):
+    """A configuration of a file that grows with UNIX times, and a state; and that file."""
+    part = {"port": f"file:{tmp_path / 'lines'}", "clock": "unix"}
+    return config(tmp_path, part, state=str(tmp_path / "state"), **more), tmp_path / "lines"
+
+
+@pytest.mark.parametrize("later, alignments", [(86400.0 + 40.0, 1), (45.0, 0)])
+def test_a_restart_counts_from_the_midnight_of_the_state(tmp_path, later, alignments):
+    """A day later it aligns anew; a moment later, across midnight, it goes on."""
+    asked, path = growing(tmp_path)
+    began = 1_700_006_400.0 - 30.0  # s, before a midnight
+    path.write_bytes(b"".join(by_unix(flight(), began)))
+    with sd.Live(asked) as live:
+        turn_until(live, lambda: live.stream.stream.newest > 86369.0 + 20.0)
+    path.write_bytes(b"".join(by_unix(flight(), began + later)))
+    with sd.Live(asked) as again:
+        assert again.stream.started and again.stream.t > 86380.0
+        turn_until(again, lambda: again.stream.stream.newest > 86369.0 + later + 20.0)
+        assert again.stream.alignments == alignments
+
+
+@pytest.mark.parametrize("change", [{"imu": "consumer"}, {"epoch": "2020-01-01T00:00:00Z"}])
+def test_a_state_of_another_configuration_is_kept(tmp_path, change):
+    asked, path = growing(tmp_path)
+    path.write_bytes(b"".join(by_unix(flight(), 1_700_006_400.0)))
+    with sd.Live(asked) as live:
+        turn_until(live, lambda: live.stream.started)
+    before = (tmp_path / "state").read_bytes()
+    with pytest.raises(DataError, match="with another .*name another one as `state`"):
+        sd.Live(asked | change)
+    (tmp_path / "state").write_bytes(b"a thesis")
+    with pytest.raises(DataError, match="is no saved stream"):
+        sd.Live(asked)
+    (tmp_path / "state").write_bytes(before[:-9])  # of no use to anyone
+    sd.Live(asked).close()

@@ -106,6 +106,12 @@ class LiveStream:
     filter, sources, lag, on_event, align_within, history, replay, on_use
         As for `Stream`.
 
+    Attributes
+    ----------
+    epoch : float or None
+        Moment of time zero, s of GPS time since its zero, for `save` and `restore`; None where the
+        caller gave none.
+
     Raises
     ------
     DataError
@@ -148,6 +154,7 @@ class LiveStream:
                 **given | {"start": begin},
             )
 
+        self.epoch: float | None = None
         start = given.get("start")
         self._unstarted = stream(None)
         self._stream = deepcopy(self._unstarted) if start is None else stream(start)
@@ -412,6 +419,7 @@ class LiveStream:
             "before": self._dropped_before,
             "own": self._dropped,
             "alignments": self._alignments,
+            "epoch": self.epoch,
         }
         write_state(path, self._stream.saved_content() | {"live": past})
 
@@ -428,10 +436,13 @@ class LiveStream:
             said = [(float(t), str(text)) for t, text in past["past"]]
             before = {str(cause): int(count) for cause, count in past["before"].items()}
             own = {cause: int(past["own"][cause]) for cause in self._dropped}
+            epoch = past.get("epoch")
+            epoch = None if epoch is None else float(epoch)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise contradiction(path) from error
         self._counted, self._dropped_before, self._dropped = counted, before, own
         self._past, self._alignments = deque(said, MAX_EVENTS), alignments
+        self.epoch = epoch
         self._stream, self._watchdog = stream, Watchdog(len(self._names))
         self._forget_suspects()
         return stream.belief

@@ -32,6 +32,8 @@ FLUSH = 1.0
 """s between two times at which the log is forced to the disk."""
 IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
+PARTS = ("filter", "options", "sources", "IMU", "vehicle", "AHRS")
+"""Parts of a stream by which a state is one of another configuration."""
 BATCH = 1000
 """Events of a recording that are taken at a time, at most."""
 
@@ -221,6 +223,14 @@ class _Log:
                 self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
 
 
+OF_OTHERS = ("is no saved stream", *(f"with another {part}" for part in PARTS))
+"""Words of the error on a file that holds something else than an unusable state of this stream."""
+
+
+def _not_replaced(text: str) -> DataError:
+    return DataError(f"{text}; to keep the file, name another one as `state`, else remove it")
+
+
 class Live:
     """A filter in a running system, as `strapdown live` runs it: samples and measurements from ports,
     states to ports, a log and a state on disk.
@@ -278,12 +288,22 @@ class Live:
             self._restore()
 
     def _restore(self) -> None:
+        """Go on from the state on disk. Raises DataError where the file is of something else, since
+        the next save would replace it."""
+        path, own = self.config.state, self.config.epoch
         try:
-            self.stream.restore(self.config.state)
+            self.stream.restore(path)
         except DataError as error:
+            if any(words in str(error) for words in OF_OTHERS):
+                raise _not_replaced(str(error)) from error
             self._tell(f"{error}; beginning anew")
-        else:
-            self._tell(f"{self.config.state}: goes on from {self.stream.t:.2f} s")
+            return
+        saved = self.stream.epoch
+        if own is not None and saved != own:
+            raise _not_replaced(f"{path}: was saved with another epoch")
+        # times go on from the same midnight, however long the program was off
+        self.clock.epoch = saved
+        self._tell(f"{path}: goes on from {self.stream.t:.2f} s")
 
     # ---- the loop
 
@@ -319,6 +339,7 @@ class Live:
             self._tell(f"IMU: no sample for {IMU_SILENT:g} s{why}")
 
     def _save(self) -> None:
+        self.stream.epoch = self.clock.epoch
         try:
             self.stream.save(self.config.state)
         except DataError as error:
