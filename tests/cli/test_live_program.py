@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,9 @@ from recordings import events_of, flight
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.cli.live.config import OutputPart
+from strapdown.cli.live.ports import address_of
+from strapdown.cli.live.program import _StatePort
 from strapdown.engine.stream import Sample
 from strapdown.io.readers import live_log
 
@@ -566,6 +570,35 @@ def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
     again = sd.Live(tmp_path / "live.toml", on_event=lambda t, text: said.append(text))
     assert any("goes on from" in text for text in said) and again.stream.started
     again.close()
+
+
+def test_told_to_end_it_saves_its_state(tmp_path):
+    """SIGTERM of the command long before the state is due."""
+    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
+        '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n'
+    )
+    words = [sys.executable, "-m", "strapdown", "live", "live.toml"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
+    while not (log.exists() and log.stat().st_size > 40_000):
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.05)
+    process.terminate()
+    assert process.wait(30.0) != 0
+    assert (tmp_path / "state").stat().st_size > 1000
+
+
+def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):
+    """10 Hz of samples at 100 Hz, while the time steps back by 40 s."""
+    port = _StatePort(OutputPart("json", address_of(f"file:{tmp_path}/out", "out"), 10.0))
+    lines, begin = [], sd.align(flight(), "tactical")
+    port.sink = SimpleNamespace(write=lines.append)
+    belief = begin.belief(np.zeros(1))
+    for t in np.r_[np.arange(100.0, 140.0, 0.01), np.arange(100.0, 140.0, 0.01)].tolist():
+        port.show(SimpleNamespace(t=t, status=0, belief=belief), None)
+    assert 780 <= len(lines) <= 820
 
 
 # ---- the log as a file

@@ -1,8 +1,9 @@
 """The command `strapdown live`."""
 
+import signal
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,7 +17,8 @@ def live(
     seconds: Annotated[float | None, typer.Option(metavar="S", help="End after this time.")] = None,
 ) -> None:
     """Run a filter on what sensors send now: from UDP, TCP, serial lines, growing files or a recording,
-    to ports, a log and a state on disk. Ctrl-C ends it."""
+    to ports, a log and a state on disk. Ctrl-C or SIGTERM ends it."""
+    signal.signal(signal.SIGTERM, _end)
     program = sd.Live(config, on_event=lambda t, text: complain(f"{t:.2f} s: {text}"))
     try:
         program.run(inf if seconds is None else seconds)
@@ -37,3 +39,8 @@ def live(
             if program.bad:
                 say(f"not read: {program.bad} lines or pieces")
         wrote(*program.logs)
+
+
+def _end(*_: Any) -> None:
+    """End as by Ctrl-C, so that state and log are written."""
+    raise KeyboardInterrupt

@@ -157,7 +157,7 @@ class _StatePort:
         t = live.t
         if t < self._due - 1e-6 and t > self._due - 2 * self._every:
             return
-        self._due = t + self._every if self._due + self._every < t else self._due + self._every
+        self._due = (t if abs(t - self._due) > self._every else self._due) + self._every
         line = self._line(state_at(t, epoch, live.status, live.belief))
         self.sink.write(line.encode())
 
