@@ -14,7 +14,7 @@ from strapdown.core.mathematics.source import new_source
 from strapdown.filters.invariant.adjoint_change import SMOOTHER
 from strapdown.filters.invariant.composed import CHANGE
 from strapdown.filters.invariant.eqf import EQF
-from strapdown.filters.invariant.iekf import IEKF
+from strapdown.filters.invariant.iekf import IEKF, NOT_OF_THE_POSE
 from strapdown.filters.invariant.second_order import IN_BODY, IN_N
 from strapdown.geometry.geodesy import displacement
 
@@ -270,6 +270,7 @@ def test_each_kind_says_in_which_axes_it_is_of_the_pose():
     """What is there in n, in the body, and neither."""
     in_n = {"position", "velocity", "zero-velocity", "altitude", "baseline", "gravity", "depth"}
     in_body = {"magnetic-field", "body-velocity", "speed", "true-airspeed", "beam-velocity"}
-    neither = {"heading", "course", "attitude", "range"}
+    neither = {*NOT_OF_THE_POSE, "zero-angular-rate"}
+    assert neither == {kind for kind in aiding.own_names() if not aiding.find(kind).pose_axes}
     for kinds, axes in ((in_n, "n"), (in_body, "b"), (neither, "")):
         assert {aiding.find(kind).pose_axes for kind in kinds} == {axes}

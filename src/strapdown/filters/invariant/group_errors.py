@@ -18,6 +18,7 @@ import math
 
 from ...core.compile.jit import helper, matrix
 from ...core.mathematics.belief import ATT, BA, BG, POS, STATES, VEL, FilterState
+from ...core.mathematics.elementary import cosine, sine
 from ...core.mathematics.rotation import Three, rotate_vector
 from ...typing import Array
 
@@ -122,7 +123,7 @@ def left_jacobian(theta: Array, x: Array) -> Three:
         one, two = 0.5 - a2 / 24.0 + a2 * a2 / 720.0, 1.0 / 6.0 - a2 / 120.0 + a2 * a2 / 5040.0
     else:
         a = math.sqrt(a2)
-        one, two = (1.0 - math.cos(a)) / a2, (a - math.sin(a)) / (a2 * a)
+        one, two = (1.0 - cosine(a)) / a2, (a - sine(a)) / (a2 * a)
     b0, b1, b2 = cross(theta, x)
     c0 = theta[1] * b2 - theta[2] * b1
     c1 = theta[2] * b0 - theta[0] * b2
