@@ -9,6 +9,7 @@ from threading import Lock
 from .. import plugins
 from ..checks import DataError, check_choice, check_number, check_type, locate_errors
 from ..core.loop.contract import OBSERVE, Kind, MeasurementModel, Observe, compile_kernel
+from ..core.mathematics.source import POSE_AXES
 from ..units import quantities
 from .more_parameters import MEANINGS
 from .trial import derivative_complaints
@@ -107,7 +108,7 @@ def check(sensor: MeasurementModel) -> None:
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
     check_choice(sensor.more_parameters, what + "more_parameters", MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
-    check_choice(sensor.pose_axes, what + "pose_axes", ("", "n", "b"))
+    check_choice(sensor.pose_axes, what + "pose_axes", POSE_AXES)
     check_choice(sensor.when, what + "when", ("", "at rest", "moving"))
     check_choice(sensor.mean_of, what + "mean_of", ("", "gyro", "accel"))
     if len(set(sensor.states)) < len(sensor.states):

@@ -44,6 +44,7 @@ from ..core.loop.stages.clock import new_recent
 from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
+from ..core.mathematics.source import POSE_AXES
 from ..data.calibration_parameters import VERTICAL_WIND
 from ..data.recording import Recording
 from ..data.solution import Source
@@ -162,7 +163,7 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
         sensor, row = aiding.find(a.kind), table[s]
         check_more_parameters(sensor, a.parameters, a.name or a.kind)
         row.kind, row.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
-        row.pose_axes = ("", "n", "b").index(sensor.pose_axes)
+        row.pose_axes = POSE_AXES.index(sensor.pose_axes)
         row.parameters[: len(a.parameters)] = a.parameters
         row.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:

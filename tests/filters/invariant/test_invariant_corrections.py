@@ -10,12 +10,11 @@ from test_group_errors import algebra, pose, skew
 from strapdown import aiding
 from strapdown.core.loop.contract import Noise, compile_kernel
 from strapdown.core.mathematics.smoother import work_size
-from strapdown.core.mathematics.source import new_source
+from strapdown.core.mathematics.source import IN_BODY, IN_N, new_source
 from strapdown.filters.invariant.adjoint_change import SMOOTHER
 from strapdown.filters.invariant.composed import CHANGE
 from strapdown.filters.invariant.eqf import EQF
 from strapdown.filters.invariant.iekf import IEKF, NOT_OF_THE_POSE
-from strapdown.filters.invariant.second_order import IN_BODY, IN_N
 from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short

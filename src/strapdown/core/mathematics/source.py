@@ -38,6 +38,11 @@ NAMED_KINDS = len(Kind)
 """As many kinds kernels know by their number."""
 
 
+POSE_AXES = ("", "n", "b")
+"""Names of the axes in which a measurement is a function of the pose alone, at their numbers."""
+IN_N, IN_BODY = POSE_AXES.index("n"), POSE_AXES.index("b")
+
+
 class SourceRow:
     """A source of measurements. A state is an index into the error states, 0 where there is none.
 
@@ -50,8 +55,7 @@ class SourceRow:
     gate: float  # bound on the NIS; inf switches gating off
     # the source's own, as its MeasurementModel says: a lever arm, m, body
     parameters: Annotated[Array, PARAMETERS]
-    # axes in which it is a function of the pose alone: 1 navigation, 2 body, 0 neither
-    pose_axes: int
+    pose_axes: int  # IN_N, IN_BODY, or 0 for neither
     of_kind: int  # which of the sources of its kind it is, from 0
 
     first_state: int  # of the states that it brings along

@@ -23,12 +23,13 @@ from ...core.loop.contract import (
     kernel,
 )
 from ...core.mathematics.error_state import allocate, measure
+from ...core.mathematics.source import IN_BODY
 from ...typing import Array
 from ..ins.closed_loop import predict
 from .adjoint_change import SMOOTHER
 from .composed import BIASES, FIRST, FORMS, PUBLISHED, SECOND_ORDER, SLOTS, compose
 from .group_errors import ADDED, IN_GROUP, LEFT, RIGHT
-from .second_order import IN_BODY, measure_to_second_order
+from .second_order import measure_to_second_order
 
 BIAS_ERRORS = ("added", "two-frame")
 NOT_OF_THE_POSE = ("heading", "course", "attitude", "range")

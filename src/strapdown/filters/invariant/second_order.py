@@ -25,13 +25,11 @@ from ...core.compile.jit import helper, matrix
 from ...core.mathematics.belief import FilterState
 from ...core.mathematics.error_state import CALL, DX, JACOBIAN, WORK, observe_innovation
 from ...core.mathematics.kalman import update, used_rows
-from ...core.mathematics.source import Observe, SourceRow
+from ...core.mathematics.source import IN_BODY, Observe, SourceRow
 from ...typing import Array
 from .composed import SLOTS
 from .group_errors import turn_back
 
-IN_N, IN_BODY = 1, 2
-"""Axes in which a vector is measured: SourceRow.pose_axes."""
 POSE = 9
 """As many errors turn with the pose: those of biases, sensors and noise that lasts do not."""
 EXPLAINED = SLOTS.array("EXPLAINED", 3)  # e
