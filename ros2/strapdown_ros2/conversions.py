@@ -33,7 +33,7 @@ NANOSECOND = factor("ns", "time")
 DEGREE = factor("deg", "angle")
 NO_FIX, NO_STD = "no fix", "without covariance"
 NO_STAMP, OTHER_CLOCK = "without stamp", "on another clock"
-NO_IMU = "without rates or forces"
+NO_IMU, NO_NUMBER = "without rates or forces", "without a number"
 """Reasons why a message is not used."""
 
 
@@ -114,19 +114,21 @@ class Increments:
         Raises
         ------
         UnusedMessage
-            If the message has no rates or no forces.
+            If the message has no rates or no forces, or one that is no number.
         """
         if -1 in (
             message.angular_velocity_covariance[0],
             message.linear_acceleration_covariance[0],
         ):
             raise UnusedMessage(NO_IMU)
+        rates = np.array([_xyz(message.angular_velocity), _xyz(message.linear_acceleration)])
+        if not np.isfinite(rates).all():
+            raise UnusedMessage(NO_NUMBER)
         dt, self._last = self._interval(t), t
         if dt is None:
             return None
-        rows = np.array([_xyz(message.angular_velocity), _xyz(message.linear_acceleration)]) * dt
-        gyro, accel = rotate_rows(rows, self._mount.matrix).tolist()
-        return sd.Sample(t, dt, tuple(gyro), tuple(accel))
+        gyro, accel = _turned(rates * dt, self._mount)
+        return sd.Sample(t, dt, gyro, accel)
 
     def _interval(self, t: float) -> float | None:
         dt, recent = t - self._last, self._recent
@@ -173,10 +175,12 @@ def reading_of(kind: str, message: Any, mount: Mount, std: tuple[float, ...] | N
     Raises
     ------
     UnusedMessage
-        If it is without a fix, or its standard deviations are unknown.
+        If it is without a fix or a number, or its standard deviations are unknown.
     """
     y, own = READINGS[kind](message, mount)
     used = own if std is None else std
+    if not any(map(isfinite, y)):
+        raise UnusedMessage(NO_NUMBER)
     if not all(0 < each < np.inf for value, each in zip(y, used) if isfinite(value)):
         raise UnusedMessage(NO_STD)
     return Reading(y, used)
@@ -215,16 +219,17 @@ def _velocity(message: Any, mount: Mount) -> Reading:
 def _body_velocity(message: Any, mount: Mount) -> Reading:
     velocity, std = _twist(message)
     variances = np.array(std) ** 2 @ (mount.matrix**2).T
-    return Reading(_turned(velocity, mount), tuple(np.sqrt(variances).tolist()))
+    return Reading(_turned([velocity], mount)[0], tuple(np.sqrt(variances).tolist()))
 
 
 def _speed(message: Any, mount: Mount) -> Reading:
     velocity, std = _twist(message)
-    return Reading(_turned(velocity, mount)[:1], std[:1])
+    return Reading(_turned([velocity], mount)[0][:1], std[:1])
 
 
 def _magnetic_field(message: Any, mount: Mount) -> Reading:
-    return Reading(_turned(_xyz(message.magnetic_field), mount), (nan, nan, nan))
+    (field,) = _turned([_xyz(message.magnetic_field)], mount)
+    return Reading(field, (nan, nan, nan))
 
 
 def _pressure(message: Any, mount: Mount) -> Reading:
@@ -242,8 +247,11 @@ READINGS = {
 """{kind: function of a message and the mount of its sensor}."""
 
 
-def _turned(vector: tuple[float, float, float], mount: Mount) -> tuple[float, ...]:
-    return tuple(rotate_rows(np.array([vector], float), mount.matrix)[0].tolist())
+def _turned(vectors: Any, mount: Mount) -> list[tuple[float, float, float]]:
+    """Return vectors of messages in the axes of the body; with an infinite component, as NaN."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        rows = rotate_rows(np.array(vectors, float), mount.matrix)
+    return [(x, y, z) for x, y, z in rows.tolist()]
 
 
 # ---- states
@@ -314,7 +322,7 @@ def shown_state(
     C, swing = state.C_nb, np.cross(state.omega, arm)
     lla = displace_lla(state.lla, -C @ arm)
     turn = frame.turn(lla)
-    position, pose, twist = _covariances(state, C @ arm, turn)
+    position, pose, twist = _covariances(state, arm, turn)
     q = np.empty(4)
     matrix_to_quaternion(turn @ (C * SIGNS), q)
     w, x, y, z = (q if q[0] >= 0 else -q).tolist()
@@ -332,18 +340,19 @@ def shown_state(
     )
 
 
-def _covariances(state: FilterState, arm_n: Array, turn: Array) -> tuple[Array, Array, Array]:
+def _covariances(state: FilterState, arm: Array, turn: Array) -> tuple[Array, Array, Array]:
     """Return those of the position east, north, up, of the pose and of the twist of the base frame.
 
-    With the lever arm l_n from it to the IMU, dp_base = dp + l_n x theta; with v_b = C^T v_n,
-    dv_b = C^T (dv + v_n x theta).
+    With the lever arm l from it to the IMU, dp_base = dp + (C l) x theta; with the rate w = measured
+    - b_g and v_b = C^T v_n - w x l, dw = -db_g and dv_b = C^T (dv + v_n x theta) - l x db_g.
     """
     P, C = state.P, SIGNS[:, None] * state.C_nb.T
     pose, twist = np.zeros((6, len(P))), np.zeros((6, len(P)))
-    pose[:3, POS], pose[:3, ATT] = turn, turn @ _cross(arm_n)
+    pose[:3, POS], pose[:3, ATT] = turn, turn @ _cross(state.C_nb @ arm)
     pose[3:, ATT] = turn
     twist[:3, VEL], twist[:3, ATT] = C, C @ _cross(state.v_n)
-    twist[3:, BG] = np.diag(SIGNS)
+    twist[:3, BG] = -SIGNS[:, None] * _cross(arm)
+    twist[3:, BG] = -np.diag(SIGNS)
     of_pose = pose @ P @ pose.T
     level = TURN @ turn.T
     return level @ of_pose[:3, :3] @ level.T, of_pose, twist @ P @ twist.T

@@ -10,7 +10,7 @@ import numpy as np
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import VALID, Status
+from strapdown.core.loop.contract import INVALID, VALID, Status
 from strapdown.engine.prepare import has_position
 from strapdown.filters import find
 from strapdown.io.decoding.robots.ros_transforms import HERE, WORLD, Pose
@@ -102,8 +102,8 @@ class Navigator:
         self._told: set[tuple[str, str]] = set()
         self.restarts = 0
         self._frame = None if config.origin is None else LocalFrame(np.array(config.origin))
-        self._last_arrival: int | None = None
         self._verdict, self._verdict_due = "", -inf
+        self._said = ""  # the last message of a Diagnosis
         # refuses and compiles before the first message comes
         self._stream({}, Mount.none(), None)
         self._wait()
@@ -118,6 +118,7 @@ class Navigator:
     def _wait(self) -> None:
         """Begin without messages."""
         self.live: sd.LiveStream | None = None
+        self._last_arrival: int | None = None
         self.waits_for = f"the first IMU message on {self.config.imu.topic}"
         self._held: deque[_Held] = deque()
         self._frames: dict[int, str] = {}
@@ -307,7 +308,9 @@ class Navigator:
         if live is None or sample is None:
             return
         if self._went_back(t, live.stream.newest):
-            self.restart(f"the stamps of the IMU went back by {live.stream.newest - t:.1f} s")
+            self.restart(
+                f"the stamps of the IMU went back by {live.stream.newest - self._behind:.1f} s"
+            )
             return
         live.step(sample)
         if live.started and self._is_due(live.t):
@@ -330,7 +333,7 @@ class Navigator:
 
     def _emit(self, live: sd.LiveStream) -> None:
         state, stamp = live.belief, self._clock.stamp(live.t)
-        if self._frame is None and np.isfinite(state.lla).all() and live.status == VALID:
+        if self._frame is None and np.isfinite(state.lla).all() and live.status != INVALID:
             self._frame = LocalFrame(np.array(state.lla))
         if self._frame is not None:
             shown = shown_state(stamp, live.status, state, self._arm, self._frame)
@@ -340,7 +343,15 @@ class Navigator:
     # ---- reports
 
     def diagnosis(self, now: int) -> Diagnosis:
-        """Return what a diagnostic_msgs/DiagnosticStatus says at `now`, ns of the node's clock."""
+        """Return what a diagnostic_msgs/DiagnosticStatus says at `now`, ns of the node's clock; tell
+        its message where it has changed."""
+        found = self._diagnosis(now)
+        if found.message != self._said:
+            self._said = found.message
+            self._tell(found.message)
+        return found
+
+    def _diagnosis(self, now: int) -> Diagnosis:
         live = self.live
         values = [(f"{name}: unused, {why}", str(n)) for (name, why), n in self.unused.items()]
         values.append(("restarts", str(self.restarts)))

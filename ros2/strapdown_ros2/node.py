@@ -57,7 +57,9 @@ class StrapdownNode(Node):  # type: ignore[misc]
         self.navigator = Navigator(config, self._pose, self.get_logger().warning, self._publish)
         self._subscribe()
         self._timer = self.create_timer(1.0, self._diagnose)
-        back = JumpThreshold(min_forward=None, min_backward=Duration(seconds=-JUMP))
+        back = JumpThreshold(
+            min_forward=None, min_backward=Duration(seconds=-JUMP), on_clock_change=False
+        )
         self._jumps = self.get_clock().create_jump_callback(back, post_callback=self._jumped)
 
     def _now(self) -> int:

@@ -122,6 +122,8 @@ def nested(given: Mapping[str, Any]) -> dict[str, Any]:
         for parent in parents:
             table = table.setdefault(parent, {})
             check_type(table, name.rpartition(".")[0], dict, f"a table, since it has {last!r}")
+        if last in table:
+            raise DataError(f"{name} is {value!r}; it must be a table, since it has parameters")
         table[last] = value
     return found
 
