@@ -50,7 +50,7 @@ def stamp_of(message: Any) -> int:
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
-class Clock:
+class RosClock:
     """The times of a stream: s since midnight, UTC, before the first IMU message, or as they are
     stamped where the clock has no date, as in a simulator.
 
@@ -127,7 +127,7 @@ class Increments:
         dt, self._last = self._interval(t), t
         if dt is None:
             return None
-        gyro, accel = _turned(rates * dt, self._mount)
+        gyro, accel = _in_body(rates * dt, self._mount)
         return sd.Sample(t, dt, gyro, accel)
 
     def _interval(self, t: float) -> float | None:
@@ -219,16 +219,16 @@ def _velocity(message: Any, mount: Mount) -> Reading:
 def _body_velocity(message: Any, mount: Mount) -> Reading:
     velocity, std = _twist(message)
     variances = np.array(std) ** 2 @ (mount.matrix**2).T
-    return Reading(_turned([velocity], mount)[0], tuple(np.sqrt(variances).tolist()))
+    return Reading(_in_body([velocity], mount)[0], tuple(np.sqrt(variances).tolist()))
 
 
 def _speed(message: Any, mount: Mount) -> Reading:
     velocity, std = _twist(message)
-    return Reading(_turned([velocity], mount)[0][:1], std[:1])
+    return Reading(_in_body([velocity], mount)[0][:1], std[:1])
 
 
 def _magnetic_field(message: Any, mount: Mount) -> Reading:
-    (field,) = _turned([_xyz(message.magnetic_field)], mount)
+    (field,) = _in_body([_xyz(message.magnetic_field)], mount)
     return Reading(field, (nan, nan, nan))
 
 
@@ -247,7 +247,7 @@ READINGS = {
 """{kind: function of a message and the mount of its sensor}."""
 
 
-def _turned(vectors: Any, mount: Mount) -> list[tuple[float, float, float]]:
+def _in_body(vectors: Any, mount: Mount) -> list[tuple[float, float, float]]:
     """Return vectors of messages in the axes of the body; with an infinite component, as NaN."""
     with np.errstate(invalid="ignore", over="ignore"):
         rows = rotate_rows(np.array(vectors, float), mount.matrix)
@@ -279,7 +279,7 @@ class LocalFrame:
         return turned
 
 
-class Shown(NamedTuple):
+class BaseState(NamedTuple):
     """The state of the base frame, in the axes of ROS."""
 
     stamp: int  # ns
@@ -296,7 +296,7 @@ class Shown(NamedTuple):
 
 def shown_state(
     stamp: int, status: int, state: FilterState, arm: Array, frame: LocalFrame
-) -> Shown | None:
+) -> BaseState | None:
     """Return the state of the base frame from that of the IMU.
 
     Parameters
@@ -314,7 +314,7 @@ def shown_state(
 
     Returns
     -------
-    Shown or None
+    BaseState or None
         None where the state is not known.
     """
     if status == INVALID or not np.isfinite(state.lla).all() or not np.isfinite(state.C_nb).all():
@@ -326,7 +326,7 @@ def shown_state(
     q = np.empty(4)
     matrix_to_quaternion(turn @ (C * SIGNS), q)
     w, x, y, z = (q if q[0] >= 0 else -q).tolist()
-    return Shown(
+    return BaseState(
         stamp,
         lla,
         frame.place(lla),
@@ -373,7 +373,7 @@ def fill_header(header: Any, stamp: int, frame: str) -> None:
     header.frame_id = frame
 
 
-def fill_odometry(message: Any, it: Shown, world: str, base: str) -> Any:
+def fill_odometry(message: Any, it: BaseState, world: str, base: str) -> Any:
     """Return a nav_msgs/Odometry with the state."""
     fill_header(message.header, it.stamp, world)
     message.child_frame_id = base
@@ -387,7 +387,7 @@ def fill_odometry(message: Any, it: Shown, world: str, base: str) -> Any:
     return message
 
 
-def fill_transform(message: Any, it: Shown, world: str, base: str) -> Any:
+def fill_transform(message: Any, it: BaseState, world: str, base: str) -> Any:
     """Return a geometry_msgs/TransformStamped from the world to the base frame."""
     fill_header(message.header, it.stamp, world)
     message.child_frame_id = base
@@ -396,7 +396,7 @@ def fill_transform(message: Any, it: Shown, world: str, base: str) -> Any:
     return message
 
 
-def fill_fix(message: Any, it: Shown, base: str) -> Any:
+def fill_fix(message: Any, it: BaseState, base: str) -> Any:
     """Return a sensor_msgs/NavSatFix with the position."""
     fill_header(message.header, it.stamp, base)
     message.status.status = message.status.STATUS_FIX

@@ -1,4 +1,4 @@
-"""How a sensor stands in the vehicle: its axes, and its place from the base frame."""
+"""The mounting of a sensor: its axes, and its place from the base frame of the vehicle."""
 
 from typing import Any, NamedTuple
 

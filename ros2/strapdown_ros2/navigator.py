@@ -18,10 +18,10 @@ from strapdown.typing import Array
 from strapdown.units.time_scales import iso
 
 from .conversions import (
-    Clock,
+    BaseState,
     Increments,
     LocalFrame,
-    Shown,
+    RosClock,
     UnusedMessage,
     frame_of,
     reading_of,
@@ -29,7 +29,7 @@ from .conversions import (
     stamp_of,
 )
 from .mounts import Mount, imu_mount_at, mount_at
-from .parameters import Config, SourceInput
+from .parameters import NodeConfig, SourceInput
 
 MAX_HELD = 20_000
 """Largest number of messages that wait for transforms."""
@@ -49,7 +49,7 @@ Lookup = Callable[[str], Pose | None]
 """Function of a frame: its pose in the base frame; None where tf does not know it."""
 
 
-class Diagnosis(NamedTuple):
+class NodeStatus(NamedTuple):
     """The content of a diagnostic_msgs/DiagnosticStatus."""
 
     level: int
@@ -70,14 +70,14 @@ class Navigator:
 
     Parameters
     ----------
-    config : Config
+    config : NodeConfig
         From `parameters.config_of`.
     lookup : callable
         Function of the name of a frame that returns its Pose in the base frame, None where unknown.
     tell : callable
         Function called with each line that the user should see.
     show : callable
-        Function called with each Shown that is due.
+        Function called with each BaseState that is due.
 
     Raises
     ------
@@ -87,10 +87,10 @@ class Navigator:
 
     def __init__(
         self,
-        config: Config,
+        config: NodeConfig,
         lookup: Lookup,
         tell: Callable[[str], object],
-        show: Callable[[Shown], object],
+        show: Callable[[BaseState], object],
     ) -> None:
         self.config, self._lookup, self._tell, self._show = config, lookup, tell, show
         if not has_position(find(config.filter)):
@@ -103,7 +103,7 @@ class Navigator:
         self.restarts = 0
         self._frame = None if config.origin is None else LocalFrame(np.array(config.origin))
         self._verdict, self._verdict_due = "", -inf
-        self._said = ""  # the last message of a Diagnosis
+        self._said = ""  # the last message of a NodeStatus
         # refuses and compiles before the first message comes
         self._stream({}, Mount.none(), None)
         self._wait()
@@ -180,7 +180,7 @@ class Navigator:
             return
         for k in missing:
             self._tell(f"{self._lacks(k)} did not come in {waited:.0f} s; begun without it")
-        self._clock, self._arm = Clock(self._first_imu), imu.arm
+        self._clock, self._arm = RosClock(self._first_imu), imu.arm
         self._increments = Increments(imu)
         self._mounts = {k: mount for k, mount in mounts.items() if mount is not None}
         self._places = {k: place for place, k in enumerate(self._mounts)}
@@ -224,7 +224,9 @@ class Navigator:
             return f"{own.name}: {own.name}.frame, since {frame} is fixed to the ground, "
         return f"{own.name}: the transform {self.config.base_frame} -> {frame}"
 
-    def _stream(self, mounts: dict[int, Mount], imu: Mount, clock: Clock | None) -> sd.LiveStream:
+    def _stream(
+        self, mounts: dict[int, Mount], imu: Mount, clock: RosClock | None
+    ) -> sd.LiveStream:
         """Return the stream with these sources; without a clock, one with all for a trial."""
         own = self.config
         numbers = range(len(own.sources)) if clock is None else mounts
@@ -246,7 +248,7 @@ class Navigator:
             on_event=lambda t, text: self._tell(f"{t:.2f} s: {text}"),
         )
 
-    def _start(self, clock: Clock) -> sd.InitialState | None:
+    def _start(self, clock: RosClock) -> sd.InitialState | None:
         place, heading = self.config.place, self.config.heading
         measured = any(each.kind == "position" for each in self.config.sources)
         lla = () if place is None or measured else place
@@ -254,7 +256,7 @@ class Navigator:
         t = clock.time(self.config.imu.topic, self._first_imu)
         return sd.InitialState(t, lla=lla, rph=rph) if lla or rph else None
 
-    def _source(self, own: SourceInput, arm: Array, clock: Clock | None) -> sd.Source:
+    def _source(self, own: SourceInput, arm: Array, clock: RosClock | None) -> sd.Source:
         kind = aiding.find(own.kind)
         width = len(kind.quantities)
         parameters: tuple[float, ...] = ()
@@ -274,7 +276,7 @@ class Navigator:
             adaptive=own.adaptive,
         )
 
-    def _earth_field(self, own: SourceInput, clock: Clock | None) -> tuple[float, ...]:
+    def _earth_field(self, own: SourceInput, clock: RosClock | None) -> tuple[float, ...]:
         if clock is None:
             return UNKNOWN_FIELD
         if clock.epoch is None:
@@ -342,7 +344,7 @@ class Navigator:
 
     # ---- reports
 
-    def diagnosis(self, now: int) -> Diagnosis:
+    def diagnosis(self, now: int) -> NodeStatus:
         """Return what a diagnostic_msgs/DiagnosticStatus says at `now`, ns of the node's clock; tell
         its message where it has changed."""
         found = self._diagnosis(now)
@@ -351,21 +353,21 @@ class Navigator:
             self._tell(found.message)
         return found
 
-    def _diagnosis(self, now: int) -> Diagnosis:
+    def _diagnosis(self, now: int) -> NodeStatus:
         live = self.live
         values = [(f"{name}: unused, {why}", str(n)) for (name, why), n in self.unused.items()]
         values.append(("restarts", str(self.restarts)))
         if self._last_arrival is None or now - self._last_arrival > IMU_SILENT * 1e9:
-            return Diagnosis(STALE, f"no IMU message on {self.config.imu.topic}", values)
+            return NodeStatus(STALE, f"no IMU message on {self.config.imu.topic}", values)
         if live is None or live.waits_for:
             waits = self.waits_for if live is None else live.waits_for
-            return Diagnosis(WARN, f"waits for {waits}", values + self._of_live(live))
+            return NodeStatus(WARN, f"waits for {waits}", values + self._of_live(live))
         name, silent = Status(live.status).name.lower(), live.silent
         values += self._of_live(live)
         if live.status == VALID and not silent:
-            return Diagnosis(OK, name, values)
+            return NodeStatus(OK, name, values)
         said = "".join(f"; {each} is silent" for each in silent)
-        return Diagnosis(WARN, name + said, values)
+        return NodeStatus(WARN, name + said, values)
 
     def _of_live(self, live: sd.LiveStream | None) -> list[tuple[str, str]]:
         if live is None:

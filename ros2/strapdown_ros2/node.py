@@ -20,7 +20,7 @@ from sensor_msgs.msg import Imu, NavSatFix
 from strapdown.checks import DataError
 from strapdown.io.decoding.robots.ros_transforms import Pose
 
-from .conversions import Shown, fill_fix, fill_header, fill_odometry, fill_transform
+from .conversions import BaseState, fill_fix, fill_header, fill_odometry, fill_transform
 from .mounts import pose_of_transform
 from .navigator import Navigator
 from .parameters import config_of
@@ -60,7 +60,7 @@ class StrapdownNode(Node):  # type: ignore[misc]
         back = JumpThreshold(
             min_forward=None, min_backward=Duration(seconds=-JUMP), on_clock_change=False
         )
-        self._jumps = self.get_clock().create_jump_callback(back, post_callback=self._jumped)
+        self._jumps = self.get_clock().create_jump_callback(back, post_callback=self._on_jump)
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -91,7 +91,7 @@ class StrapdownNode(Node):  # type: ignore[misc]
             return None
         return pose_of_transform(found.transform)
 
-    def _publish(self, it: Shown) -> None:
+    def _publish(self, it: BaseState) -> None:
         world, base = self.config.world_frame, self.config.base_frame
         self._odometry.publish(fill_odometry(Odometry(), it, world, base))
         self._fix.publish(fill_fix(NavSatFix(), it, base))
@@ -114,7 +114,7 @@ class StrapdownNode(Node):  # type: ignore[misc]
         array.status.append(status)
         self._diagnostics.publish(array)
 
-    def _jumped(self, jump: Any) -> None:
+    def _on_jump(self, jump: Any) -> None:
         self.navigator.restart(f"ROS time jumped by {jump.delta.nanoseconds * 1e-9:+.1f} s")
 
 

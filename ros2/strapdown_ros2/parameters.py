@@ -78,7 +78,7 @@ class SourceInput(NamedTuple):
     adaptive: float
 
 
-class Config(NamedTuple):
+class NodeConfig(NamedTuple):
     """All that a node needs."""
 
     imu: ImuInput
@@ -102,7 +102,7 @@ class Config(NamedTuple):
     verdict_every: float
 
 
-def nested(given: Mapping[str, Any]) -> dict[str, Any]:
+def tables_of(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters with dots in their names as tables.
 
     Raises
@@ -112,7 +112,7 @@ def nested(given: Mapping[str, Any]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> nested({"lag": 0.5, "imu.topic": "/imu"})
+    >>> tables_of({"lag": 0.5, "imu.topic": "/imu"})
     {'lag': 0.5, 'imu': {'topic': '/imu'}}
     """
     found: dict[str, Any] = {}
@@ -128,8 +128,8 @@ def nested(given: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def config_of(given: Mapping[str, Any]) -> Config:
-    """Return the Config of parameters by name, such as {"imu.topic": "/imu/data"}.
+def config_of(given: Mapping[str, Any]) -> NodeConfig:
+    """Return the NodeConfig of parameters by name, such as {"imu.topic": "/imu/data"}.
 
     Parameters
     ----------
@@ -141,12 +141,12 @@ def config_of(given: Mapping[str, Any]) -> Config:
     DataError
         If a parameter is unknown, missing or out of range.
     """
-    table = nested(given)
+    table = tables_of(given)
     names = _names(table)
     check_keys(table, (*TOP, *names, *OF_ROS))
     lag = check_number(table.get("lag", 1.0), "lag", "s", least=0)
     heading = table.get("heading")
-    return Config(
+    return NodeConfig(
         _imu(_table(table, "imu")),
         tuple(_source(name, _table(table, name)) for name in names),
         _text(table.get("filter", "closed-loop"), "filter"),
@@ -200,7 +200,7 @@ def _texts(value: Any, where: str) -> list[str]:
     return [_text(each, where) for each in value]
 
 
-def _required(part: Mapping[str, Any], key: str, where: str) -> str:
+def _needed_text(part: Mapping[str, Any], key: str, where: str) -> str:
     if key not in part:
         raise DataError(f"{where}.{key} is missing; give it")
     return _text(part[key], f"{where}.{key}")
@@ -251,8 +251,8 @@ def _mount(part: Mapping[str, Any], where: str) -> Mount | None:
 def _imu(part: Mapping[str, Any]) -> ImuInput:
     check_keys(part, OF_IMU, "imu")
     return ImuInput(
-        _required(part, "topic", "imu"),
-        _required(part, "grade", "imu"),
+        _needed_text(part, "topic", "imu"),
+        _needed_text(part, "grade", "imu"),
         check_choice(part.get("stamp", "header"), "imu.stamp", STAMPS),
         plain(str(part.get("frame", ""))),
         _mount(part, "imu"),
@@ -267,7 +267,7 @@ def _source(name: str, part: Mapping[str, Any]) -> SourceInput:
     adaptive = check_number(part.get("adaptive", 0.0), f"{name}.adaptive", "s", least=0)
     return SourceInput(
         name,
-        _required(part, "topic", name),
+        _needed_text(part, "topic", name),
         kind,
         check_choice(part.get("message", usual[0]), f"{name}.message", usual),
         check_choice(part.get("stamp", "header"), f"{name}.stamp", STAMPS),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ros_double import as_rosbags, message_class, store
+from ros_made import fix, imu, message, odometry
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
@@ -15,9 +16,9 @@ from strapdown.core.loop.contract import INVALID, VALID, FilterState
 from strapdown.geometry.geodesy import displace_lla, displacement
 from strapdown_ros2 import conversions
 from strapdown_ros2.conversions import (
-    Clock,
     Increments,
     LocalFrame,
+    RosClock,
     UnusedMessage,
     reading_of,
     shown_state,
@@ -34,48 +35,6 @@ USED = (
     *("diagnostic_msgs/msg/DiagnosticArray", "diagnostic_msgs/msg/DiagnosticStatus"),
     *("diagnostic_msgs/msg/KeyValue", "std_msgs/msg/Header", "sensor_msgs/msg/NavSatStatus"),
 )
-
-
-def message(name, **values):
-    """A message, its fields given as paths with double underscores."""
-    made = message_class(name)()
-    for path, value in values.items():
-        *parents, last = path.split("__")
-        inner = made
-        for parent in parents:
-            inner = getattr(inner, parent)
-        if isinstance(value, tuple):
-            for axis, each in zip("xyzw", value):
-                setattr(getattr(inner, last), axis, each)
-        else:
-            setattr(inner, last, value)
-    return made
-
-
-def imu(gyro=(0.0, 0.0, 0.0), accel=(0.0, 0.0, 9.8), **values):
-    return message(
-        "sensor_msgs/msg/Imu", angular_velocity=gyro, linear_acceleration=accel, **values
-    )
-
-
-def fix(lat=47.0, lon=8.5, height=400.0, variances=(4.0, 1.0, 9.0), kind=2, status=0):
-    return message(
-        "sensor_msgs/msg/NavSatFix",
-        latitude=lat,
-        longitude=lon,
-        altitude=height,
-        position_covariance=np.diag(variances).ravel(),
-        position_covariance_type=kind,
-        status__status=status,
-    )
-
-
-def odometry(linear, variances=(0.0,) * 6):
-    return message(
-        "nav_msgs/msg/Odometry",
-        twist__twist__linear=linear,
-        twist__covariance=np.diag(variances).ravel(),
-    )
 
 
 def test_the_definitions_are_those_of_each_distribution():
@@ -103,7 +62,7 @@ def test_only_the_node_needs_ros():
 
 
 def test_times_count_from_midnight_to_the_nanosecond():
-    clock = Clock(YEAR_2024)
+    clock = RosClock(YEAR_2024)
     assert clock.absolute
     for stamp in (YEAR_2024, YEAR_2024 + 1, YEAR_2024 + 86_400_000_000_001):
         t = clock.time("/imu", stamp)
@@ -112,13 +71,13 @@ def test_times_count_from_midnight_to_the_nanosecond():
 
 
 def test_stamps_that_are_missing_or_of_another_clock_are_not_used():
-    simulated = Clock(47_580_000_000)
+    simulated = RosClock(47_580_000_000)
     assert not simulated.absolute and simulated.time("/imu", 47_600_000_000) == 47.6
     assert simulated.stamp(47.6) == 47_600_000_000
     for clock, stamp, why in (
         (simulated, 0, "without stamp"),
         (simulated, YEAR_2024, "another clock"),
-        (Clock(YEAR_2024), 47_580_000_000, "another clock"),
+        (RosClock(YEAR_2024), 47_580_000_000, "another clock"),
     ):
         with pytest.raises(UnusedMessage, match=why):
             clock.time("/fix", stamp)

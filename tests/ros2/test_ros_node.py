@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from ros_double import as_rosbags, message_class, run_node, store
-from test_ros_conversions import fix, imu, odometry
+from ros_made import fix, imu, odometry
 
 import strapdown as sd
 

@@ -99,8 +99,16 @@ def test_what_must_be_given_is_named(missing):
         config_of(given)
 
 
-def test_the_example_is_complete():
-    text = (ROOT / "ros2" / "config" / "example.yaml").read_text(encoding="utf-8")
+def of_page():
+    """The parameter file of the page."""
+    page = (ROOT / "docs" / "how-to" / "ros2.md").read_text(encoding="utf-8")
+    return page.partition("```text\nstrapdown:")[2].partition("```")[0]
+
+
+@pytest.mark.parametrize("where", ["page", "folder"])
+def test_the_example_is_complete(where):
+    file = ROOT / "ros2" / "config" / "example.yaml"
+    text = file.read_text(encoding="utf-8") if where == "folder" else "strapdown:" + of_page()
     given = YAML(typ="safe").load(text)["strapdown"]["ros__parameters"]
     assert [each.name for each in config_of(flat(given)).sources] == given["sources"]
 
