@@ -20,5 +20,5 @@ setup(
     python_requires=">=3.11",
     install_requires=["setuptools", "strapdown==0.2.0"],
     zip_safe=True,
-    entry_points={"console_scripts": [f"strapdown = {NAME}.node:main"]},
+    entry_points={"console_scripts": [f"navigator = {NAME}.node:main"]},
 )

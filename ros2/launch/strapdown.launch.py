@@ -17,7 +17,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("config", default_value=str(example)),
             Node(
                 package="strapdown_ros2",
-                executable="strapdown",
+                executable="navigator",
                 name="strapdown",
                 parameters=[LaunchConfiguration("config")],
                 output="screen",

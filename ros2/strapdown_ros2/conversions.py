@@ -16,8 +16,9 @@ import strapdown as sd
 from strapdown.core.loop.contract import ATT, BG, INVALID, POS, VEL, FilterState
 from strapdown.core.mathematics.rotation import matrix_to_quaternion
 from strapdown.geometry.geodesy import displace_lla, ned_axes, to_ecef
+from strapdown.geometry.rotations import Rotation
 from strapdown.io.decoding.robots.robot_streams import SECOND, YEAR_2000
-from strapdown.io.decoding.robots.ros_transforms import plain
+from strapdown.io.decoding.robots.ros_transforms import Pose, plain
 from strapdown.io.solutions.tum import FLU as SIGNS, TURN
 from strapdown.preprocessing.axes import rotate_rows
 from strapdown.preprocessing.imu_samples import GAP_MEDIANS, MAX_INTERVAL
@@ -387,10 +388,20 @@ def fill_odometry(message: Any, it: BaseState, world: str, base: str) -> Any:
     return message
 
 
-def fill_transform(message: Any, it: BaseState, world: str, base: str) -> Any:
-    """Return a geometry_msgs/TransformStamped from the world to the base frame."""
+def odom_state(it: BaseState, in_odom: Pose) -> BaseState:
+    """Return the state with place and attitude of the odometry's frame, in which the base frame has
+    the pose `in_odom`."""
+    x, y, z, w = it.q
+    base = Pose(Rotation.from_wxyz((w, x, y, z)).as_matrix(), it.place)
+    found = base.of(in_odom.inverse)
+    w, x, y, z = Rotation.from_matrix(found.C).as_wxyz().tolist()
+    return it._replace(place=found.t, q=(x, y, z, w))
+
+
+def fill_transform(message: Any, it: BaseState, world: str, child: str) -> Any:
+    """Return a geometry_msgs/TransformStamped from the world to the frame of the state."""
     fill_header(message.header, it.stamp, world)
-    message.child_frame_id = base
+    message.child_frame_id = child
     _set(message.transform.translation, "xyz", it.place)
     _set(message.transform.rotation, "xyzw", it.q)
     return message

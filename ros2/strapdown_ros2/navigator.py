@@ -361,7 +361,7 @@ class Navigator:
             return NodeStatus(STALE, f"no IMU message on {self.config.imu.topic}", values)
         if live is None or live.waits_for:
             waits = self.waits_for if live is None else live.waits_for
-            return NodeStatus(WARN, f"waits for {waits}", values + self._of_live(live))
+            return NodeStatus(WARN, f"waiting: {waits}", values + self._of_live(live))
         name, silent = Status(live.status).name.lower(), live.silent
         values += self._of_live(live)
         if live.status == VALID and not silent:

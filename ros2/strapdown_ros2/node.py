@@ -20,7 +20,7 @@ from sensor_msgs.msg import Imu, NavSatFix
 from strapdown.checks import DataError
 from strapdown.io.decoding.robots.ros_transforms import Pose
 
-from .conversions import BaseState, fill_fix, fill_header, fill_odometry, fill_transform
+from .conversions import BaseState, fill_fix, fill_header, fill_odometry, fill_transform, odom_state
 from .mounts import pose_of_transform
 from .navigator import Navigator
 from .parameters import config_of
@@ -85,18 +85,32 @@ class StrapdownNode(Node):  # type: ignore[misc]
             )
 
     def _pose(self, frame: str) -> Pose | None:
+        """Return the pose of a frame in the base frame; None where tf does not know it."""
+        return self._pose_in(self.config.base_frame, frame, 0)
+
+    def _pose_in(self, other: str, frame: str, stamp: int) -> Pose | None:
+        """Return the pose of a frame in another one at a stamp, ns, or the newest one at 0."""
         try:
-            found = self._buffer.lookup_transform(self.config.base_frame, frame, Time())
+            found = self._buffer.lookup_transform(other, frame, Time(nanoseconds=stamp))
         except tf2_ros.TransformException:
             return None
         return pose_of_transform(found.transform)
 
     def _publish(self, it: BaseState) -> None:
-        world, base = self.config.world_frame, self.config.base_frame
+        world, base, odom = self.config.world_frame, self.config.base_frame, self.config.odom_frame
         self._odometry.publish(fill_odometry(Odometry(), it, world, base))
         self._fix.publish(fill_fix(NavSatFix(), it, base))
-        if self.config.publish_tf:
+        if not self.config.publish_tf:
+            return
+        if not odom:
             self._tf.sendTransform(fill_transform(TransformStamped(), it, world, base))
+            return
+        in_odom = self._pose_in(odom, base, it.stamp) or self._pose_in(odom, base, 0)
+        if in_odom is None:
+            self.get_logger().warning(f"no transform {odom} -> {base}: no tf is sent", once=True)
+            return
+        moved = odom_state(it, in_odom)
+        self._tf.sendTransform(fill_transform(TransformStamped(), moved, world, odom))
 
     def _diagnose(self) -> None:
         now = self._now()

@@ -26,7 +26,16 @@ OF_ROS = ("use_sim_time", "qos_overrides", "start_type_description_service")
 TOP = (
     *("imu", "sources", "filter", "vehicle", "options", "estimate"),
     *("lag", "replay", "align_within", "history", "place", "heading"),
-    *("base_frame", "world_frame", "origin", "rate", "publish_tf", "tf_within", "verdict_every"),
+    *(
+        "base_frame",
+        "world_frame",
+        "odom_frame",
+        "origin",
+        "rate",
+        "publish_tf",
+        "tf_within",
+        "verdict_every",
+    ),
 )
 OF_IMU = ("topic", "grade", "stamp", "frame", "axes", "mounting", "lever_arm")
 OF_SOURCE = (
@@ -95,6 +104,7 @@ class NodeConfig(NamedTuple):
     heading: float | None  # rad
     base_frame: str
     world_frame: str
+    odom_frame: str  # empty: tf leads from the world to the base frame
     origin: tuple[float, float, float] | None  # rad, rad, m
     rate: float
     publish_tf: bool
@@ -161,6 +171,7 @@ def config_of(given: Mapping[str, Any]) -> NodeConfig:
         None if heading is None else float(np.radians(check_number(heading, "heading", "deg"))),
         plain(_text(table.get("base_frame", "base_link"), "base_frame")),
         plain(_text(table.get("world_frame", "map"), "world_frame")),
+        plain(_text(table["odom_frame"], "odom_frame")) if "odom_frame" in table else "",
         _place(table, "origin"),
         _number(table, "rate", 20.0, "Hz", above=0, infinite=True),
         check_flag(table.get("publish_tf", True), "publish_tf"),

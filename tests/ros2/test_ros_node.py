@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from ros_double import as_rosbags, run_node, store
 from ros_made import fix, imu, odometry
+from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 
@@ -127,6 +128,30 @@ def test_an_origin_and_frames_of_ones_own(vehicle):
     assert odom.pose.pose.position.z == pytest.approx(98.5, abs=3.0)
 
 
+def test_with_an_odometry_tf_leads_from_the_world_to_its_frame(vehicle):
+    turned = [0.0, 0.0, np.sin(0.3), np.cos(0.3)]
+    it = vehicle(
+        transforms=AT | {("odom", "base_link"): ([3.0, 4.0, 0.5], turned)}, odom_frame="odom"
+    )
+    it.stand(11)
+    transform, odom = it.ros.published["/tf"][-1], it.shown()[-1].pose.pose
+    assert (transform.header.frame_id, transform.child_frame_id) == ("map", "odom")
+    of_odom = Rotation.from_quat([getattr(transform.transform.rotation, axis) for axis in "xyzw"])
+    of_base = Rotation.from_quat([getattr(odom.orientation, axis) for axis in "xyzw"])
+    assert (of_odom * Rotation.from_quat(turned) * of_base.inv()).magnitude() < 1e-9
+    place = [getattr(transform.transform.translation, axis) for axis in "xyz"]
+    np.testing.assert_allclose(
+        of_odom.apply([3.0, 4.0, 0.5]) + place, [getattr(odom.position, axis) for axis in "xyz"]
+    )
+
+
+def test_without_the_transform_of_the_odometry_one_line_says_so(vehicle):
+    it = vehicle(odom_frame="odom")
+    it.stand(11)
+    assert it.shown() and "/tf" not in it.ros.published
+    assert "no transform odom -> base_link: no tf is sent" in it.ros.told
+
+
 def test_before_the_first_message_it_says_what_it_waits_for(vehicle):
     it = vehicle()
     it.ros.tick()
@@ -134,7 +159,7 @@ def test_before_the_first_message_it_says_what_it_waits_for(vehicle):
     it.stand(1, sends=("/imu",))
     assert it.diagnosis()[:2] == (
         1,
-        "waits for gnss: a message on /fix with its frame (or gnss.frame)",
+        "waiting: gnss: a message on /fix with its frame (or gnss.frame)",
     )
     it.stand(11)
     assert it.ros.told[-1] == "valid" or "valid" in it.ros.told
@@ -146,7 +171,7 @@ def test_before_the_first_message_it_says_what_it_waits_for(vehicle):
 def test_the_imu_waits_for_its_transform(vehicle):
     it = vehicle(transforms={})
     it.stand(12)
-    assert it.diagnosis()[1] == "waits for the transform base_link -> imu_link"
+    assert it.diagnosis()[1] == "waiting: the transform base_link -> imu_link"
     it.ros.transforms |= AT
     it.stand(1)
     assert it.diagnosis()[1] == "valid"  # what came before was kept

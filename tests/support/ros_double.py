@@ -140,7 +140,7 @@ class Ros:
                 "QoSProfile": lambda **given: given,
                 "ReliabilityPolicy": types.SimpleNamespace(BEST_EFFORT=2),
             },
-            ".time": {"Time": object},
+            ".time": {"Time": lambda nanoseconds=0: nanoseconds},
         }
         found |= {f"rclpy{name}": _module(f"rclpy{name}", **own) for name, own in rclpy.items()}
         found["tf2_ros"] = _module(
@@ -234,7 +234,8 @@ class Node:
         )
 
     def get_logger(self):
-        return types.SimpleNamespace(warning=self.ros.told.append)
+        ros = self.ros
+        return types.SimpleNamespace(warning=lambda text, *, once=False: ros.told.append(text))
 
 
 def run_node(monkeypatch, parameters, transforms=()):
