@@ -129,6 +129,7 @@ class StrapdownNode(Node):  # type: ignore[misc]
         self._diagnostics.publish(array)
 
     def _on_jump(self, jump: Any) -> None:
+        self._buffer.clear()  # of what is now the future; fixed transforms stay
         self.navigator.restart(f"ROS time jumped by {jump.delta.nanoseconds * 1e-9:+.1f} s")
 
 

@@ -145,7 +145,9 @@ class Ros:
         found |= {f"rclpy{name}": _module(f"rclpy{name}", **own) for name, own in rclpy.items()}
         found["tf2_ros"] = _module(
             "tf2_ros",
-            Buffer=lambda: types.SimpleNamespace(lookup_transform=self._lookup),
+            Buffer=lambda: types.SimpleNamespace(
+                lookup_transform=self._lookup, clear=lambda: self.told.append("tf cleared")
+            ),
             TransformListener=lambda buffer, node: None,
             TransformBroadcaster=lambda node: types.SimpleNamespace(
                 sendTransform=lambda message: ros.published.setdefault("/tf", []).append(message)
