@@ -100,7 +100,8 @@ OF_DRIVE |= {f"{name}.kind": name for name in OF_DRIVE["sources"]}
 
 @pytest.fixture(scope="module")
 def driven():
-    """A drive with a magnetometer, a barometer and wheels, at stamps between whole ms."""
+    """A drive with a magnetometer, a barometer and wheels, at stamps between whole ms; IMU messages and
+    fixes are missing."""
     recording = sd.simulate("car", duration=40.0, seed=3)
     stamps = START + 123_456 + np.round(recording.imu.t * 1e9).astype(np.int64)
     forces = (recording.imu.dtheta, recording.imu.dv)
@@ -118,11 +119,13 @@ def driven():
     first, fix, velocity = drive("cdr", recording)
     of_fix = fix.times - 60_000_000
     lla = recording.sources[0].y * [*np.degrees([1.0, 1.0]), 1.0]
+    there = np.setdiff1d(np.arange(len(stamps)), [1500, 1501, 1502, 2500])  # two gaps
+    samples = imu("cdr", stamps[there], *(each[there] for each in rates))
     some = np.arange(len(lla))
     std = np.c_[1.0 + 0.01 * some, 1.1 + 0.02 * some, 2.0 + 0.03 * some]
     status = np.where(some % 7 == 3, -1, 0)
     topics = [
-        first._replace(payloads=imu("cdr", stamps, *rates), times=stamps),
+        first._replace(payloads=samples, times=stamps[there]),
         fix._replace(payloads=fixes("cdr", of_fix, lla, std, status)),
         velocity,
         Written("/mag", "sensor_msgs/msg/MagneticField", field("cdr", stamps[slow], fields[slow], "mag"), stamps[slow]),
