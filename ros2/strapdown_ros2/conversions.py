@@ -6,7 +6,6 @@ Axes and units: REP 103 (SI; body forward, left, up; world east, north, up), REP
 definitions of the messages. Times and increments are those that `strapdown.read` makes of a bag.
 """
 
-from collections import deque
 from math import isfinite, nan, sqrt
 from typing import Any, NamedTuple
 
@@ -21,15 +20,13 @@ from strapdown.io.decoding.robots.robot_streams import SECOND, YEAR_2000
 from strapdown.io.decoding.robots.ros_transforms import Pose, plain
 from strapdown.io.solutions.tum import FLU as SIGNS, TURN
 from strapdown.preprocessing.axes import rotate_rows
-from strapdown.preprocessing.imu_samples import GAP_MEDIANS, MAX_INTERVAL
+from strapdown.preprocessing.imu_samples import StreamIntervals
 from strapdown.typing import Array
 from strapdown.units.conversion import factor
 from strapdown.units.time_scales import midnight, seconds_since, unix_from_gps
 
 from .mounts import Mount
 
-RECENT = 51
-"""Number of intervals of which the median stands for that of a sample after a gap."""
 NANOSECOND = factor("ns", "time")
 DEGREE = factor("deg", "angle")
 NO_FIX, NO_STD = "no fix", "without covariance"
@@ -102,12 +99,10 @@ class RosClock:
 
 
 class Increments:
-    """Samples from the rates and forces of an IMU, by the rule of `strapdown.read`: each counts over
-    the time since the one before; after a gap, over the median of the intervals before it."""
+    """Samples from the rates and forces of an IMU: each counts over its interval of a stream."""
 
     def __init__(self, mount: Mount) -> None:
-        self._mount, self._last = mount, nan
-        self._recent: deque[float] = deque(maxlen=RECENT)
+        self._mount, self._intervals = mount, StreamIntervals()
 
     def sample(self, t: float, message: Any) -> sd.Sample | None:
         """Return the Sample of a sensor_msgs/Imu at t s; None of the first, which has no interval.
@@ -125,19 +120,11 @@ class Increments:
         rates = np.array([_xyz(message.angular_velocity), _xyz(message.linear_acceleration)])
         if not np.isfinite(rates).all():
             raise UnusedMessage(NO_NUMBER)
-        dt, self._last = self._interval(t), t
+        dt = self._intervals.interval(t)
         if dt is None:
             return None
         gyro, accel = _in_body(rates * dt, self._mount)
         return sd.Sample(t, dt, gyro, accel)
-
-    def _interval(self, t: float) -> float | None:
-        dt, recent = t - self._last, self._recent
-        usual = sorted(recent)[len(recent) // 2] if recent else MAX_INTERVAL / GAP_MEDIANS
-        if 0 < dt <= GAP_MEDIANS * usual:
-            recent.append(dt)
-            return dt
-        return usual if recent else None
 
 
 def _xyz(vector: Any) -> tuple[float, float, float]:

@@ -104,6 +104,7 @@ class Navigator:
         self._frame = None if config.origin is None else LocalFrame(np.array(config.origin))
         self._verdict, self._verdict_due = "", -inf
         self._said = ""  # the last message of a NodeStatus
+        self._is_at_start = True  # where place and heading hold
         # refuses and compiles before the first message comes
         self._stream({}, Mount.none(), None)
         self._wait()
@@ -127,7 +128,11 @@ class Navigator:
         self._due = -inf
 
     def restart(self, reason: str) -> None:
-        """Begin anew from the next messages, in the same world frame."""
+        """Begin from the next messages as at the start, in the same world frame."""
+        self._is_at_start = True
+        self._begin_anew(reason)
+
+    def _begin_anew(self, reason: str) -> None:
         self.restarts += 1
         self._tell(f"{reason}: beginning anew")
         self._wait()
@@ -253,8 +258,10 @@ class Navigator:
         measured = any(each.kind == "position" for each in self.config.sources)
         lla = () if place is None or measured else place
         rph = () if heading is None else (nan, nan, heading)
+        if not self._is_at_start or not (lla or rph):
+            return None
         t = clock.time(self.config.imu.topic, self._first_imu)
-        return sd.InitialState(t, lla=lla, rph=rph) if lla or rph else None
+        return sd.InitialState(t, lla=lla, rph=rph)
 
     def _source(self, own: SourceInput, arm: Array, clock: RosClock | None) -> sd.Source:
         kind = aiding.find(own.kind)
@@ -310,7 +317,8 @@ class Navigator:
         if live is None or sample is None:
             return
         if self._went_back(t, live.stream.newest):
-            self.restart(
+            self._is_at_start = False
+            self._begin_anew(
                 f"the stamps of the IMU went back by {live.stream.newest - self._behind:.1f} s"
             )
             return

@@ -272,14 +272,24 @@ def test_time_that_jumps_back_begins_anew(vehicle):
     assert len(it.shown()) > before and it.shown()[-1].header.stamp.sec == START // SECOND + 11
 
 
-def test_stamps_of_the_imu_that_go_back_for_good_begin_anew(vehicle):
+@pytest.mark.parametrize("shift", [30, 1000])
+def test_stamps_of_the_imu_that_go_back_for_good_begin_anew(vehicle, shift):
     it = vehicle()
     it.stand(11)
-    it.stand(13, shift=-30)
-    assert any(
-        re.search(r"went back by (29.9|30.0) s: beginning anew", line) for line in it.ros.told
-    )
-    assert it.diagnosis()[1] == "valid" and it.diagnosis()[2]["restarts"] == "1"
+    it.stand(13, shift=-shift)
+    back = [re.search(r"went back by (\d+\.\d) s: beginning anew", line) for line in it.ros.told]
+    assert [float(each[1]) for each in back if each] == [pytest.approx(shift, abs=0.15)]
+    assert it.diagnosis()[2]["restarts"] == "1"
+    assert "heading unknown" in it.diagnosis()[1]  # the vehicle may have turned
+
+
+def test_stamps_of_the_imu_that_step_ahead_for_good_align_anew(vehicle):
+    it = vehicle()
+    it.stand(11)
+    it.stand(13, shift=1000)
+    values = it.diagnosis()[2]
+    assert (values["alignments"], values["restarts"]) == ("1", "0")
+    assert "heading unknown" in it.diagnosis()[1]
 
 
 def test_a_single_stamp_of_another_time_does_no_harm(vehicle):
