@@ -42,12 +42,12 @@ OF_SOURCE = (
     *("topic", "kind", "message", "stamp", "frame", "axes", "lever_arm"),
     *("std", "field", "gate", "robust", "adaptive"),
 )
-TWISTS = ("TwistStamped", "TwistWithCovarianceStamped", "Odometry")
+TWISTS = ("TwistStamped", "TwistWithCovarianceStamped")
 MESSAGES: Mapping[str, tuple[str, ...]] = {
     "position": ("NavSatFix",),
     "velocity": TWISTS,
-    "speed": ("Odometry", "TwistStamped", "TwistWithCovarianceStamped"),
-    "body-velocity": TWISTS,
+    "speed": ("Odometry", *TWISTS),
+    "body-velocity": (*TWISTS, "Odometry"),
     "magnetic-field": ("MagneticField",),
     "pressure": ("FluidPressure",),
 }

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ros_double import as_rosbags, message_class, store
-from ros_made import fix, imu, message, odometry
+from ros_made import fix, imu, message, odometry, of_receiver
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
@@ -175,9 +175,9 @@ def test_a_fix_without_a_height_measures_the_rest():
 
 
 def test_the_velocity_of_a_receiver_is_north_east_down():
-    given = odometry((1.0, 2.0, 3.0), (1.0, 4.0, 9.0, 0, 0, 0))
+    given = of_receiver((1.0, 2.0, 3.0), (1.0, 4.0, 9.0, 0, 0, 0))
     assert reading_of("velocity", given, NONE, None) == ((2.0, 1.0, -3.0), (2.0, 1.0, 3.0))
-    flat = reading_of("velocity", odometry((1.0, 2.0, 0.0), (1.0,) * 6), NONE, None)
+    flat = reading_of("velocity", of_receiver((1.0, 2.0, 0.0), (1.0,) * 6), NONE, None)
     assert np.isnan(flat.y[2])  # a receiver that has none sends 0
 
 

@@ -38,6 +38,15 @@ def fix(lat=47.0, lon=8.5, height=400.0, variances=(4.0, 1.0, 9.0), kind=2, stat
     )
 
 
+def of_receiver(linear, variances):
+    """The velocity of a receiver, east, north, up."""
+    return message(
+        "geometry_msgs/msg/TwistWithCovarianceStamped",
+        twist__twist__linear=linear,
+        twist__covariance=np.diag(variances).ravel(),
+    )
+
+
 def odometry(linear, variances=(0.0,) * 6):
     return message(
         "nav_msgs/msg/Odometry",
