@@ -18,6 +18,9 @@ from strapdown.typing import Array
 from strapdown.units.time_scales import iso
 
 from .conversions import (
+    NO_STAMP,
+    NO_STD,
+    OTHER_CLOCK,
     BaseState,
     Increments,
     LocalFrame,
@@ -153,12 +156,15 @@ class Navigator:
         if self.live is not None:
             self._use(source, message, stamp)
             return
+        if not stamp:
+            self._leave(source, NO_STAMP)
+            return
         if len(self._held) == MAX_HELD:
             self._leave(self._held.popleft().source, WAITING)
         self._held.append(_Held(source, message, stamp))
         if frame := frame_of(message):
             self._frames.setdefault(source, frame)
-        if source == IMU and stamp:
+        if source == IMU:
             self._first_imu = self._first_imu or stamp
             self._begin(stamp)
 
@@ -184,7 +190,7 @@ class Navigator:
             self.waits_for = self._lacks(missing[0])
             return
         for k in missing:
-            self._tell(f"{self._lacks(k)} did not come in {waited:.0f} s; begun without it")
+            self._tell(f"{self._lacks(k)}: missing for {waited:.0f} s; begun without it")
         self._clock, self._arm = RosClock(self._first_imu), imu.arm
         self._increments = Increments(imu)
         self._mounts = {k: mount for k, mount in mounts.items() if mount is not None}
@@ -211,7 +217,7 @@ class Navigator:
         if own.mount is not None:
             return own.mount
         frame = own.frame or self._frames.get(source, "")
-        if not frame or (own.kind in ("speed", "body-velocity") and WORLD.search(frame)):
+        if not frame or WORLD.search(frame):
             return None
         pose = self._pose(frame)
         return None if pose is None else mount_at(pose)
@@ -226,7 +232,7 @@ class Navigator:
         if not frame:
             return f"{own.name}: a message on {own.topic} with its frame (or {own.name}.frame)"
         if WORLD.search(frame):
-            return f"{own.name}: {own.name}.frame, since {frame} is fixed to the ground, "
+            return f"{own.name}: {own.name}.frame, since {frame} is fixed to the ground"
         return f"{own.name}: the transform {self.config.base_frame} -> {frame}"
 
     def _stream(
@@ -404,8 +410,8 @@ class Navigator:
 
 
 REMEDIES = {
-    "without covariance": "; give {}.std",
-    "without stamp": "; let its driver stamp it, or give {0}.stamp: arrival",
-    "on another clock": "; synchronise its driver, or give {0}.stamp: arrival",
+    NO_STD: "; give {}.std",
+    NO_STAMP: "; let its driver stamp it, or give {}.stamp: arrival",
+    OTHER_CLOCK: "; synchronise its driver, or give {}.stamp: arrival",
 }
 """{reason why a message is not used: what to do}."""

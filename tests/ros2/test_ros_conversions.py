@@ -301,7 +301,7 @@ def test_a_fix_out_has_degrees_and_a_known_covariance():
 
 def test_the_pose_is_that_of_a_tum_file(tmp_path):
     """Another writer of the same frames."""
-    recording = sd.simulate("car", duration=20.0, seed=3)
+    recording = sd.simulate("car", duration=10.0, seed=3)
     solution = sd.fuse(recording)
     path, k = solution.trajectory, len(solution.t) - 1
     sd.write_solution(solution, tmp_path / "a.tum")
