@@ -108,7 +108,7 @@ def driven():
     rates = [TURNED.inv().apply(each / recording.imu.dt[:, None] * FLU) for each in forces]
     path = recording.reference
     at = np.interp(recording.imu.t, path.t, np.arange(len(path.t))).astype(int)
-    turn = Rotation.from_quat(path.q_nb[at], scalar_first=True)
+    turn = Rotation.from_quat(path.q_nb[at][:, [1, 2, 3, 0]])
     speed = turn.inv().apply(path.v_n[at])[:, 0]
     earth = np.array(sd.geomagnetic_field("2024-05-01", *path.lla[0]).field)
     of_mag = Rotation.from_quat(MOUNTED["mag"][1])

@@ -306,7 +306,7 @@ def test_the_pose_is_that_of_a_tum_file(tmp_path):
     path, k = solution.trajectory, len(solution.t) - 1
     sd.write_solution(solution, tmp_path / "a.tum")
     row = np.loadtxt(tmp_path / "a.tum")[k]
-    C = Rotation.from_quat(path.q_nb[k], scalar_first=True).as_matrix()
+    C = Rotation.from_quat(path.q_nb[k][[1, 2, 3, 0]]).as_matrix()
     state = a_state(path.lla[k])._replace(C_nb=C, v_n=path.v_n[k])
     it = shown_at(state, LocalFrame(path.lla[0]), np.zeros(3))
     np.testing.assert_allclose([*it.place, *it.q], row[1:], atol=2e-6)
