@@ -233,6 +233,8 @@ STUDIES = (
         {
             "iekf, starts far off": measured(GEOMETRY["home"]),
             "iekf, ANEES beside the closed loop": measured(GEOMETRY["flights"]),
+            "iekf, cells that refuse the closed loop": measured(GEOMETRY["refused"]),
+            "iekf, all cells": measured(GEOMETRY["cells"]),
         },
     ),
     Study(
