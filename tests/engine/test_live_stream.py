@@ -99,6 +99,54 @@ def test_after_a_long_gap_or_another_clock_it_aligns_anew(away):
     assert np.abs(off[:2] * 6.4e6).max() < 10.0
 
 
+@pytest.mark.parametrize("back", [0.8, 5.0, 40.0])
+@pytest.mark.parametrize("lag", [0.0, 0.2])
+def test_after_a_short_step_back_of_the_clock_it_aligns_anew_within_a_second(back, lag):
+    first, second, told = flight(), flight(seed=8), []
+    live = live_of(first, lag=lag, on_event=lambda t, text: told.append((t, text)))
+    play(live, events_of(first))
+    for event in shifted(events_of(second), 20.0 - back):
+        live.step(event)
+        if event.t > 21.0 - back:
+            assert live.alignments == 1 and live.stream.newest == pytest.approx(event.t, abs=0.1)
+    assert live.started and live.status == VALID
+    ((t, text),) = [event for event in told if "aligning anew" in event[1]]
+    assert text.endswith("s back in the time of the samples: aligning anew")
+    assert float(text.split()[0]) == pytest.approx(back, abs=0.1) and t < 20.1 - back
+    assert np.abs((second.reference.lla[-1] - live.now.lla)[:2] * 6.4e6).max() < 10.0
+
+
+@pytest.mark.parametrize("started", [False, True])
+def test_a_sender_that_repeats_what_it_sent_has_no_other_clock(started):
+    recording, begin = flight(), start(flight())
+    more = {"start": begin} if started else {}
+    live, plain = live_of(recording, **more), live_of(recording, **more)
+    events = events_of(recording)
+    play(plain, events)
+    play(live, events[: len(events) // 3])
+    play(live, events)
+    live.finish(), plain.finish()
+    if started:  # an alignment may use a fix twice
+        assert np.array_equal(live.belief.P, plain.belief.P)
+    assert live.t == plain.t and live.alignments == 0 and sum(live.dropped_by.values()) > 100
+    assert live.dropped_by["at another time"] == live.dropped_by["invalid"] == 0
+
+
+def test_a_few_late_samples_are_late():
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    late = []
+    for event in events_of(recording):
+        plain.step(event)
+        live.step(event)
+        late += [event._replace(dt=0.04)] if type(event) is Sample else []
+        if len(late) == 40:  # eight of them, 2 s late
+            play(live, late[:8])
+            late.clear()
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert live.dropped_by["late"] == 80 and texts(live, "late samples dropped, up to 1.")
+
+
 def test_a_shorter_gap_is_one_of_the_batch():
     recording, begin = eventful(), start(flight())
     events = [event for event in events_of(recording) if not 6.0 < event.t <= 9.0]

@@ -27,7 +27,9 @@ LONG_GAP = 60.0
 """s without samples after which the attitude that the filter held is unknown: by the noise of a held gap
 its standard deviation is then 44 deg."""
 CONFIRMED = 1.0
-"""s for which samples must go on at another time before that is taken for the time."""
+"""s for which samples must go on at a later time before that is taken for the time."""
+CONFIRMED_BACK = 0.5
+"""The same of an earlier time, s, where the state stands still meanwhile."""
 MAX_SUSPECTS = 20_000
 """Largest number of samples that wait for that."""
 MAX_STEP = 1.0
@@ -95,10 +97,10 @@ class LiveStream:
     states, and `step` never raises on data.
 
     - Invalid samples and measurements are dropped, counted and reported.
-    - After 60 s without samples, where the time of the samples jumps by more than that, and where
-      the filter stops, the stream aligns anew from the samples and measurements since.
-    - Where the time of a sample steps ahead by more than 1 s, the stream goes on there once samples
-      have done so for 1 s, and drops it otherwise.
+    - After 60 s without samples, where the time of the samples steps back, and where the filter
+      stops, the stream aligns anew from the samples and measurements since.
+    - Where the time of a sample steps ahead by more than 1 s, or back by more than `lag`, the
+      stream goes on there once samples have done so for 1 s, or 0.5 s, and drops it otherwise.
     - A source that falls silent for 5 s, and ten of its intervals, is reported.
 
     Parameters
@@ -192,7 +194,7 @@ class LiveStream:
     def _take_sample(self, sample: Sample) -> None:
         try:
             away = sample.t - self._stream.newest
-            jumps = inf > away > SUSPICIOUS or -inf < away < -LONG_GAP
+            jumps = inf > away > SUSPICIOUS or -inf < away and sample.t <= self._stream.used_until
         except (TypeError, ValueError, OverflowError):  # which the stream refuses
             jumps = False
         if jumps:
@@ -249,8 +251,13 @@ class LiveStream:
         elif len(suspects) == MAX_SUSPECTS:
             self._drop_suspects()
         self._suspects.append(sample)
-        if sample.t - self._suspects[0].t >= CONFIRMED:
-            self._follow_suspects()
+        ahead = sample.t > self._stream.newest
+        if sample.t - self._suspects[0].t >= (CONFIRMED if ahead else CONFIRMED_BACK):
+            # a sender that repeats itself, after its line came back, has no other clock
+            if self._stream.holds(self._suspects):
+                self._drop_suspects()
+            else:
+                self._follow_suspects()
 
     def _follow_suspects(self) -> None:
         """Go on at the time of the suspects, after a gap or with a new alignment."""
@@ -259,17 +266,25 @@ class LiveStream:
         self._forget_suspects()
         if not 0 < jump <= LONG_GAP:
             where = "without samples" if jump > 0 else "back in the time of the samples"
-            self._align_anew(f"{abs(jump):.0f} s {where}", suspects[0].t)
+            self._align_anew(f"{abs(jump):.1f} s {where}", suspects[0].t)
             for fix in fixes:
                 self._pass_on(fix)
         for sample in suspects:
             self._pass_on(sample)
 
     def _drop_suspects(self) -> None:
-        self._dropped[OTHER_TIME] += len(self._suspects)
-        off = self._suspects[0].t - self._stream.newest
-        self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off:+.6g} s away")
+        """Count the suspects: those of the last minute are late, which the stream counts itself."""
+        suspects = self._suspects
         self._forget_suspects()
+        first, last = self._stream.newest - LONG_GAP, self._stream.used_until
+        others = [sample for sample in suspects if not first <= sample.t <= last]
+        for sample in suspects:
+            if first <= sample.t <= last:
+                self._pass_on(sample)
+        if others:
+            self._dropped[OTHER_TIME] += len(others)
+            off = f"{others[0].t - self._stream.newest:+.6g} s away"
+            self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off}")
 
     def _align_anew(self, reason: str, t: float) -> None:
         """Begin with a new stream that has not started."""

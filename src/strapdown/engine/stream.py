@@ -263,6 +263,22 @@ class Stream:
         return self._used
 
     @property
+    def used_until(self) -> float:
+        """Time up to which samples have been used, s; later ones that are not above it are dropped."""
+        return self._late
+
+    def holds(self, samples: Sequence[Sample]) -> bool:
+        """Return True where all these samples, with their values, are in the history."""
+        try:
+            given = np.array([[sample[0], *sample[2], *sample[3]] for sample in samples], float)
+            imu = self._live.samples if self._live else self._gathered.recording().imu
+        except (TypeError, ValueError, OverflowError):  # no samples, or no history
+            return False
+        columns = np.column_stack([imu.t, imu.dtheta, imu.dv])
+        row = np.searchsorted(imu.t[:-1], given[:, 0])
+        return len(columns) > 0 and np.array_equal(columns[row], given)
+
+    @property
     def estimated(self) -> OfImu:
         """{parameter of the IMU that is a state: prior standard deviations}."""
         return self._of_imu
