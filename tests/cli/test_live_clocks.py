@@ -33,8 +33,8 @@ def mapped(clock, stamps, arrived):
     """Times that the clock gives, NaN before it is ready."""
     found = []
     for stamp, at in zip(stamps.tolist(), arrived.tolist()):
-        clock.take(stamp, at)
-        found.append(clock.time(stamp) if clock.ready else np.nan)
+        taken = clock.take(stamp, at)
+        found.append(clock.time(stamp) if taken and clock.ready else np.nan)
     return np.array(found)
 
 
@@ -75,6 +75,39 @@ def test_a_device_that_restarts_is_another_clock():
     assert clock.restarts == 1
     assert np.nanmax(np.abs(found - best)[3200:]) < 5e-3
     assert (np.diff(stamps[3000:]) > 0).all() and BIN == 1.0
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e300, -1e6, 100.0, -100.0])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_single_wrong_stamp_moves_nothing(wrong, first):
+    """The first one, then one in each second."""
+    stamps, arrived, _ = stamped(20.0)
+    bad = stamps.copy()
+    bad[0 if first else 50 :: 100] += wrong
+    clock = ArrivalClock()
+    found = mapped(clock, bad, arrived)
+    assert np.isnan(found[110:]).sum() == (18 if first else 19)
+    plain = mapped(ArrivalClock(), stamps, arrived)
+    assert np.nanmax(np.abs(found - plain)) < 0.5e-3
+    # the second message off by as much as the first is of another clock
+    assert clock.restarts == int(first and np.isfinite(wrong))
+
+
+def test_what_waits_for_a_clock_is_bounded_and_counted(tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "MAX_HELD", 100)
+    path = tmp_path / "lines"
+    live = sd.Live(config(tmp_path, {"port": f"file:{path}", "clock": "arrival"}))
+    table = {"t": 5.0, "dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, 0]}
+    odd = [json.dumps(table | {"t": t}) for t in (float("nan"), 1e300, -1e300)]
+    stuck = [json.dumps(table)] * 50
+    for _ in range(10):
+        with path.open("a") as file:
+            file.write("\n".join(odd + stuck) + "\n")
+        live.turn()
+    assert len(live.inputs[0]._held) <= 151 and live.bad >= 30 + 10 * 50 - 151
+    live.close()
 
 
 def test_a_latency_is_taken_off():

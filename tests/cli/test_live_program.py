@@ -274,6 +274,35 @@ def test_a_receiver_is_read_as_its_log_would_be(format, made, size, tmp_path):
     assert len(batch["position"]) == 40
 
 
+@pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
+@pytest.mark.parametrize("wrong", [0, 17])
+@pytest.mark.parametrize("hours", [-1, 1, 5])
+def test_an_epoch_with_a_wrong_time_is_dropped_alone(format, made, wrong, hours, monkeypatch):
+    from strapdown.cli.live import decoders, input_formats
+
+    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    data, size = made(), len(made()) // 40
+    if format == "ubx":
+        (row,) = written_ubx.pvt(np.array([FIRST + 3_600_000 * hours]), lat=4.7e8, lon=8e7)
+        other = row.tobytes()
+    else:
+        moment = np.datetime64("2024-05-17T16:53:12.00") + np.timedelta64(hours, "h")
+        other = written_nmea.rmc(moment, 47.0, 8.0, 18.0, 54.0)
+        other += written_nmea.gga(moment, 47.0, 8.0, 500.0)
+        other = (other + written_nmea.gst(moment, 1.5, 1.4, 2.5)).encode()
+    clock, kinds = input_formats.Clock(0.0), ["position", "velocity"]
+    reader, plain = (decoders.decoder(format, "gps", clock, kinds, "receiver") for _ in range(2))
+    taken, expected_ones = [], []
+    for k in range(40):
+        piece = data[k * size : (k + 1) * size]
+        expected_ones += plain.feed(piece) + plain.idle()
+        if k == wrong:
+            taken += reader.feed(other) + reader.idle()
+        taken += reader.feed(piece) + reader.idle()
+    assert repr(taken) == repr(expected_ones) and len(taken) == 80
+    assert reader.bad == plain.bad + 1
+
+
 def test_a_receiver_and_an_imu_on_one_clock(tmp_path):
     """The receiver is a UBX log that grows, the IMU JSON lines with UNIX times."""
     from strapdown.units.time_scales import unix_from_gps

@@ -3,7 +3,7 @@ the last epochs are read as the log that they are, and what is new in it is take
 
 import time
 from collections.abc import Callable, Sequence
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +21,8 @@ WINDOW = 1 << 14
 """Bytes of a receiver that are read as one log: some epochs."""
 QUIET = 0.03
 """s without bytes after which an epoch is whole."""
+ALONE = 30.0
+"""s: an epoch that is farther from all others has a wrong time, unless the next one follows it."""
 
 
 class Clock:
@@ -113,6 +115,15 @@ class _Row(NamedTuple):
     std: tuple[float, ...]
 
 
+def _by_company(rows: list[_Row]) -> tuple[list[_Row], list[_Row]]:
+    """Return the rows of epochs that have another one near by, and the others."""
+    times = sorted({row.t for row in rows})
+    gaps = [inf, *(b - a for a, b in zip(times, times[1:])), inf]
+    lonely = {t for t, before, after in zip(times, gaps, gaps[1:]) if min(before, after) > ALONE}
+    near = [row for row in rows if row.t not in lonely]
+    return near, [row for row in rows if row.t in lonely]
+
+
 class Receiver(Decoder):
     """UBX or NMEA of a GNSS receiver: positions, velocities and headings for the first source of
     each kind. `log` makes the Log of bytes."""
@@ -124,7 +135,7 @@ class Receiver(Decoder):
         self._clock, self._log, self._name = clock, log, Path(name)
         self._kinds = kinds
         self._window, self._fresh, self._waits = b"", 0, False
-        self._used: dict[str, float] = {}  # s, the last time of each kind
+        self._used: set[tuple[str, float]] = set()  # (kind, t in s) of the window
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """As of Decoder: all epochs but the last one, to which more may come."""
@@ -155,16 +166,19 @@ class Receiver(Decoder):
         except DataError:  # nothing usable in these bytes
             self.bad += 1
             return []
-        last = max((row.t for row in rows), default=0.0)
-        rows = [
-            row
-            for row in rows
-            if row.t > self._used.get(row.kind, -1e300) and (whole or row.t < last)
+        near, alone = _by_company(rows)
+        last = max((row.t for row in near), default=0.0)
+        taken = [
+            row for row in near if (row.kind, row.t) not in self._used and (whole or row.t < last)
         ]
-        for row in rows:
-            self._used[row.kind] = max(self._used.get(row.kind, row.t), row.t)
-        rows.sort(key=lambda row: row.t)
-        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in rows]
+        known = {(row.kind, row.t) for row in rows}
+        self._used = (self._used & known) | {(row.kind, row.t) for row in taken}
+        if taken:  # and none of them follows these
+            wrong = {(row.kind, row.t) for row in alone} - self._used
+            self.bad += len({t for _, t in wrong})
+            self._used |= wrong
+        taken.sort(key=lambda row: row.t)
+        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in taken]
 
     def _rows(self) -> list[_Row]:
         """Return the measurements of the window, as a description of the log would read them."""

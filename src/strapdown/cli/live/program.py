@@ -34,6 +34,8 @@ IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
 PARTS = ("filter", "options", "sources", "IMU", "vehicle", "AHRS")
 """Parts of a stream by which a state is one of another configuration."""
+MAX_HELD = 20_000
+"""Events that wait until the clock of their device is known, at most."""
 BATCH = 1000
 """Events of a recording that are taken at a time, at most."""
 
@@ -76,13 +78,15 @@ class _Bytes:
     def _by_arrival(
         self, arrivals: ArrivalClock, found: list[Sample | Measurement]
     ) -> list[Sample | Measurement]:
-        """Return events with the time at which the fastest message would have arrived."""
+        """Return events with the time at which the fastest message would have arrived. Those with a
+        stamp of another clock, and those that wait in vain for the clock, are bad."""
         now, restarts = time_of_arrival(self.decoder.last), arrivals.restarts
-        for event in found:
-            arrivals.take(event.t, now)
-        if arrivals.restarts > restarts:
+        own = [event for event in found if arrivals.take(event.t, now)]
+        self.decoder.bad += len(found) - len(own)
+        if arrivals.restarts > restarts or len(self._held) > MAX_HELD:
+            self.decoder.bad += len(self._held)
             self._held.clear()
-        self._held += found
+        self._held += own
         if not arrivals.ready:
             return []
         ready, self._held = self._held, []
