@@ -549,6 +549,52 @@ def test_a_flood_is_bounded(tmp_path):
     assert line.bad >= 7 and len(line.inputs[0].decoder._rest) <= 1 << 16
 
 
+IMPOSSIBLE = [1.7e12, 1e17, -1e12, 1e300, float("nan"), float("inf")]
+
+
+@pytest.mark.parametrize("scale", ["unix", "gps", "own"])
+def test_impossible_times_spoil_nothing(tmp_path, scale):
+    """Milliseconds given as seconds, at first and later; with outputs, which show dates."""
+    recording, path = flight(), tmp_path / "lines"
+    lines = by_unix(recording, {"unix": 1.7e9, "gps": 1.38e9, "own": 0.0}[scale])
+    bad = [json.dumps({**json.loads(lines[0]), "t": t}).encode() + b"\n" for t in IMPOSSIBLE]
+    path.write_bytes(b"".join(bad + lines[:200] + bad + lines[200:]))
+    outputs = [
+        {"port": f"file:{tmp_path}/{format}", "format": format} for format in ("json", "nmea")
+    ]
+    part = {"port": f"file:{path}", "clock": scale}
+    more = {"epoch": "2024-05-17T00:00:00Z"} if scale == "own" else {}
+    with sd.Live(config(tmp_path, part, output=outputs, **more)) as live:
+        turn_until(live, lambda: live.stream.counts()[0][0] >= 18)
+        newest = live.stream.stream.newest
+        turn_until(live, lambda: not live.turn())
+    dropped = live.stream.dropped_by
+    assert live.bad + sum(dropped.values()) - dropped["before the start"] == 12
+    assert newest < 2e5 and live.stream.alignments == 0
+    assert len((tmp_path / "json").read_bytes().splitlines()) > 150
+
+
+def test_a_state_at_a_time_of_no_calendar_has_no_date():
+    from strapdown.cli.live.output_formats import LINES, state_at
+
+    state = sd.align(flight(), "tactical").belief(np.zeros(1))
+    for t in (1e15, -1e15, 1e30):
+        for line in LINES.values():
+            assert line(state_at(t, 0.0, 0, state))
+
+
+def test_an_output_to_a_pipe_that_nobody_reads_waits_for_nothing(tmp_path):
+    from strapdown.cli.live.ports import Port, Sink
+
+    os.mkfifo(tmp_path / "pipe")
+    address = address_of(f"file:{tmp_path}/pipe", "output")
+    sink = Sink(address)
+    sink.write(b"one\n")
+    assert sink.dropped == 1 and "No such device" in sink.error
+    port = Port(address)  # which reads regular files
+    assert port.read() == [] and port.error == "it is no regular file"
+
+
 def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     from strapdown.cli.live import program
 
@@ -709,12 +755,40 @@ def test_what_was_not_measured_is_kept():
         ({"source": {"kind": "position"}}, "source must be given as \\[\\[source\\]\\]"),
         ({"output": [{"port": "udp:1", "rate": 0}]}, "rate"),
         ({"epoch": "soon"}, "soon"),
+        ({"options": 5}, "options is 5; it must be a table"),
+        ({"options": [["a", 1]]}, "options is .*; it must be a table"),
+        ({"log": "a\0b"}, "log is 'a.x00b'; it must be text"),
+        ({"state": "a\0b"}, "state is 'a.x00b'; it must be text"),
+        ({"log": "/dev/null"}, "log: /dev/null is no regular file"),
+        ({"log": "/dev"}, "log: /dev is no regular file"),
+        ({"state": "/dev/full"}, "state: /dev/full is no regular file"),
+        ({"input": [{"port": "file:a\0b"}]}, "port is 'file:a.x00b'"),
+        ({"input": [{"port": "serial:/dev/a\0b:9600"}]}, "port is 'serial:/dev/a.x00b:9600'"),
+        ({"input": [{"port": f"udp:{'a' * 70}:7001"}]}, "port is 'udp:aaa"),
+        ({"output": [{"port": "tcp:a\0b:7001"}]}, "port is 'tcp:a.x00b:7001'"),
+        ({"input": [{"format": "recording", "path": "a\0b"}]}, "path is 'a.x00b'"),
+        ({"source": [{"kind": "position", "name": 5}]}, "name is 5; it must be text"),
+        ({"source": [{"kind": "position", "lever_arm": [1.0]}]}, "lever_arm is .1.0.; it must be"),
+        ({"source": [{"kind": "position", "lever_arm": [1, 2]}]}, "1: lever_arm is .1, 2."),
+        ({"source": [{"kind": "velocity", "parameters": [0.0] * 5}]}, "three numbers"),
+        ({"source": [{"kind": "position", "lever_arm": [0, 0, True]}]}, "lever_arm is True"),
+        (
+            {"source": [{"kind": "position", "lever_arm": [0] * 3, "parameters": [0] * 3}]},
+            "has lever_arm and parameters",
+        ),
         ({"filter": "none"}, "none"),
     ],
 )
 def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, change, said):
     with pytest.raises(DataError, match=said) as error:
         sd.Live(config(tmp_path, {"port": "udp:7001"}) | change)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("given", [5, None, ["live.toml"], "a\0b.toml", b"live.toml"])
+def test_what_is_no_configuration_is_refused_in_one_line(given):
+    with pytest.raises(DataError, match="^config is ") as error:
+        sd.Live(given)
     assert "\n" not in str(error.value)
 
 
@@ -764,7 +838,7 @@ def test_a_restart_counts_from_the_midnight_of_the_state(tmp_path, later, alignm
 
 
 @pytest.mark.parametrize("change", [{"imu": "consumer"}, {"epoch": "2020-01-01T00:00:00Z"}])
-def test_a_state_of_another_configuration_is_kept(tmp_path, change):
+def test_a_state_of_another_configuration_is_kept(tmp_path, change, monkeypatch):
     asked, path = growing(tmp_path)
     path.write_bytes(b"".join(by_unix(flight(), 1_700_006_400.0)))
     with sd.Live(asked) as live:
@@ -772,6 +846,17 @@ def test_a_state_of_another_configuration_is_kept(tmp_path, change):
     before = (tmp_path / "state").read_bytes()
     with pytest.raises(DataError, match="with another .*name another one as `state`"):
         sd.Live(asked | change)
+    # of another version: of the package, or of the file
+    first, rest = before.split(b"\n", 1)
+    (tmp_path / "state").write_bytes(first.replace(b"1", b"7") + b"\n" + rest)
+    with pytest.raises(DataError, match="is of format 7.*name another one as `state`"):
+        sd.Live(asked)
+    (tmp_path / "state").write_bytes(before)
+    with monkeypatch.context() as patch:
+        patch.setattr("strapdown.engine.stream.__version__", "9.9")
+        with pytest.raises(DataError, match="another strapdown: .*name another one as `state`"):
+            sd.Live(asked)
+    assert (tmp_path / "state").read_bytes() == before
     (tmp_path / "state").write_bytes(b"a thesis")
     with pytest.raises(DataError, match="is no saved stream"):
         sd.Live(asked)

@@ -28,6 +28,7 @@ from ..units.constants import MAX_PAUSE
 from . import events as words
 from .alignment_buffer import Gathering
 from .arrivals import (
+    MAX_TIME,
     MAX_WAITING_FIXES,
     Measurement as Measurement,
     Sample as Sample,
@@ -439,6 +440,7 @@ class Stream:
             t, dt, (a, b, c), (d, e, f) = event
             finite = isfinite(t + dt + a + b + c + d + e + f)
             possible = 0 < dt <= MAX_INTERVAL and type(t) is not bool and type(dt) is not bool
+            possible = possible and -MAX_TIME <= t <= MAX_TIME
         except (TypeError, ValueError, OverflowError):
             refuse_sample(event)
         if not finite:

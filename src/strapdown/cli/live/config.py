@@ -8,7 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import aiding
-from ...checks import DataError, check_choice, check_flag, check_keys, check_number
+from ...checks import (
+    DataError,
+    brief,
+    check_choice,
+    check_flag,
+    check_keys,
+    check_number,
+    check_path,
+    one_line_repr,
+)
+from ...core.loop.contract import MeasurementModel
 from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
@@ -73,7 +83,8 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
     if isinstance(given, Mapping):
         name, folder, table = "configuration", Path("."), dict(given)
     else:
-        name, folder = str(given), Path(given).parent
+        check_path(given, "config")
+        name, folder = str(given), Path(_text(str(given), "config")).parent
         table = read_toml(Path(given), "check the path")
     keys = "filter imu vehicle lag replay align_within options estimate epoch log state save_every source input output"
     check_keys(table, keys.split(), name)
@@ -109,11 +120,11 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
         check_number(
             table.get("align_within", 60.0), f"{name}: align_within", "s", least=0, infinite=True
         ),
-        dict(table.get("options", {})),
+        _options(table.get("options", {}), f"{name}: options"),
         table.get("estimate"),
         gps_of(_text(table["epoch"], f"{name}: epoch")) if "epoch" in table else None,
-        _path(table.get("log", ""), f"{name}: log", folder),
-        _path(table.get("state", ""), f"{name}: state", folder),
+        _own_file(table.get("log", ""), f"{name}: log", folder),
+        _own_file(table.get("state", ""), f"{name}: state", folder),
         check_number(table.get("save_every", 10.0), f"{name}: save_every", "s", above=0),
     )
 
@@ -127,13 +138,29 @@ def _parts(table: Mapping[str, Any], key: str, name: str) -> list[tuple[int, dic
 
 
 def _text(value: object, where: str) -> str:
-    if not isinstance(value, str) or not value:
-        raise DataError(f"{where} is {value!r}; it must be text")
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise DataError(f"{where} is {one_line_repr(value)}; it must be text")
     return value
+
+
+def _options(value: object, where: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise DataError(
+            f"{where} is {brief(value)}; it must be a table, [options] with their names"
+        )
+    return dict(value)
 
 
 def _path(value: object, where: str, folder: Path) -> str:
     return str(folder / _text(value, where)) if value != "" else ""
+
+
+def _own_file(value: object, where: str, folder: Path) -> str:
+    """Return the path of a file that the program writes; a device or a folder is none."""
+    path = _path(value, where, folder)
+    if path and Path(path).exists() and not Path(path).is_file():
+        raise DataError(f"{where}: {path} is no regular file; name a file")
+    return path
 
 
 def _in_folder(address: Address, folder: Path) -> Address:
@@ -171,20 +198,30 @@ def _source(part: dict[str, Any], where: str) -> Source:
         part, ("kind", "name", "parameters", "lever_arm", "gate", "robust", "adaptive"), where
     )
     kind = aiding.find(_text(part.get("kind"), f"{where}: kind"))
-    width = len(kind.quantities)
-    own = part.get("parameters", part.get("lever_arm", ()))
-    if not isinstance(own, list | tuple):
-        raise DataError(f"{where}: parameters are {own!r}; they must be a list of numbers")
-    numbers = tuple(check_number(value, f"{where}: parameters") for value in own)
-    gate = part.get("gate")
+    width, gate = len(kind.quantities), part.get("gate")
     return Source(
         kind.name,
         np.empty(0),
         np.empty((0, width)),
         np.empty((0, width)),
-        parameters=numbers,
+        parameters=_parameters(part, kind, where),
         gate=None if gate is None else check_number(gate, f"{where}: gate", above=0, infinite=True),
-        name=str(part.get("name", "")),
+        name=_text(part["name"], f"{where}: name") if "name" in part else "",
         robust=check_flag(part.get("robust", False), f"{where}: robust"),
         adaptive=check_number(part.get("adaptive", 0.0), f"{where}: adaptive", "s", least=0),
     )
+
+
+def _parameters(part: dict[str, Any], kind: MeasurementModel, where: str) -> tuple[float, ...]:
+    """Return the parameters of a source: none, a vector, or a vector and three more."""
+    if "lever_arm" in part and "parameters" in part:
+        raise DataError(f"{where}: has lever_arm and parameters, which begin with it; give one")
+    key = "lever_arm" if "lever_arm" in part else "parameters"
+    own, counts = part.get(key, ()), (0, 3, 6) if kind.more_parameters else (0, 3)
+    if not isinstance(own, list | tuple) or len(own) not in counts:
+        more = ", and three more" if kind.more_parameters else ""
+        raise DataError(
+            f"{where}: {key} is {brief(own)}; it must be a list of three numbers, as a lever arm in m "
+            f"forward, right, down{more}"
+        )
+    return tuple(check_number(value, f"{where}: {key}") for value in own)

@@ -11,7 +11,7 @@ from ...checks import DataError
 from ...engine.stream import Measurement, Sample
 from ...fileio.file_access import json_of
 from ...io.reader import Log
-from ...units.time_scales import gps_from_unix, midnight
+from ...units.time_scales import YEARS, gps_from_unix, midnight, year_of
 
 MAX_LINE = 1 << 16
 """Bytes of a line, at most."""
@@ -33,10 +33,19 @@ class Clock:
         self.epoch = epoch
 
     def of_gps(self, gps: float) -> float:
-        """Return the time of a moment of GPS time."""
+        """Return the time of a moment of GPS time. Raises DataError where no calendar has it."""
+        check_moment(gps)
         if self.epoch is None:
             self.epoch = midnight(gps)
         return gps - self.epoch
+
+
+def check_moment(gps: float) -> None:
+    """Refuse a moment of GPS time that is not finite or in no calendar. Raises DataError."""
+    if not YEARS[0] - 1 <= year_of(gps) < YEARS[1]:
+        raise DataError(
+            f"a time {gps:.4g} s after 1980 is in no calendar; send s, and check `clock`"
+        )
 
 
 class Decoder:

@@ -1,6 +1,7 @@
 """Lines of the newest state: JSON, and NMEA 0183 (GGA, RMC, HDT and PASHR)."""
 
 import json
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
@@ -31,11 +32,13 @@ class Shown(NamedTuple):
 
 
 def state_at(t: float, epoch: float | None, status: int, state: FilterState) -> Shown:
-    """Return a state at t s since `epoch`, in s of GPS time since its zero, or None."""
+    """Return a state at t s since `epoch`, in s of GPS time since its zero, or None. Its moment is
+    None, too, where no calendar has it."""
     moment = None
     if epoch is not None:
         unix = round(float(unix_from_gps(epoch + t)), 3)
-        moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=unix)
+        with suppress(OverflowError):
+            moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=unix)
     return Shown(t, moment, status, state)
 
 

@@ -39,7 +39,8 @@ def address_of(text: object, where: str) -> Address:
     """Return the Address of a text. Raises DataError, which begins with `where`."""
     kind, _, rest = str(text).partition(":")
     forms = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, file:PATH or -"
-    if not isinstance(text, str) or kind not in KINDS or bool(rest) == (kind == "-"):
+    fits = isinstance(text, str) and kind in KINDS and bool(rest) != (kind == "-")
+    if not fits or not _is_name(rest, kind):
         raise DataError(f"{where}: port is {text!r}; it must be {forms}")
     if kind in ("file", "-"):
         return Address(kind, rest, 0)
@@ -50,6 +51,15 @@ def address_of(text: object, where: str) -> Address:
     what = f"{where}: port {text!r}: its number"
     check_number(int(number), what, least=1, most=most, whole=True)
     return Address(kind, place or "127.0.0.1", int(number))
+
+
+def _is_name(text: str, kind: str) -> bool:
+    """Return True where the system can take a text as the name of a file or host."""
+    try:
+        text.encode("idna" if kind in ("udp", "tcp") else "utf-8")
+    except UnicodeError:
+        return False
+    return "\0" not in text
 
 
 class Port:
@@ -85,8 +95,8 @@ class Port:
             try:
                 self._open()
                 self.error = ""
-            except OSError as error:
-                self.error = error.strerror or str(error)
+            except (OSError, DataError) as error:
+                self.error = getattr(error, "strerror", None) or str(error)
         return self._read is not None
 
     def _lose(self, why: str) -> None:
@@ -141,6 +151,8 @@ class Port:
 
     def _open_file(self) -> None:
         path = Path(self.address.place)
+        if path.exists() and not path.is_file():
+            raise OSError("it is no regular file")
         if not path.stat().st_size:
             raise OSError("it is still empty")
         file: BinaryIO = open_file(path)
@@ -265,8 +277,10 @@ class Sink:
             line = _serial_line(self.address)
             self._close, self._write = lambda: os.close(line), lambda data: os.write(line, data)
         else:
-            file = Path(place).open("ab", buffering=0)
-            self._close, self._write = file.close, file.write
+            # a pipe that nobody reads is no file to wait for
+            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
+            file = os.open(place, flags | getattr(os, "O_BINARY", 0), 0o666)
+            self._close, self._write = lambda: os.close(file), lambda data: os.write(file, data)
 
 
 def _to_standard_output(data: bytes) -> int:

@@ -15,6 +15,7 @@ from ...core.loop.contract import Imu
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
+from ...engine.saved_state import OtherStateError
 from ...engine.stream import Measurement, Sample
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
@@ -32,8 +33,6 @@ FLUSH = 1.0
 """s between two times at which the log is forced to the disk."""
 IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
-PARTS = ("filter", "options", "sources", "IMU", "vehicle", "AHRS")
-"""Parts of a stream by which a state is one of another configuration."""
 MAX_HELD = 20_000
 """Events that wait until the clock of their device is known, at most."""
 BATCH = 1000
@@ -227,10 +226,6 @@ class _Log:
                 self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
 
 
-OF_OTHERS = ("is no saved stream", *(f"with another {part}" for part in PARTS))
-"""Words of the error on a file that holds something else than an unusable state of this stream."""
-
-
 def _not_replaced(text: str) -> DataError:
     return DataError(f"{text}; to keep the file, name another one as `state`, else remove it")
 
@@ -297,9 +292,9 @@ class Live:
         path, own = self.config.state, self.config.epoch
         try:
             self.stream.restore(path)
+        except OtherStateError as error:
+            raise _not_replaced(str(error)) from error
         except DataError as error:
-            if any(words in str(error) for words in OF_OTHERS):
-                raise _not_replaced(str(error)) from error
             self._tell(f"{error}; beginning anew")
             return
         saved = self.stream.epoch
