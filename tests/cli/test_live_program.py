@@ -584,7 +584,8 @@ def test_a_state_at_a_time_of_no_calendar_has_no_date():
 
 
 def test_an_output_to_a_pipe_that_nobody_reads_waits_for_nothing(tmp_path):
-    from strapdown.cli.live.ports import Port, Sink
+    from strapdown.cli.live.ports import Port
+    from strapdown.cli.live.sinks import Sink
 
     os.mkfifo(tmp_path / "pipe")
     address = address_of(f"file:{tmp_path}/pipe", "output")
@@ -607,7 +608,88 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     end = time.monotonic() + 1.0
     while time.monotonic() < end:
         live.turn()
-    assert said == ["IMU: no sample for 0.2 s; serial:/dev/none:9600: No such file or directory"]
+    assert said == [
+        "serial:/dev/none:9600: No such file or directory; it is tried again each 1 s",
+        "IMU: no sample for 0.2 s",
+    ]
+
+
+def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
+    """Its folder is missing at first, then the disk is full within a line."""
+    from strapdown.cli.live import program, sinks
+
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    monkeypatch.setattr(sinks, "RETRY", 0.0)
+    sd.write_recording(flight(), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    path, said = tmp_path / "late" / "out", []
+    live = sd.Live(
+        config(tmp_path, part, output=[{"port": f"file:{path}"}]),
+        on_event=lambda t, text: said.append(text),
+    )
+    monkeypatch.setattr(program, "BATCH", 1)
+    written, full = os.write, [False]
+
+    def write(file, data):
+        return written(file, data[: len(data) // 3] if full[0] and len(data) > 99 else data)
+
+    monkeypatch.setattr(os, "write", write)
+    turn_until(live, lambda: live.unsent[f"file:{path}"] > 5)
+    path.parent.mkdir()
+    path.write_bytes(b'{"half": 1')  # by one that was killed
+    for full[0] in (False, True, False):
+        before = live.stream.t
+        turn_until(live, lambda: live.stream.t > before + 2.0)
+    live.close()
+    about = [text.removeprefix(f"file:{path}: ") for text in said if text.startswith("file:")]
+    lost = live.unsent[f"file:{path}"]
+    assert about[0] == "No such file or directory; it is tried again each 1 s"
+    assert about[1].startswith("goes on; ") and about[1].endswith(" states were lost")
+    assert about[2].startswith("No space left on device") and len(about) == 4
+    assert about[3] == f"goes on; {lost} states were lost" and lost > 40
+    half, *lines = path.read_bytes().splitlines()
+    assert half == b'{"half": 1' and len([json.loads(line) for line in lines]) > 80
+
+
+def test_standard_output_that_nobody_reads_keeps_nothing_waiting(tmp_path):
+    """The command, with standard input at its end and a receiver's port beside it."""
+    sd.write_recording(flight(40.0), tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\n[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = inf\n'
+        f'[[input]]\nport = "-"\n[[input]]\nport = "udp:{free_port()}"\n'
+        '[[output]]\nport = "-"\n'
+    )
+    words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--seconds", "4"]
+    process = subprocess.Popen(
+        words,
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    process.wait(60.0)
+    said = process.stderr.read().decode()
+    lines = process.stdout.read().splitlines()
+    process.stdout.close()
+    process.stderr.close()
+    assert process.returncode == 0, said
+    assert "-: its reader is too slow" in said
+    assert len(sd.read(tmp_path / "log.jsonl").imu.t) > 500
+    assert [json.loads(line) for line in lines[:-1]]
+
+
+def test_standard_input_at_its_end_is_not_waited_for(tmp_path, monkeypatch):
+    reading, writing = os.pipe()
+    os.close(writing)
+    with os.fdopen(reading) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        live = sd.Live(config(tmp_path, {"port": "-"}, {"port": f"udp:{free_port()}"}))
+        live.turn()
+        begin = time.monotonic()
+        for _ in range(20):
+            live._wait()
+        assert time.monotonic() - begin > 0.03 and live.inputs[0].ended
+        live.close()
 
 
 def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(tmp_path):

@@ -7,10 +7,11 @@ from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...checks import DataError
+from ...checks import DataError, brief
 from ...engine.stream import Measurement, Sample
 from ...fileio.file_access import json_of
 from ...io.reader import Log
+from ...plugins import one_line
 from ...units.time_scales import YEARS, gps_from_unix, midnight, year_of
 
 MAX_LINE = 1 << 16
@@ -49,10 +50,10 @@ def check_moment(gps: float) -> None:
 
 
 class Decoder:
-    """Bytes of one input to events; `bad` counts what is none."""
+    """Bytes of one input to events; `bad` counts what is none, `why` says it of the first."""
 
     def __init__(self) -> None:
-        self.bad = 0
+        self.bad, self.why = 0, ""
         # s, of time.monotonic: when the bytes came of which the events are; None: just now
         self.last: float | None = None
 
@@ -84,8 +85,9 @@ class JsonLines(Decoder):
                 try:
                     event = self._event(json_of(line, "input"))
                     found += [event] if event is not None else []
-                except (DataError, ValueError, TypeError, KeyError, OverflowError):
+                except (DataError, ValueError, TypeError, KeyError, OverflowError) as error:
                     self.bad += 1
+                    self.why = self.why or f"{brief(line)}: {one_line(error)}"
         return found
 
     def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:

@@ -1,5 +1,5 @@
-"""Places where bytes come from and go to, none of which ever waits: UDP, TCP, serial lines, files that
-grow, standard streams. One that vanishes is opened again each second."""
+"""Places where bytes come from, none of which ever waits: UDP, TCP, serial lines, files that grow,
+standard input. One that vanishes is opened again each second."""
 
 import os
 import select
@@ -119,7 +119,7 @@ class Port:
         elif kind == "file":
             self._open_file()
         else:
-            self._open_descriptor(sys.stdin.fileno() if kind == "-" else _serial_line(self.address))
+            self._open_descriptor(sys.stdin.fileno() if kind == "-" else serial_line(self.address))
 
     def _open_udp(self) -> None:
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -138,7 +138,7 @@ class Port:
         self._read = read
 
     def _open_tcp(self) -> None:
-        tcp = _tcp_socket(self.address)
+        tcp = tcp_socket(self.address)
         self._close, self.number = tcp.close, tcp.fileno()
 
         def read() -> list[bytes]:
@@ -177,7 +177,7 @@ class Port:
                 return []
             piece = os.read(number, PIECE)
             if not piece and is_standard:
-                self.ended = True
+                self.ended, self.number = True, None  # or waiting for bytes would never wait
             elif not piece:
                 raise OSError("the device is gone")
             return [piece] if piece else []
@@ -185,7 +185,7 @@ class Port:
         self._read = read
 
 
-def _tcp_socket(address: Address) -> socket.socket:
+def tcp_socket(address: Address) -> socket.socket:
     """Return a socket that connects meanwhile; until then reading and writing raise
     BlockingIOError. Raises OSError."""
     tcp = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -195,7 +195,7 @@ def _tcp_socket(address: Address) -> socket.socket:
     return tcp
 
 
-def _serial_line(address: Address) -> int:
+def serial_line(address: Address) -> int:
     """Return the descriptor of a serial line that passes bytes on as they are. Raises OSError."""
     if sys.platform == "win32":
         raise OSError("serial lines are read on POSIX systems alone; send them by UDP or TCP")
@@ -216,74 +216,3 @@ def _serial_line(address: Address) -> int:
             os.close(line)
             raise OSError(f"is no serial line ({error.args[-1]})") from None
         return line
-
-
-class Sink:
-    """An address to write to. What cannot be written is dropped and counted; half a message never
-    goes out."""
-
-    def __init__(self, address: Address) -> None:
-        self.address, self.dropped, self.error = address, 0, ""
-        self._tried, self._rest = -RETRY, b""
-        self._write: Callable[[bytes], int] | None = None
-        self._close: Callable[[], None] = lambda: None
-
-    def write(self, data: bytes) -> None:
-        """Write what makes one message."""
-        if self._write is None and time.monotonic() >= self._tried + RETRY:
-            self._tried, self._rest = time.monotonic(), b""
-            try:
-                self._open()
-                self.error = ""
-            except OSError as error:
-                self.error = error.strerror or str(error)
-        if self._write is None:
-            self.dropped += 1
-            return
-        if len(self._rest) > PIECE:
-            data, self.dropped = b"", self.dropped + 1
-        data = self._rest + data
-        try:
-            self._rest = data[self._write(data) :]
-        except BlockingIOError:
-            self._rest = data
-        except OSError as error:
-            self._lose(error.strerror or str(error))
-
-    def _lose(self, why: str) -> None:
-        self.dropped, self.error, self._rest = self.dropped + 1, why, b""
-        if self.address.kind != "udp":  # where nobody may listen yet
-            self.close()
-            self._write, self._tried = None, time.monotonic()
-
-    def close(self) -> None:
-        """Close it."""
-        with suppress(OSError):
-            self._close()
-        self._close = lambda: None
-
-    def _open(self) -> None:
-        kind, place, number = self.address
-        if kind == "-":
-            self._write = _to_standard_output
-        elif kind == "udp":
-            udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            udp.setblocking(False)
-            self._close, self._write = udp.close, lambda data: udp.sendto(data, (place, number))
-        elif kind == "tcp":
-            tcp = _tcp_socket(self.address)
-            self._close, self._write = tcp.close, tcp.send
-        elif kind == "serial":
-            line = _serial_line(self.address)
-            self._close, self._write = lambda: os.close(line), lambda data: os.write(line, data)
-        else:
-            # a pipe that nobody reads is no file to wait for
-            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
-            file = os.open(place, flags | getattr(os, "O_BINARY", 0), 0o666)
-            self._close, self._write = lambda: os.close(file), lambda data: os.write(file, data)
-
-
-def _to_standard_output(data: bytes) -> int:
-    sys.stdout.buffer.write(data)
-    sys.stdout.buffer.flush()
-    return len(data)

@@ -24,13 +24,17 @@ from .arrival_clock import ArrivalClock, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
 from .decoders import decoder
 from .input_formats import Clock, Decoder
+from .notices import Notices
 from .output_formats import LINES, state_at
-from .ports import Port, Sink
+from .ports import Port
+from .sinks import Sink
 
 PAUSE = 0.002
 """s that the program sleeps where nothing comes, at most."""
 FLUSH = 1.0
 """s between two times at which the log is forced to the disk."""
+LOOK = 1.0
+"""s between two looks at ports for what is to be reported."""
 IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
 MAX_HELD = 20_000
@@ -282,6 +286,7 @@ class Live:
         ]
         self.outputs = [_StatePort(part) for part in own.outputs]
         self._heard = self._saved = time.monotonic()
+        self._notices, self._looked = Notices(self._tell), -inf
         self._is_silent, self._closed = False, False
         if own.state and Path(own.state).exists():
             self._restore()
@@ -329,13 +334,22 @@ class Live:
         if self.config.state and now >= self._saved + self.config.save_every:
             self._saved = now
             self._save()
+        if now >= self._looked + LOOK:
+            self._looked = now
+            self._look_at_ports()
         if now > self._heard + IMU_SILENT and not self._is_silent:
             self._is_silent = True
-            ports = [
-                each.port for each in self.inputs if isinstance(each, _Bytes) and each.port.error
-            ]
-            why = "".join(f"; {port.address}: {port.error}" for port in ports)
-            self._tell(f"IMU: no sample for {IMU_SILENT:g} s{why}")
+            self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
+
+    def _look_at_ports(self) -> None:
+        """Report ports that fail or go on again, and inputs that cannot be read."""
+        for each in self.inputs:
+            if isinstance(each, _Bytes):
+                self._notices.of_port(each.port, "")
+                self._notices.of_decoder(each.port.address, each.decoder)
+        for output in self.outputs:
+            lost = f"; {output.sink.dropped} states were lost"
+            self._notices.of_port(output.sink, lost)
 
     def _save(self) -> None:
         self.stream.epoch = self.clock.epoch
@@ -381,6 +395,7 @@ class Live:
             each.close()
         for output in self.outputs:
             output.sink.close()
+        self._look_at_ports()
         if self._log is not None:
             self._log.close()
 
@@ -413,6 +428,11 @@ class Live:
     def bad(self) -> int:
         """Number of lines, and of pieces of a receiver, that could not be read."""
         return sum(each.decoder.bad for each in self.inputs if isinstance(each, _Bytes))
+
+    @property
+    def unsent(self) -> dict[str, int]:
+        """{port: number of states that it did not take} of the outputs."""
+        return {str(each.sink.address): each.sink.dropped for each in self.outputs}
 
     @property
     def clocks(self) -> dict[str, ClockEstimate]:
