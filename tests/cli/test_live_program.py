@@ -530,6 +530,132 @@ def test_whatever_is_sent_is_counted_and_the_rest_used(tmp_path):
     assert np.array_equal(live.stream.belief.P, expected(recording).P) and live.bad > 50
 
 
+@pytest.mark.parametrize("size", [5, 64, 4000])
+def test_bytes_between_the_messages_of_a_receiver_are_counted(size):
+    """A message with an incorrect byte, another one cut short and a binary line, not the others'."""
+    from strapdown.cli.live.stray_pieces import StrayPieces
+
+    good = [row.tobytes() for row in written_ubx.pvt(FIRST + 200 * np.arange(6), lat=4.7e8)]
+    sentence = written_nmea.gga(np.datetime64("2024-05-17T16:53:12"), 47.0, 8.0, 500.0).encode()
+    rtcm = b"\xd3\x00\x04" + b"\x01\x02\x03\x04" + b"abc"
+    between = [b"\r\n", sentence, rtcm + sentence + rtcm + rtcm, b"", b"\n"]
+    clean = b"".join(a + b for a, b in zip(good, [*between, b""]))
+    between[0] = sentence.replace(b"4700", b"4800")
+    between[1] = good[0][:-7]
+    between[3] = b"\x00\xff\x81"
+    dirty = b"".join(a + b for a, b in zip(good, [*between, b""]))
+    for data, wanted in ((clean, 0), (dirty, 3)):
+        strays = StrayPieces()
+        pieces = [data[k : k + size] for k in range(0, len(data), size)]
+        assert sum(strays.count(piece) for piece in pieces) == wanted
+    assert strays.count(b"\xfe" * 40_000) == 1
+
+
+def test_a_receiver_counts_damaged_messages(monkeypatch):
+    from strapdown.cli.live import decoders, input_formats
+
+    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    data = bytearray(nmea_bytes())
+    data[data.index(b"GGA", 1000) + 20] ^= 1
+    reader = decoders.decoder("nmea", "gps", input_formats.Clock(), ["position"], "receiver")
+    for k in range(0, len(data), 100):
+        reader.feed(bytes(data[k : k + 100]))
+        reader.idle()
+    assert reader.bad == 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"t": "5.0"},
+        {"t": True},
+        {"dt": "0.05"},
+        {"dtheta": ["0", "0", "0"]},
+        {"dv": [True, 0.0, 0.0]},
+        {"source": True, "y": [0.8, 0.2, 300.0], "std": [1.0] * 3},
+        {"source": 0, "y": ["0.8", 0.2, 300.0], "std": [1.0] * 3},
+        {"source": 0, "y": [0.8, 0.2, 300.0], "std": [True, 1.0, 1.0]},
+    ],
+)
+def test_what_is_no_number_is_counted(wrong):
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("json", "own", input_formats.Clock(), ["position"], "")
+    line = {"t": 5.0, "dt": 0.05, "dtheta": [0.0] * 3, "dv": [0.0] * 3} | wrong
+    assert reader.feed(json.dumps(line).encode() + b"\n") == []
+    assert reader.bad == 1 and ("is no number" in reader.why or "source is True" in reader.why)
+
+
+def test_rates_that_come_late_are_counted_until_their_clock_has_stepped_back():
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("json", "own", input_formats.Clock(), [], "")
+
+    def taken(*times):
+        lines = [json.dumps({"t": t, "gyro": [0] * 3, "accel": [0] * 3}) + "\n" for t in times]
+        return [(each.t, pytest.approx(each.dt)) for each in reader.feed("".join(lines).encode())]
+
+    assert taken(1.0, 1.1, 1.3, 1.2, 1.4) == [(1.1, 0.1), (1.3, 0.2), (1.4, 0.1)]
+    assert reader.bad == 1 and "came late" in reader.why
+    assert taken(1.25, 1.15, 1.35, 1.5) == [(1.5, 0.1)] and reader.bad == 4
+    back = (np.arange(20) / 10 - 3.0).tolist()
+    assert [t for t, _ in taken(*back)] == back[6:] and reader.bad == 9
+
+
+def test_two_senders_of_samples_are_said_but_not_one_that_begins_again(tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    port, said = free_port(), []
+    live = sd.Live(
+        config(tmp_path, {"port": f"udp:{port}"}), on_event=lambda t, text: said.append(text)
+    )
+    live.turn()
+    senders = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
+    samples = [line for line in json_lines(flight()) if b"dtheta" in line]
+    fixes = [line for line in json_lines(flight()) if b"source" in line]
+
+    def send(number, line):
+        senders[number].sendto(line, ("127.0.0.1", port))
+        live.turn()
+
+    for k, line in enumerate(samples[:40]):
+        send(k // 20, line)
+        send(2, fixes[k % 10])  # a receiver has its own
+    assert not [text for text in said if "samples come from" in text]
+    for line in samples[40:60]:
+        send(0, line)
+        send(1, line)
+    (text,) = [text for text in said if "samples come from" in text]
+    names = [f"127.0.0.1:{sender.getsockname()[1]}" for sender in senders]
+    assert names[0] in text and names[1] in text and text.endswith("; stop one")
+    for sender in senders:
+        sender.close()
+    live.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not count them")
+def test_datagrams_that_the_system_drops_are_counted(tmp_path, monkeypatch):
+    from strapdown.cli.live import ports, program
+
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    monkeypatch.setattr(ports, "BUFFER", 4096)
+    port, said = free_port(), []
+    live = sd.Live(
+        config(tmp_path, {"port": f"udp:{port}"}), on_event=lambda t, text: said.append(text)
+    )
+    live.turn()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _ in range(100):
+            sender.sendto(b"{}" + b" " * 1000, ("127.0.0.1", port))
+        turn_until(live, lambda: not live.turn())
+        sender.sendto(b"{}", ("127.0.0.1", port))
+        turn_until(live, lambda: live.missed[f"udp:127.0.0.1:{port}"] > 0)
+    assert live.missed[f"udp:127.0.0.1:{port}"] + live.bad == 101
+    assert any("the system dropped" in text for text in said)
+    live.close()
+
+
 def test_a_flood_is_bounded(tmp_path):
     port = free_port()
     live = sd.Live(config(tmp_path, {"port": f"udp:{port}"}))

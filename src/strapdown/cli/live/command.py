@@ -27,13 +27,17 @@ def live(
         of_sources = [a.name or a.kind for a in program.config.sources]
         counts = dict(zip(of_sources, stream.counts()))
         dropped = {cause: count for cause, count in stream.dropped_by.items() if count}
-        record(t=stream.t, counts=counts, dropped=dropped, bad=program.bad, unsent=program.unsent)
+        record(t=stream.t, counts=counts, dropped=dropped, bad=program.bad)
+        record(missed=program.missed, unsent=program.unsent)
         record(clocks={port: clock._asdict() for port, clock in program.clocks.items()})
         if all(part.address.kind != "-" for part in program.config.outputs):
             for name, (used, rejected) in counts.items():
                 say(f"{name}: {used} used, {rejected} rejected")
             for cause, count in dropped.items():
                 say(f"dropped: {count} {cause}")
+            for port, count in program.missed.items():
+                if count:
+                    say(f"{port}: {count} datagrams dropped by the system")
             for port, count in program.unsent.items():
                 if count:
                     say(f"{port}: {count} states not written")

@@ -18,6 +18,8 @@ MAX_LINE = 1 << 16
 """Bytes of a line, at most."""
 MAX_GAP = 1.0
 """s between two rates, at most, over which the first one gives the length of the sample."""
+STEPPED = 0.5
+"""s for which rates must come late in a row before their clock counts as one that stepped back."""
 WINDOW = 1 << 14
 """Bytes of a receiver that are read as one log: some epochs."""
 QUIET = 0.03
@@ -72,7 +74,9 @@ class JsonLines(Decoder):
 
     def __init__(self, clock: Clock, scale: str) -> None:
         super().__init__()
-        self._clock, self._scale, self._rest, self._last = clock, scale, b"", nan
+        self._clock, self._scale, self._rest = clock, scale, b""
+        # s, of rates: the newest sample, and the first of those that came late in a row
+        self._last = self._behind = nan
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """As of Decoder."""
@@ -91,25 +95,46 @@ class JsonLines(Decoder):
         return found
 
     def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
-        t = float(table["t"])
+        t = _given(table["t"])
         if self._scale in ("unix", "gps"):
             t = self._clock.of_gps(float(gps_from_unix(t)) if self._scale == "unix" else t)
         if "source" in table:
             y, std = (tuple(map(_number, table[key])) for key in ("y", "std"))
+            if type(table["source"]) not in (int, str):
+                raise DataError(
+                    f"source is {brief(table['source'])}; it must be a name or an index"
+                )
             return Measurement(t, table["source"], y, std)
-        last, self._last = self._last, t
         if "dtheta" in table:
-            return Sample(t, float(table["dt"]), _three(table["dtheta"]), _three(table["dv"]))
-        dt = float(table["dt"]) if "dt" in table else t - last
+            return Sample(t, _given(table["dt"]), _three(table["dtheta"]), _three(table["dv"]))
+        dt = _given(table["dt"]) if "dt" in table else self._interval(t)
         rates = (_three(table[key]) for key in ("gyro", "accel"))
         if not 0 < dt <= MAX_GAP:  # the first one, or one after a gap
             return None
         dtheta, dv = ((x * dt, y * dt, z * dt) for x, y, z in rates)
         return Sample(t, dt, dtheta, dv)
 
+    def _interval(self, t: float) -> float:
+        """Return s since the sample before. Raises DataError for one that comes late, since the one
+        after it was integrated over its time, unless the clock stepped back."""
+        if t <= self._last:
+            if not t >= self._behind:
+                self._behind = t
+            if t - self._behind < STEPPED:
+                raise DataError("a sample of rates without dt came late")
+        last, self._last, self._behind = self._last, t, nan
+        return t - last
+
+
+def _given(value: Any) -> float:
+    """Return a number of JSON as a float. Raises DataError for anything else."""
+    if type(value) not in (int, float):
+        raise DataError(f"{brief(value)} is no number")
+    return float(value)
+
 
 def _number(value: Any) -> float:
-    return nan if value is None else float(value)
+    return nan if value is None else _given(value)
 
 
 def _three(values: Sequence[Any]) -> tuple[float, float, float]:
@@ -142,9 +167,11 @@ class Receiver(Decoder):
     def __init__(
         self, clock: Clock, log: Callable[[Path, bytes], Log], kinds: Sequence[str], name: str
     ) -> None:
+        from .stray_pieces import StrayPieces
+
         super().__init__()
         self._clock, self._log, self._name = clock, log, Path(name)
-        self._kinds = kinds
+        self._kinds, self._strays = kinds, StrayPieces()
         self._window, self._fresh, self._waits = b"", 0, False
         self._used: set[tuple[str, float]] = set()  # (kind, t in s) of the window
 
@@ -171,6 +198,8 @@ class Receiver(Decoder):
 
     def _new(self, whole: bool) -> list[Sample | Measurement]:
         """Return the measurements that were not there before; `whole`: also of the last epoch."""
+        if self._fresh:
+            self.bad += self._strays.count(self._window[-self._fresh :])
         self._fresh, self._waits = 0, not whole
         try:
             rows = [row for row in self._rows() if row.kind in self._kinds]

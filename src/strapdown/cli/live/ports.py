@@ -20,6 +20,10 @@ PIECE = 1 << 16
 """Bytes that are read at a time, at most."""
 MAX_DATAGRAMS = 256
 """Datagrams that are read at a time, at most; the system drops those that its buffer cannot hold."""
+BUFFER = 1 << 22
+"""Bytes of datagrams that the system is asked to keep."""
+SO_RXQ_OVFL = 40
+"""Option of Linux (asm-generic/socket.h): each datagram says how many were dropped before it."""
 KINDS = ("udp", "tcp", "serial", "file", "-")
 
 
@@ -64,12 +68,14 @@ def _is_name(text: str, kind: str) -> bool:
 
 class Port:
     """An address to read from. `error` says why it cannot be read now; `lost` counts how often it
-    went."""
+    went, `missed` the datagrams that the system dropped. `senders` has those of the datagrams that
+    were read last."""
 
     def __init__(self, address: Address) -> None:
         self.address = address
         self.error = ""
-        self.lost = 0
+        self.lost = self.missed = 0
+        self.senders: list[object] = []
         self.ended = False  # nothing more will come
         self._tried = -RETRY
         self.number: int | None = None  # descriptor on which to wait for bytes
@@ -125,14 +131,19 @@ class Port:
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         udp.setblocking(False)
         self._close = udp.close
+        udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         udp.bind((self.address.place, self.address.number))
-        self.number = udp.fileno()
+        self.number, before, receive = udp.fileno(), self.missed, _receiver(udp)
 
         def read() -> list[bytes]:
             found: list[bytes] = []
+            self.senders = []
             with suppress(BlockingIOError):
                 while len(found) < MAX_DATAGRAMS:
-                    found.append(udp.recv(PIECE))
+                    piece, sender, missed = receive()
+                    found.append(piece)
+                    self.senders.append(sender)
+                    self.missed = before + missed
             return found
 
         self._read = read
@@ -183,6 +194,21 @@ class Port:
             return [piece] if piece else []
 
         self._read = read
+
+
+def _receiver(udp: socket.socket) -> Callable[[], tuple[bytes, object, int]]:
+    """Return what reads a datagram: (bytes, sender, number of those that the system has dropped)."""
+    if sys.platform != "linux":  # which alone counts them
+        return lambda: (*udp.recvfrom(PIECE), 0)
+    udp.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+    room = socket.CMSG_SPACE(4)
+
+    def receive() -> tuple[bytes, object, int]:
+        piece, beside, _, sender = udp.recvmsg(PIECE, room)
+        missed = [int.from_bytes(data, sys.byteorder) for *_, data in beside]
+        return piece, sender, missed[0] if missed else 0
+
+    return receive
 
 
 def tcp_socket(address: Address) -> socket.socket:

@@ -24,7 +24,7 @@ from .arrival_clock import ArrivalClock, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
 from .decoders import decoder
 from .input_formats import Clock, Decoder
-from .notices import Notices
+from .notices import Notices, Senders
 from .output_formats import LINES, state_at
 from .ports import Port
 from .sinks import Sink
@@ -59,7 +59,7 @@ class _Bytes:
         assert part.address is not None  # of all but a recording
         self.port = Port(part.address)
         self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
-        self._clock = clock
+        self._clock, self.senders = clock, Senders()
         self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
         self._held: list[Sample | Measurement] = []  # until the clock is ready
         name = f"{part.format} of {part.address}".replace("/", "_")
@@ -73,8 +73,11 @@ class _Bytes:
     def events(self) -> list[Sample | Measurement]:
         """Return what has come."""
         found: list[Sample | Measurement] = []
-        for piece in self.port.read():
-            found += self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
+        for k, piece in enumerate(self.port.read()):
+            events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
+            found += events
+            if self.port.senders and any(type(event) is Sample for event in events):
+                self.senders.take(self.port.senders[k])
         found += self.decoder.idle()
         return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
 
@@ -346,7 +349,7 @@ class Live:
         for each in self.inputs:
             if isinstance(each, _Bytes):
                 self._notices.of_port(each.port, "")
-                self._notices.of_decoder(each.port.address, each.decoder)
+                self._notices.of_input(each.port, each.decoder, each.senders)
         for output in self.outputs:
             lost = f"; {output.sink.dropped} states were lost"
             self._notices.of_port(output.sink, lost)
@@ -428,6 +431,12 @@ class Live:
     def bad(self) -> int:
         """Number of lines, and of pieces of a receiver, that could not be read."""
         return sum(each.decoder.bad for each in self.inputs if isinstance(each, _Bytes))
+
+    @property
+    def missed(self) -> dict[str, int]:
+        """{port: number of datagrams that the system dropped}, where it tells (Linux)."""
+        ports = [each.port for each in self.inputs if isinstance(each, _Bytes)]
+        return {str(port.address): port.missed for port in ports if port.address.kind == "udp"}
 
     @property
     def unsent(self) -> dict[str, int]:
