@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -1070,3 +1071,53 @@ def test_a_state_of_another_configuration_is_kept(tmp_path, change, monkeypatch)
         sd.Live(asked)
     (tmp_path / "state").write_bytes(before[:-9])  # of no use to anyone
     sd.Live(asked).close()
+
+
+def test_a_restart_goes_on_where_the_file_was_read_up_to(tmp_path):
+    """In the middle of a line; a file that took its place is read from its beginning."""
+    asked, path = growing(tmp_path)
+    data, whole = b"".join(by_unix(flight(), 1.7e9)), expected(flight())
+    path.write_bytes(data[: len(data) * 3 // 4 + 5])
+    with sd.Live(asked) as live:
+        turn_until(live, lambda: not live.turn())
+    sd.Live(asked).close()  # reads nothing
+    path.write_bytes(data)
+    with sd.Live(asked) as again:
+        turn_until(again, lambda: again.stream.stream.newest > 80000.0 + 19.9)
+        at_the_end = again.stream.now
+    assert np.allclose(at_the_end.lla, whole.lla, rtol=0, atol=1e-9)
+    dropped = again.stream.dropped_by
+    assert sum(dropped.values()) == dropped["before the start"] and again.bad == 0
+    assert again.stream.alignments == 0
+    path.write_bytes(b"".join(by_unix(flight(seed=8), 1.7e9 + 100.0)))
+    with sd.Live(asked) as other:
+        turn_until(other, lambda: other.stream.stream.newest > 80000.0 + 119.9)
+
+
+@pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
+def test_a_restart_uses_each_epoch_of_a_receiver_once(tmp_path, format, made, monkeypatch):
+    from strapdown.cli.live import input_formats
+
+    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    path, data, times = tmp_path / "log", made(200), []
+    part = {"port": f"file:{path}", "format": format}
+    asked = config(tmp_path, part, state=str(tmp_path / "state"))
+    for share in (0.5, 1.0):
+        path.write_bytes(data[: int(len(data) * share)])
+        with sd.Live(asked) as live:
+            live.stream.step = lambda event: times.append((event.source, event.t))
+            turn_until(live, lambda: not live.turn())
+    assert len(times) == len(set(times)) == 400
+    assert np.diff(sorted(t for source, t in times if source == 0)) == pytest.approx(0.2)
+
+
+def test_a_recording_fills_the_sources_of_its_names_and_kinds(tmp_path):
+    recording, said = flight(), []
+    p, v = recording.sources
+    both = replace(recording, sources=(v, replace(p, name="other"), p))
+    sd.write_recording(both, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    live = sd.Live(config(tmp_path, part), on_event=lambda t, text: said.append(text))
+    live.run()
+    assert np.array_equal(live.stream.belief.P, expected(recording).P)
+    assert said == [f"{tmp_path}/flight.nc: other is no [[source]]; it is left out"]

@@ -113,6 +113,8 @@ class LiveStream:
     epoch : float or None
         Moment of time zero, s of GPS time since its zero, for `save` and `restore`; None where the
         caller gave none.
+    carried : dict
+        Texts and numbers of the caller, for `save` and `restore`.
 
     Raises
     ------
@@ -157,6 +159,7 @@ class LiveStream:
             )
 
         self.epoch: float | None = None
+        self.carried: dict[str, Any] = {}
         start = given.get("start")
         self._unstarted = stream(None)
         self._stream = deepcopy(self._unstarted) if start is None else stream(start)
@@ -435,6 +438,7 @@ class LiveStream:
             "own": self._dropped,
             "alignments": self._alignments,
             "epoch": self.epoch,
+            "carried": self.carried,
         }
         write_state(path, self._stream.saved_content() | {"live": past})
 
@@ -453,11 +457,12 @@ class LiveStream:
             own = {cause: int(past["own"][cause]) for cause in self._dropped}
             epoch = past.get("epoch")
             epoch = None if epoch is None else float(epoch)
+            carried = dict(past.get("carried", {}))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise contradiction(path) from error
         self._counted, self._dropped_before, self._dropped = counted, before, own
         self._past, self._alignments = deque(said, MAX_EVENTS), alignments
-        self.epoch = epoch
+        self.epoch, self.carried = epoch, carried
         self._stream, self._watchdog = stream, Watchdog(len(self._names))
         self._forget_suspects()
         return stream.belief

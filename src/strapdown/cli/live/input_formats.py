@@ -67,6 +67,19 @@ class Decoder:
         """Return the events that are complete because nothing came for QUIET s."""
         return []
 
+    @property
+    def unused(self) -> int:
+        """Number of the last bytes that a decoder needs again to go on after a restart."""
+        return 0
+
+    @property
+    def newest(self) -> float:
+        """Time up to which these bytes gave events already, s."""
+        return -inf
+
+    def resume(self, newest: float) -> None:
+        """Go on after a restart: give no event up to the `newest` of before."""
+
 
 class JsonLines(Decoder):
     """A JSON object in each line, in SI and body axes forward, right, down: a sample with `t` and
@@ -77,6 +90,11 @@ class JsonLines(Decoder):
         self._clock, self._scale, self._rest = clock, scale, b""
         # s, of rates: the newest sample, and the first of those that came late in a row
         self._last = self._behind = nan
+
+    @property
+    def unused(self) -> int:
+        """As of Decoder."""
+        return len(self._rest)
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """As of Decoder."""
@@ -174,6 +192,21 @@ class Receiver(Decoder):
         self._kinds, self._strays = kinds, StrayPieces()
         self._window, self._fresh, self._waits = b"", 0, False
         self._used: set[tuple[str, float]] = set()  # (kind, t in s) of the window
+        self._resumed = -inf  # s, up to which they were used before a restart
+
+    @property
+    def unused(self) -> int:
+        """As of Decoder: all that later messages are read with."""
+        return len(self._window)
+
+    @property
+    def newest(self) -> float:
+        """As of Decoder."""
+        return max((t for _, t in self._used), default=self._resumed)
+
+    def resume(self, newest: float) -> None:
+        """As of Decoder."""
+        self._resumed = newest
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """As of Decoder: all epochs but the last one, to which more may come."""
@@ -211,14 +244,15 @@ class Receiver(Decoder):
         taken = [
             row for row in near if (row.kind, row.t) not in self._used and (whole or row.t < last)
         ]
+        fresh = [row for row in taken if row.t > self._resumed]
         known = {(row.kind, row.t) for row in rows}
         self._used = (self._used & known) | {(row.kind, row.t) for row in taken}
         if taken:  # and none of them follows these
             wrong = {(row.kind, row.t) for row in alone} - self._used
             self.bad += len({t for _, t in wrong})
             self._used |= wrong
-        taken.sort(key=lambda row: row.t)
-        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in taken]
+        fresh.sort(key=lambda row: row.t)
+        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in fresh]
 
     def _rows(self) -> list[_Row]:
         """Return the measurements of the window, as a description of the log would read them."""

@@ -6,6 +6,7 @@ import select
 import socket
 import sys
 import time
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -24,6 +25,8 @@ BUFFER = 1 << 22
 """Bytes of datagrams that the system is asked to keep."""
 SO_RXQ_OVFL = 40
 """Option of Linux (asm-generic/socket.h): each datagram says how many were dropped before it."""
+TAIL = 4096
+"""Bytes by which a file is known to be the one of before."""
 KINDS = ("udp", "tcp", "serial", "file", "-")
 
 
@@ -66,6 +69,20 @@ def _is_name(text: str, kind: str) -> bool:
     return "\0" not in text
 
 
+class Mark(NamedTuple):
+    """A place in a file, and what stands before it."""
+
+    size: int  # bytes before it
+    unused: int  # of these, the last ones that are to be read again
+    checksum: int  # of the last TAIL bytes before it
+
+
+def _mark(file: BinaryIO, size: int, unused: int) -> Mark:
+    """Return the mark after so many bytes of a file."""
+    file.seek(max(size - TAIL, 0))
+    return Mark(size, unused, zlib.crc32(file.read(min(size, TAIL))))
+
+
 class Port:
     """An address to read from. `error` says why it cannot be read now; `lost` counts how often it
     went, `missed` the datagrams that the system dropped. `senders` has those of the datagrams that
@@ -76,6 +93,9 @@ class Port:
         self.error = ""
         self.lost = self.missed = 0
         self.senders: list[object] = []
+        # where the file was left before a restart, and what to call where it is still the same
+        self._left: tuple[Mark, Callable[[], None]] | None = None
+        self._at = 0
         self.ended = False  # nothing more will come
         self._tried = -RETRY
         self.number: int | None = None  # descriptor on which to wait for bytes
@@ -109,6 +129,20 @@ class Port:
         self.close()
         self.error, self._read, self._tried = why, None, time.monotonic()
         self.lost += 1
+
+    def mark(self, unused: int) -> "Mark | None":
+        """Return how far its file was read, and how many of the last bytes were not used; None of other
+        ports and where the file is gone."""
+        with suppress(OSError, DataError):
+            if self.address.kind == "file" and self._at:
+                with open_file(self.address.place) as file:
+                    return _mark(file, self._at, unused)
+        return None
+
+    def resume(self, left: "Mark", then: Callable[[], None]) -> None:
+        """Go on where the file was left, and call `then`, if it is still the same; else at its
+        beginning."""
+        self._left = left, then
 
     def close(self) -> None:
         """Close it."""
@@ -168,9 +202,15 @@ class Port:
             raise OSError("it is still empty")
         file: BinaryIO = open_file(path)
         self._close, known = file.close, path.stat().st_ino
+        left, self._left, self._at = self._left, None, 0
+        if left is not None and _mark(file, left[0].size, left[0].unused) == left[0]:
+            self._at = left[0].size - left[0].unused
+            left[1]()
+        file.seek(self._at)
 
         def read() -> list[bytes]:
             piece = file.read(PIECE)
+            self._at += len(piece)
             if not piece:
                 now = path.stat()
                 if now.st_ino != known or now.st_size < file.tell():

@@ -4,7 +4,7 @@ import heapq
 import os
 import select
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from types import TracebackType
@@ -26,7 +26,7 @@ from .decoders import decoder
 from .input_formats import Clock, Decoder
 from .notices import Notices, Senders
 from .output_formats import LINES, state_at
-from .ports import Port
+from .ports import Mark, Port
 from .sinks import Sink
 
 PAUSE = 0.002
@@ -101,6 +101,16 @@ class _Bytes:
     def _on_clock(self, unix: float) -> float:
         return self._clock.of_gps(float(gps_from_unix(unix)))
 
+    def mark(self) -> list[Any] | None:
+        """Return where a growing file goes on, for `resume`; None of other ports."""
+        found = self.port.mark(self.decoder.unused)
+        return [*found, self.decoder.newest] if found else None
+
+    def resume(self, mark: Sequence[Any]) -> None:
+        """Go on after what was used before a restart."""
+        *place, newest = mark
+        self.port.resume(Mark(*map(int, place)), lambda: self.decoder.resume(float(newest)))
+
     def close(self) -> None:
         """Close the port."""
         self.port.close()
@@ -109,9 +119,16 @@ class _Bytes:
 class _Replayed:
     """An input from a recording, at a speed."""
 
-    def __init__(self, part: InputPart) -> None:
+    def __init__(
+        self, part: InputPart, sources: Sequence[Source], tell: Callable[[str], None]
+    ) -> None:
         recording = read(part.recording)
-        fixes = [_fix_rows(k, a) for k, a in enumerate(recording.sources)]
+        fixes = []
+        for a, place in zip(recording.sources, _places(recording.sources, sources)):
+            if place is None:
+                tell(f"{part.recording}: {a.name or a.kind} is no [[source]]; it is left out")
+            else:
+                fixes.append(_fix_rows(place, a))
         rows = heapq.merge(_sample_rows(recording.imu), *fixes, key=lambda row: row[:3])
         self._events: Iterator[_Row] = iter(rows)
         self._next = next(self._events, None)
@@ -138,6 +155,26 @@ class _Replayed:
     def close(self) -> None:
         """Take nothing more."""
         self._next = None
+
+
+def _places(recorded: Sequence[Source], own: Sequence[Source]) -> list[int | None]:
+    """Return the index among `own` of each source of a recording: the one with its kind and name,
+    else the next one of its kind; None where there is none."""
+    found: list[int | None] = [None] * len(recorded)
+    for alike in (_same_name, _same_kind):
+        for i, a in enumerate(recorded):
+            free = [k for k, b in enumerate(own) if k not in found and alike(a, b)]
+            if found[i] is None and free:
+                found[i] = free[0]
+    return found
+
+
+def _same_kind(a: Source, b: Source) -> bool:
+    return a.kind == b.kind
+
+
+def _same_name(a: Source, b: Source) -> bool:
+    return a.kind == b.kind and a.name == b.name
 
 
 _Row = tuple[float, int, int, Sample | Measurement]
@@ -284,7 +321,9 @@ class Live:
         )
         kinds = [a.kind for a in own.sources]
         self.inputs: list[_Bytes | _Replayed] = [
-            _Replayed(part) if part.recording else _Bytes(part, self.clock, kinds)
+            _Replayed(part, own.sources, self._tell)
+            if part.recording
+            else _Bytes(part, self.clock, kinds)
             for part in own.inputs
         ]
         self.outputs = [_StatePort(part) for part in own.outputs]
@@ -310,6 +349,10 @@ class Live:
             raise _not_replaced(f"{path}: was saved with another epoch")
         # times go on from the same midnight, however long the program was off
         self.clock.epoch = saved
+        for name, mark in self.stream.carried.items():
+            for each in self._growing():
+                if str(each.port.address) == name:
+                    each.resume(mark)
         self._tell(f"{path}: goes on from {self.stream.t:.2f} s")
 
     # ---- the loop
@@ -344,6 +387,11 @@ class Live:
             self._is_silent = True
             self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
 
+    def _growing(self) -> list[_Bytes]:
+        """Return the inputs from files that grow."""
+        found = [each for each in self.inputs if isinstance(each, _Bytes)]
+        return [each for each in found if each.port.address.kind == "file"]
+
     def _look_at_ports(self) -> None:
         """Report ports that fail or go on again, and inputs that cannot be read."""
         for each in self.inputs:
@@ -355,6 +403,10 @@ class Live:
             self._notices.of_port(output.sink, lost)
 
     def _save(self) -> None:
+        carried = self.stream.carried
+        for each in self._growing():
+            if mark := each.mark():
+                carried[str(each.port.address)] = mark
         self.stream.epoch = self.clock.epoch
         try:
             self.stream.save(self.config.state)
