@@ -136,7 +136,7 @@ def test_the_header_shows_every_field_with_its_words():
     ):
         assert f"    STRAPDOWN_{name} = {value}" in text, name
     assert "pressure bias" in plain  # a column behind the status
-    assert "$" not in text and "$" not in glue(of, found)
+    assert "$" not in text and "$" not in glue(of, found, "0")
     assert max(map(len, text.splitlines())) <= 100
 
 

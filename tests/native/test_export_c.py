@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exports import STRICT, InC, build_example, rough_flight, run
+from exports import STRICT, Delayed, InC, build_example, rough_flight, run
 
 import strapdown as sd
 from strapdown.core.loop.contract import DOUBTFUL, INVALID, Use
@@ -163,3 +163,55 @@ def test_a_copy_goes_on_as_the_filter_does(made, in_c):
     for row in rows[200:]:
         in_c.sample(*row)
     assert bytes(in_c.numbers) == after != saved
+
+
+def timed(of):
+    """(time, source or -1, numbers) of samples and fixes, in the order of time."""
+    start = of.start.t + 1e-3
+    found = [(row[0], -1, row) for row in zip(*of.recording.imu) if row[0] > start]
+    for s, a in enumerate(of.sources):
+        found += [(t - 1e-3, s, (t, y, w)) for t, y, w in zip(a.t, a.y, a.std) if t > start]
+    return sorted(found, key=lambda event: event[:2])
+
+
+def test_late_fixes_give_the_bits_of_fixes_in_time(made, in_c):
+    of = made[0]
+    in_time = Delayed(begun(of, in_c))
+    for _, s, numbers in (events := timed(of)):
+        in_time.sample(*numbers) if s < 0 else in_time.fix(s, *numbers)
+    names = ("belief.lla", "belief.v_n", "belief.C_nb", "belief.P", "cursor.books")
+    wanted = {name: in_time.read(in_c.places[name]) for name in names}
+    late = Delayed(begun(of, in_c))
+    rng = np.random.default_rng(8)
+    delays = [0.0 if s < 0 else rng.choice([0.0, 0.05, 0.3, 0.8]) for _, s, _ in events]
+    arrived = sorted(zip(events, delays), key=lambda pair: pair[0][0] + pair[1])
+    refused = [late.fix(s, *n) for (_, s, n), _ in arrived if s >= 0 or late.sample(*n) < -9]
+    assert not any(refused)
+    for name in names:
+        np.testing.assert_array_equal(late.read(in_c.places[name]), wanted[name], name)
+    t = events[-1][0]
+    y, w = [*of.start.lla], [1.0, 1.0, 1.0]
+    assert late.fix(0, t - 10, y, w) == -2 and late.fix(0, t - 1, y, [0.0] * 3) == -1
+
+
+def test_a_saved_filter_goes_on_and_a_damaged_one_is_refused(made, in_c):
+    of = made[0]
+    begun(of, in_c)
+    rows = [row for row in zip(*of.recording.imu) if row[0] > of.start.t + 1e-6][:400]
+    for row in rows[:200]:
+        in_c.sample(*row)
+    saved = in_c.saved()
+    for row in rows[200:]:
+        in_c.sample(*row)
+    after = bytes(in_c.numbers)
+    assert in_c.restore(saved) == 0
+    for row in rows[200:]:
+        in_c.sample(*row)
+    assert bytes(in_c.numbers) == after
+    for at in (0, 9, 16, len(saved) // 2, len(saved) - 1):
+        assert in_c.restore(saved[:at] + bytes([saved[at] ^ 4]) + saved[at + 1 :]) == -8
+    assert bytes(in_c.numbers) == after
+    # 10 s without power are a gap
+    assert in_c.restore(saved) == 0
+    t, dt, dtheta, dv = rows[199]
+    assert in_c.sample(t + 10.0, dt, dtheta, dv) == 2

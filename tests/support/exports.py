@@ -76,6 +76,7 @@ class InC:
             "-shared",
             "-fPIC",
             "strapdown_calls.c",
+            "strapdown_delayed.c",
             "strapdown.o",
             "-lm",
             "-o",
@@ -104,6 +105,17 @@ class InC:
             self.numbers, real(t), real(dt), _doubles(dtheta), _doubles(dv)
         )
 
+    def saved(self):
+        """What strapdown_save makes of it, as bytes."""
+        made = ctypes.create_string_buffer(16 + len(bytes(self.numbers)))
+        self.c.strapdown_save(made, self.numbers)
+        return made.raw
+
+    def restore(self, saved):
+        return self.c.strapdown_restore(
+            self.numbers, ctypes.create_string_buffer(saved, len(saved))
+        )
+
     def read(self, place):
         """The numbers of a place of its layout, or the rows of a table."""
         if place.row is not None:
@@ -111,6 +123,37 @@ class InC:
             return there.copy().view(dtype_of(place.row))
         whole = np.frombuffer(self.numbers, float if place.real else np.int64)
         return whole[place.first : place.first + place.length].reshape(place.shape).copy()
+
+
+class Delayed:
+    """An exported filter that takes late fixes, from an InC that has begun."""
+
+    KEPT = 200
+    """STRAPDOWN_KEPT."""
+
+    def __init__(self, begun):
+        words = len(begun.numbers)
+        self.c, self.begun = begun.c, begun
+        self.numbers = (ctypes.c_double * (2 * words + 8 * self.KEPT + 1))()
+        self.newest = slice(words, 2 * words)
+        self.c.strapdown_delay(self.numbers, begun.numbers)
+
+    def sample(self, t, dt, dtheta, dv):
+        real = ctypes.c_double
+        return self.c.strapdown_delayed_sample(
+            self.numbers, real(t), real(dt), _doubles(dtheta), _doubles(dv)
+        )
+
+    def fix(self, source, t, y, deviations):
+        return self.c.strapdown_delayed_fix(
+            self.numbers, source, ctypes.c_double(t), _doubles(y), _doubles(deviations)
+        )
+
+    def read(self, place):
+        """The numbers of a place of the newest state."""
+        whole = np.frombuffer(self.numbers, float)[self.newest]
+        self.begun.numbers = type(self.begun.numbers)(*whole)
+        return self.begun.read(place)
 
 
 def _doubles(values):

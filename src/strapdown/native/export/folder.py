@@ -41,6 +41,10 @@ KEPT, KEEP = "export-", 12
 """Beginning of the names of kept representations of kernels, and how many stay."""
 OWN = 4
 """Count of numbers of strapdown_filter after those of the loop."""
+COPIED = ("strapdown_delayed.h", "strapdown_delayed.c", "main.c")
+"""Files that are the same in every export."""
+LOOP, LOOP_NEEDS = "loop.c", {"position", "velocity"}
+"""The example of a loop, and the sources that it calls by name."""
 EVERY = 10
 """Samples between rows of the replay."""
 
@@ -90,11 +94,13 @@ def export(
         code.stack.get(RUN),
         code.needed,
     )
+    declared = header(of, made).encode()
+    format = sha256(code.content + declared).hexdigest()[:16]
     contents: dict[str, bytes] = {
         "strapdown.o": code.content,
-        "strapdown.h": header(of, made).encode(),
-        "strapdown_calls.c": glue(of, first).encode(),
-        "main.c": (files(__package__) / "templates" / "main.c").read_bytes(),
+        "strapdown.h": declared,
+        "strapdown_calls.c": glue(of, first, format).encode(),
+        **{name: (files(__package__) / "templates" / name).read_bytes() for name in _copied(of)},
         "replay.bin": replay(of, run, EVERY),
     }
     notes = list(of.notes)
@@ -111,6 +117,10 @@ def export(
             with replacing(folder / name) as part:
                 part.write_bytes(content)
     return Exported(tuple(contents), target, sizes, tuple(notes))
+
+
+def _copied(of: Chosen) -> tuple[str, ...]:
+    return (*COPIED, LOOP) if set(of.names) >= LOOP_NEEDS else COPIED
 
 
 def _refuse_plugins(of: Chosen) -> None:

@@ -19,8 +19,8 @@ HERE = {"C_nb": "C[{}]", "variance": "variance[{}]", "t": "values->t"}
 """Parts of a start that C computes or has as one number; others are arrays of strapdown_values."""
 
 
-def glue(of: Chosen, made: Image) -> str:
-    """The text of strapdown_calls.c."""
+def glue(of: Chosen, made: Image, format: str) -> str:
+    """The text of strapdown_calls.c; `format` marks what it saves, in hexadecimal."""
     components = (len(aiding.find(a.kind).quantities) for a in of.sources)
     return template("strapdown_calls.c").substitute(
         most_latitude=repr(LATITUDE_LIMIT),
@@ -29,6 +29,7 @@ def glue(of: Chosen, made: Image) -> str:
         same_time=repr(SAME_TIME),
         same_event=repr(FOLD),
         example="\n".join(_example(of.start, of.noise)),
+        format=f"0x{format}",
         components=", ".join(map(str, components)),
         noise_possible="\n".join(_noise_possible()),
         fixed="".join(f"{line}\n" for line in _refuse_other_start(made)),

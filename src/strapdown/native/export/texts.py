@@ -204,6 +204,7 @@ RESULTS = ExportNames(
         Name("NO_SOURCE", -5, "there is no such source"),
         Name("STOPPED", -6, "the filter stopped: start it again"),
         Name("FIXED", -7, "a part of the start that is fixed in this export differs"),
+        Name("NOT_SAVED", -8, "what was saved is damaged, or of another export"),
     ),
 )
 ENUMS = (RESULTS, STATUS, USE, ROW, CODE)

@@ -78,6 +78,15 @@ typedef struct {
     double value;
 } strapdown_event;
 
+/* A filter in memory that outlives a restart, such as flash. */
+typedef struct {
+    /* of the object and the header that it belongs to */
+    uint64_t format;
+    /* of the bytes of the filter */
+    uint64_t checksum;
+    strapdown_filter filter;
+} strapdown_saved;
+
 /* Values to begin with: those of the recording that replay.bin holds, with the noise of its IMU. */
 extern const strapdown_values strapdown_example;
 
@@ -106,6 +115,14 @@ int strapdown_sample(
 /* The next event that has begun since it was asked last; what happens again within 10 s is the same
    event. Returns 1, or 0 where there is none. Ask until then after each sample, or now and then. */
 int strapdown_next_event(strapdown_filter *filter, strapdown_event *event);
+
+/* Save a filter with what is needed to check it. */
+void strapdown_save(strapdown_saved *saved, const strapdown_filter *filter);
+
+/* Go on with a filter as it was saved: the next sample may be up to a day later, and the time
+   between is a gap of the IMU like any other. STRAPDOWN_NOT_SAVED where it is damaged or of another
+   export; then the filter is left as it is. */
+int strapdown_restore(strapdown_filter *filter, const strapdown_saved *saved);
 
 /* Of strapdown.o, for the functions above. */
 void strapdown_run(strapdown_filter *filter);

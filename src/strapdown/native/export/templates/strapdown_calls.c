@@ -24,6 +24,9 @@ $example
 static const union { uint64_t bits; double number; } INFINITE = {UINT64_C(0x7ff0000000000000)};
 static const union { uint64_t bits; double number; } NOT_MEASURED = {UINT64_C(0x7ff8000000000000)};
 
+/* Of what is saved: strapdown.o and strapdown.h. */
+static const uint64_t FORMAT = UINT64_C($format);
+
 /* Numbers of a fix, by source. */
 static const int COMPONENTS[STRAPDOWN_SOURCES] = {$components};
 
@@ -209,4 +212,29 @@ int strapdown_next_event(strapdown_filter *filter, strapdown_event *event)
     event->which = (int)row->which;
     event->value = row->value;
     return 1;
+}
+
+/* FNV-1a. */
+static uint64_t checksum(const strapdown_filter *filter)
+{
+    const unsigned char *bytes = (const unsigned char *)filter;
+    uint64_t sum = UINT64_C(0xcbf29ce484222325);
+    for (uint32_t i = 0; i < sizeof *filter; i++)
+        sum = (sum ^ bytes[i]) * UINT64_C(0x100000001b3);
+    return sum;
+}
+
+void strapdown_save(strapdown_saved *saved, const strapdown_filter *filter)
+{
+    saved->format = FORMAT;
+    saved->checksum = checksum(filter);
+    saved->filter = *filter;
+}
+
+int strapdown_restore(strapdown_filter *filter, const strapdown_saved *saved)
+{
+    if (saved->format != FORMAT || saved->checksum != checksum(&saved->filter))
+        return STRAPDOWN_NOT_SAVED;
+    *filter = saved->filter;
+    return filter->cursor.state.fault ? STRAPDOWN_STOPPED : STRAPDOWN_OK;
 }
