@@ -727,18 +727,26 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     from strapdown.cli.live import program
 
     monkeypatch.setattr(program, "IMU_SILENT", 0.2)
+    monkeypatch.setattr(program, "LOOK", 0.0)
     said = []
+    path = tmp_path / "lines"
     live = sd.Live(
-        config(tmp_path, {"port": "serial:/dev/none:9600"}),
+        config(tmp_path, {"port": "serial:/dev/none:9600"}, {"port": f"file:{path}"}),
         on_event=lambda t, text: said.append(text),
     )
     end = time.monotonic() + 1.0
     while time.monotonic() < end:
         live.turn()
+    path.write_bytes(json_lines(flight())[0])
+    turn_until(live, lambda: said[-1] == f"file:{path}: goes on")
     assert said == [
         "serial:/dev/none:9600: No such file or directory; it is tried again each 1 s",
+        f"file:{path}: No such file or directory; it is tried again each 1 s",
         "IMU: no sample for 0.2 s",
+        "IMU: samples come again",
+        f"file:{path}: goes on",
     ]
+    live.close()
 
 
 def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):

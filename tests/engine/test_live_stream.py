@@ -320,7 +320,7 @@ def test_a_callback_that_raises_is_called_once():
 # ---- the watchdog
 
 
-def test_a_source_that_falls_silent_is_said_once():
+def test_a_source_that_falls_silent_is_said_once_and_that_it_is_back():
     recording, told = flight(60.0), []
     live = live_of(
         recording, on_event=lambda t, text: told.append((t, text)), start=start(flight())
@@ -333,8 +333,9 @@ def test_a_source_that_falls_silent_is_said_once():
             assert live.silent == {}
         elif 32.0 < event.t < 44.9:
             assert live.silent == {"GNSS velocity": pytest.approx(event.t - 20.0, abs=0.1)}
-    said = [(t, text) for t, text in told if "silent" in text]
-    ((t, text),) = said
+    ((t, text),) = [(t, text) for t, text in told if "silent" in text]
+    ((back, again),) = [(t, text) for t, text in told if "come again" in text]
+    assert again == "GNSS velocity: its measurements come again" and 45.0 < back < 46.3
     assert 30.0 < t < 31.2  # ten intervals of 1 s
     assert text.startswith("GNSS velocity: silent for ") and text.endswith("check its connection")
 

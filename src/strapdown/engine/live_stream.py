@@ -101,7 +101,8 @@ class LiveStream:
       stops, the stream aligns anew from the samples and measurements since.
     - Where the time of a sample steps ahead by more than 1 s, or back by more than `lag`, the
       stream goes on there once samples have done so for 1 s, or 0.5 s, and drops it otherwise.
-    - A source that falls silent for 5 s, and ten of its intervals, is reported.
+    - A source that falls silent for 5 s, and ten of its intervals, is reported, and that it
+      came back, too.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ class LiveStream:
         self._said: dict[str, float] = {}  # s, when each of its own events was so last
         self._alignments = 0
         self._forget_suspects()
-        self._watchdog = Watchdog(len(sources))
+        self._watchdog, self._silent = Watchdog(len(sources)), set[int]()
 
     # ---- data
 
@@ -297,7 +298,7 @@ class LiveStream:
         for cause, count in old.dropped_by.items():
             self._dropped_before[cause] = self._dropped_before.get(cause, 0) + count
         self._stream = deepcopy(self._unstarted)
-        self._watchdog = Watchdog(len(self._names))
+        self._watchdog, self._silent = Watchdog(len(self._names)), set()
         self._alignments += 1
         self._forget_suspects()
         self._say("anew", f"{reason}: aligning anew", t)
@@ -326,11 +327,16 @@ class LiveStream:
             self._past.append((t, said))
 
     def _tell_silence(self) -> None:
-        for source, seconds in self._watchdog.silent(self._stream.newest):
+        """Report sources that have fallen silent since the last look, and those that came back."""
+        silent = dict(self._watchdog.silent(self._stream.newest))
+        for source, seconds in silent.items():
             name = self._names[source]
             self._say(
                 f"silent {source}", f"{name}: silent for {seconds:.1f} s: check its connection"
             )
+        for source in self._silent - silent.keys():
+            self._say(f"back {source}", f"{self._names[source]}: its measurements come again")
+        self._silent = set(silent)
 
     @property
     def silent(self) -> dict[str, float]:
@@ -463,6 +469,7 @@ class LiveStream:
         self._counted, self._dropped_before, self._dropped = counted, before, own
         self._past, self._alignments = deque(said, MAX_EVENTS), alignments
         self.epoch, self.carried = epoch, carried
-        self._stream, self._watchdog = stream, Watchdog(len(self._names))
+        self._stream, self._silent = stream, set()
+        self._watchdog = Watchdog(len(self._names))
         self._forget_suspects()
         return stream.belief

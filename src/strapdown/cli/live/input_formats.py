@@ -113,7 +113,7 @@ class JsonLines(Decoder):
         return found
 
     def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
-        t = _given(table["t"])
+        t = _plain_number(table["t"])
         if self._scale in ("unix", "gps"):
             t = self._clock.of_gps(float(gps_from_unix(t)) if self._scale == "unix" else t)
         if "source" in table:
@@ -124,8 +124,10 @@ class JsonLines(Decoder):
                 )
             return Measurement(t, table["source"], y, std)
         if "dtheta" in table:
-            return Sample(t, _given(table["dt"]), _three(table["dtheta"]), _three(table["dv"]))
-        dt = _given(table["dt"]) if "dt" in table else self._interval(t)
+            return Sample(
+                t, _plain_number(table["dt"]), _three(table["dtheta"]), _three(table["dv"])
+            )
+        dt = _plain_number(table["dt"]) if "dt" in table else self._interval(t)
         rates = (_three(table[key]) for key in ("gyro", "accel"))
         if not 0 < dt <= MAX_GAP:  # the first one, or one after a gap
             return None
@@ -144,7 +146,7 @@ class JsonLines(Decoder):
         return t - last
 
 
-def _given(value: Any) -> float:
+def _plain_number(value: Any) -> float:
     """Return a number of JSON as a float. Raises DataError for anything else."""
     if type(value) not in (int, float):
         raise DataError(f"{brief(value)} is no number")
@@ -152,7 +154,7 @@ def _given(value: Any) -> float:
 
 
 def _number(value: Any) -> float:
-    return nan if value is None else _given(value)
+    return nan if value is None else _plain_number(value)
 
 
 def _three(values: Sequence[Any]) -> tuple[float, float, float]:

@@ -350,7 +350,7 @@ class Live:
         # times go on from the same midnight, however long the program was off
         self.clock.epoch = saved
         for name, mark in self.stream.carried.items():
-            for each in self._growing():
+            for each in self._growing_files():
                 if str(each.port.address) == name:
                     each.resume(mark)
         self._tell(f"{path}: goes on from {self.stream.t:.2f} s")
@@ -365,12 +365,18 @@ class Live:
                 count += 1
                 self.stream.step(event)
                 if isinstance(event, Sample):
-                    self._heard, self._is_silent = time.monotonic(), False
+                    self._hear_samples()
                     if self.stream.started:
                         for output in self.outputs:
                             output.show(self.stream, self.clock.epoch)
         self._look_after()
         return count > 0
+
+    def _hear_samples(self) -> None:
+        self._heard = time.monotonic()
+        if self._is_silent:
+            self._is_silent = False
+            self._tell("IMU: samples come again")
 
     def _look_after(self) -> None:
         """Force the log to the disk, save the state, and see whether samples still come."""
@@ -387,7 +393,7 @@ class Live:
             self._is_silent = True
             self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
 
-    def _growing(self) -> list[_Bytes]:
+    def _growing_files(self) -> list[_Bytes]:
         """Return the inputs from files that grow."""
         found = [each for each in self.inputs if isinstance(each, _Bytes)]
         return [each for each in found if each.port.address.kind == "file"]
@@ -404,7 +410,7 @@ class Live:
 
     def _save(self) -> None:
         carried = self.stream.carried
-        for each in self._growing():
+        for each in self._growing_files():
             if mark := each.mark():
                 carried[str(each.port.address)] = mark
         self.stream.epoch = self.clock.epoch
