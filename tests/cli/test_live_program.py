@@ -24,6 +24,7 @@ from strapdown.cli.live.config import OutputPart
 from strapdown.cli.live.ports import address_of
 from strapdown.cli.live.program import _StatePort
 from strapdown.engine.stream import Sample
+from strapdown.geometry.geodesy import displacement
 from strapdown.io.readers import live_log
 
 pytestmark = pytest.mark.short
@@ -497,6 +498,79 @@ def live_nmea(path):
     return found
 
 
+def test_mavlink_goes_out_as_an_autopilot_takes_it(tmp_path):
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    recording = flight(40.0)
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    messages = ["ODOMETRY", "VISION_POSITION_ESTIMATE", "GPS_INPUT"]
+    output = {"port": f"file:{tmp_path}/out", "format": "mavlink", "rate": 5.0}
+    lines = {"port": f"file:{tmp_path}/lines", "rate": 5.0}
+    both = [output | {"messages": messages}, lines]
+    live = sd.Live(config(tmp_path, part, output=both, epoch="2024-05-17T00:00:00Z"))
+    live.run()
+    found = common.MAVLink(None).parse_buffer((tmp_path / "out").read_bytes())
+    by_type = {}
+    for message in found:
+        by_type.setdefault(message.get_type(), []).append(message)
+    shown = [json.loads(line) for line in (tmp_path / "lines").read_bytes().splitlines()]
+    assert {
+        name: len(each) for name, each in by_type.items() if name != "HEARTBEAT"
+    } == dict.fromkeys(messages, len(shown))
+    assert 28 <= len(by_type["HEARTBEAT"]) <= 31
+    odometry, vision, gps = (by_type[name][-1] for name in messages)
+    last = shown[-1]
+    lla = [np.radians([each["lat"], each["lon"]]).tolist() + [each["height"]] for each in shown]
+    away = displacement(lla[-1], lla[0])
+    assert [odometry.x, odometry.y, odometry.z] == pytest.approx(away, abs=1e-2)
+    assert [vision.x, vision.y, vision.z] == [odometry.x, odometry.y, odometry.z]
+    C = live.stream.belief.C_nb
+    assert [odometry.vx, odometry.vy, odometry.vz] == pytest.approx(C.T @ last["v_n"], abs=0.5)
+    rph = np.degrees([vision.roll, vision.pitch, vision.yaw])
+    assert rph % 360 == pytest.approx(np.array(last["rph"]) % 360, abs=1e-3)
+    std = np.array(last["std"])
+    assert np.sqrt([odometry.pose_covariance[k] for k in (0, 6, 11)]) == pytest.approx(
+        std[:3], rel=1e-3
+    )
+    assert np.sqrt(odometry.pose_covariance[20]) == pytest.approx(std[8], rel=0.05)
+    assert odometry.frame_id == 1 and odometry.child_frame_id == 12 and odometry.quality == 100
+    assert [gps.lat, gps.lon] == [round(last["lat"] * 1e7), round(last["lon"] * 1e7)]
+    assert gps.vn == pytest.approx(last["v_n"][0], abs=1e-3) and gps.fix_type == 3
+    assert gps.yaw == pytest.approx(100 * last["rph"][2], abs=1)
+    assert gps.horiz_accuracy == pytest.approx(np.hypot(*std[:2]), rel=1e-3)
+    # 2024-05-17 was the Friday of week 2314
+    assert gps.time_week == 2314 and gps.time_week_ms == round(1e3 * (5 * 86400 + 18 + last["t"]))
+    assert gps.time_usec == odometry.time_usec == round(1e6 * (1715904000 + last["t"]))
+
+
+def test_the_pose_covariance_is_that_of_small_turns():
+    """Against finite differences of roll, pitch and heading; no message without a state."""
+    from strapdown.cli.live.output_formats import encoder, state_at
+    from strapdown.core.mathematics.rotation import matrix_to_euler, rotate_left
+    from strapdown.data.solution import INVALID
+
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    encode = encoder("mavlink", ["VISION_POSITION_ESTIMATE"])
+    state = sd.align(flight(), "tactical").belief(np.zeros(1))
+    generator = np.random.default_rng(2)
+    root = generator.normal(size=(15, 15)) * 1e-2
+    state.P[:15, :15] = root @ root.T
+    rotate_left(0.4, -0.3, 1.0, state.C_nb)
+    before, columns = np.array(matrix_to_euler(state.C_nb)), []
+    for k in range(3):
+        turned = state.C_nb.copy()
+        rotate_left(*np.eye(3)[k] * 1e-7, turned)
+        columns.append((np.array(matrix_to_euler(turned)) - before) / 1e-7)
+    turn = np.eye(6)
+    turn[3:, 3:] = np.array(columns).T
+    rows = [0, 1, 2, 6, 7, 8]
+    wanted = turn @ state.P[np.ix_(rows, rows)] @ turn.T
+    *_, message = common.MAVLink(None).parse_buffer(encode(state_at(5.0, None, 0, state)))
+    assert message.covariance == pytest.approx(wanted[np.triu_indices(6)], rel=1e-4, abs=1e-8)
+    assert message.usec == 5_000_000
+    assert encode(state_at(5.1, None, INVALID, state)) == b""
+
+
 def test_without_a_state_nmea_says_so():
     from strapdown.cli.live.output_formats import nmea_lines, state_at
     from strapdown.data.solution import INVALID
@@ -889,7 +963,7 @@ def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):
     port.sink = SimpleNamespace(write=lines.append)
     belief = begin.belief(np.zeros(1))
     for t in np.r_[np.arange(100.0, 140.0, 0.01), np.arange(100.0, 140.0, 0.01)].tolist():
-        port.show(SimpleNamespace(t=t, status=0, belief=belief), None)
+        port.show(SimpleNamespace(t=t, status=0, belief=belief, alignments=0), None)
     assert 780 <= len(lines) <= 820
 
 
@@ -971,6 +1045,15 @@ def test_what_was_not_measured_is_kept():
         ({"source": [{"kind": "position", "gate": "x"}]}, "gate"),
         ({"source": {"kind": "position"}}, "source must be given as \\[\\[source\\]\\]"),
         ({"output": [{"port": "udp:1", "rate": 0}]}, "rate"),
+        (
+            {"output": [{"port": "udp:1", "format": "mavlink", "messages": ["GPS"]}]},
+            "messages is 'GPS'",
+        ),
+        ({"output": [{"port": "udp:1", "messages": ["GPS_INPUT"]}]}, "of the format .mavlink."),
+        (
+            {"output": [{"port": "udp:1", "format": "mavlink", "messages": "ODOMETRY"}]},
+            "messages is 'ODOMETRY'; it must be a list",
+        ),
         ({"epoch": "soon"}, "soon"),
         ({"options": 5}, "options is 5; it must be a table"),
         ({"options": [["a", 1]]}, "options is .*; it must be a table"),

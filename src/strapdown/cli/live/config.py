@@ -23,7 +23,7 @@ from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
 from ...units.time_scales import gps_of
-from .output_formats import LINES
+from .output_formats import MESSAGES, OUTPUTS
 from .ports import Address, address_of
 
 INPUTS = ("json", "ubx", "nmea", "mavlink", "recording")
@@ -55,6 +55,7 @@ class OutputPart(NamedTuple):
     format: str
     address: Address
     rate: float  # Hz
+    messages: tuple[str, ...] = ()  # of MAVLink
 
 
 class Config(NamedTuple):
@@ -187,10 +188,21 @@ def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
 
 
 def _output(part: dict[str, Any], where: str, folder: Path) -> OutputPart:
-    check_keys(part, ("format", "port", "rate"), where)
-    format = check_choice(part.get("format", "json"), f"{where}: format", list(LINES))
+    check_keys(part, ("format", "port", "rate", "messages"), where)
+    format = check_choice(part.get("format", "json"), f"{where}: format", OUTPUTS)
     rate = check_number(part.get("rate", inf), f"{where}: rate", "Hz", above=0, infinite=True)
-    return OutputPart(format, _in_folder(address_of(part.get("port"), where), folder), rate)
+    address = _in_folder(address_of(part.get("port"), where), folder)
+    return OutputPart(format, address, rate, _messages(part, format, where))
+
+
+def _messages(part: dict[str, Any], format: str, where: str) -> tuple[str, ...]:
+    """Return the messages of an output of MAVLink, ODOMETRY where none are named."""
+    if "messages" in part and format != "mavlink":
+        raise DataError(f'{where}: messages are those of the format "mavlink", not of {format!r}')
+    names = part.get("messages", MESSAGES[:1])
+    if not isinstance(names, list | tuple) or not names:
+        raise DataError(f"{where}: messages is {brief(names)}; it must be a list of names")
+    return tuple(check_choice(name, f"{where}: messages", MESSAGES) for name in names)
 
 
 def _source(part: dict[str, Any], where: str) -> Source:

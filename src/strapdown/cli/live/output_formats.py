@@ -1,6 +1,7 @@
 """Lines of the newest state: JSON, and NMEA 0183 (GGA, RMC, HDT and PASHR)."""
 
 import json
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
@@ -29,9 +30,12 @@ class Shown(NamedTuple):
     moment: datetime | None  # UTC, where the clock is absolute
     status: int
     state: FilterState
+    alignments: int = 0  # number of times that the filter began to align anew
 
 
-def state_at(t: float, epoch: float | None, status: int, state: FilterState) -> Shown:
+def state_at(
+    t: float, epoch: float | None, status: int, state: FilterState, alignments: int = 0
+) -> Shown:
     """Return a state at t s since `epoch`, in s of GPS time since its zero, or None. Its moment is
     None, too, where no calendar has it."""
     moment = None
@@ -39,7 +43,7 @@ def state_at(t: float, epoch: float | None, status: int, state: FilterState) -> 
         unix = round(float(unix_from_gps(epoch + t)), 3)
         with suppress(OverflowError):
             moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=unix)
-    return Shown(t, moment, status, state)
+    return Shown(t, moment, status, state, alignments)
 
 
 def _angles(state: FilterState) -> tuple[float, float, float]:
@@ -145,3 +149,15 @@ def _heading(it: Shown, hour: str) -> list[str]:
 
 LINES = {"json": json_line, "nmea": nmea_lines}
 """{format: function of a Shown}."""
+OUTPUTS = (*LINES, "mavlink")
+MESSAGES = ("ODOMETRY", "VISION_POSITION_ESTIMATE", "GPS_INPUT")
+"""Of MAVLink."""
+
+
+def encoder(format: str, messages: Sequence[str]) -> Callable[[Shown], bytes]:
+    """Return what makes bytes of a state: lines, or these messages of MAVLink."""
+    if format == "mavlink":
+        from .mavlink_output import MavLinkOutput
+
+        return MavLinkOutput(messages)
+    return lambda it: LINES[format](it).encode()

@@ -25,7 +25,7 @@ from .config import Config, InputPart, OutputPart, config_of
 from .decoders import decoder
 from .input_formats import Clock, Decoder
 from .notices import Notices, Senders
-from .output_formats import LINES, state_at
+from .output_formats import encoder, state_at
 from .ports import Mark, Port
 from .sinks import Sink
 
@@ -196,7 +196,8 @@ class _StatePort:
     """States to a port at a rate, by the time of the samples."""
 
     def __init__(self, part: OutputPart) -> None:
-        self.sink, self._line, self._every = Sink(part.address), LINES[part.format], 1 / part.rate
+        self.sink, self._every = Sink(part.address), 1 / part.rate
+        self._encode = encoder(part.format, part.messages)
         self._due = -inf
 
     def show(self, live: LiveStream, epoch: float | None) -> None:
@@ -205,8 +206,9 @@ class _StatePort:
         if t < self._due - 1e-6 and t > self._due - 2 * self._every:
             return
         self._due = (t if abs(t - self._due) > self._every else self._due) + self._every
-        line = self._line(state_at(t, epoch, live.status, live.belief))
-        self.sink.write(line.encode())
+        it = state_at(t, epoch, live.status, live.belief, live.alignments)
+        if data := self._encode(it):
+            self.sink.write(data)
 
 
 class _Log:
