@@ -179,3 +179,44 @@ def test_a_receiver_by_its_arrival(tmp_path, monkeypatch):
     assert abs(unix - (1.7e9 + time.monotonic())) < 1.0
     position = [event.t for event in taken if event.source == 0]
     assert np.diff(position) == pytest.approx(0.2, abs=2e-3)
+
+
+def test_a_source_without_stamps_counts_at_its_arrival(tmp_path, monkeypatch):
+    """Positions 0.1 s late, up to 5 ms more; the IMU has UNIX times."""
+    from strapdown.cli.live import program
+
+    recording, ports, now = flight(30.0), (free_port(), free_port()), [0.0]
+    monkeypatch.setattr(program, "time_of_arrival", lambda *_: 1.7e9 + now[0])
+    inputs = [
+        {"port": f"udp:{ports[0]}", "clock": "unix"},
+        {"port": f"udp:{ports[1]}", "clock": "none", "latency": 0.1},
+    ]
+    live = sd.Live(config(tmp_path, *inputs))
+    live.turn()
+    generator = np.random.default_rng(2)
+    sent = []
+    for event in events_of(recording):
+        is_sample = type(event) is Sample
+        delay = 0.0 if is_sample else 0.1 + generator.uniform(0.0, 0.005)
+        sent.append((event.t + delay, event))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for arrived, event in sorted(sent, key=lambda each: each[0]):
+            now[0], table = arrived, event._asdict()
+            if type(event) is Sample:
+                table["t"] += 1.7e9
+            else:
+                del table["t"]
+            port = ports[type(event) is not Sample]
+            sender.sendto(json.dumps(table).encode(), ("127.0.0.1", port))
+            live.turn()
+        sample = json.dumps({"gyro": [0.0] * 3, "accel": [0.0] * 3})
+        sender.sendto(sample.encode(), ("127.0.0.1", ports[1]))
+        live.turn()
+    live.close()
+    assert live.stream.counts()[0][0] >= 18 and live.bad == 1
+    assert "a sample needs a time" in live.inputs[1].decoder.why
+    (found,) = live.clocks.values()
+    assert found.interval == pytest.approx(0.5, abs=0.02) and 0.4 < found.jitter < 0.6
+    assert "by arrival, each 0." in str(found)
+    off = (live.stream.belief.lla - recording.reference.lla[-1]) * [6.4e6, 4.3e6, 1.0]
+    assert np.abs(off).max() < 6.0, off

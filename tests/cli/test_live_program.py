@@ -204,6 +204,47 @@ def test_rates_become_increments(tmp_path):
     assert taken[0].dv[2] == pytest.approx(-0.098)
 
 
+CSV = ["t", "dt", *(f"{name}_{axis}" for name in ("dtheta", "dv") for axis in "xyz")]
+
+
+@pytest.mark.parametrize("header", [True, False])
+def test_csv_gives_the_samples_of_its_lines(tmp_path, header):
+    """With a header, or with columns of which one is skipped; restarted in the middle."""
+    recording, path, fixes = flight(), tmp_path / "imu.csv", tmp_path / "fixes"
+    rows = [[e.t, e.dt, *e.dtheta, *e.dv] for e in events_of(recording) if type(e) is Sample]
+    names, first = (CSV, []) if header else (["", *CSV], [0])
+    lines = [",".join(map(repr, [*first, *row])) for row in rows]
+    if header:
+        lines = ['"' + '", "'.join(CSV) + '"', *lines]
+    fixes.write_bytes(b"".join(line for line in json_lines(recording) if b"source" in line))
+    part = {"port": f"file:{path}", "format": "csv"} | ({} if header else {"columns": names})
+    asked = config(tmp_path, {"port": f"file:{fixes}"}, part, state=str(tmp_path / "state"))
+    for share in (0.6, 1.0):
+        text = "\r\n".join(lines) + "\r\n"
+        path.write_text(text[: int(len(text) * share)], newline="")
+        with sd.Live(asked) as live:
+            turn_until(live, lambda: not live.turn())
+            assert live.bad == 0
+    assert np.allclose(live.stream.now.lla, expected(recording).lla, rtol=0, atol=1e-9)
+    assert sum(live.stream.dropped_by.values()) == live.stream.dropped_by["before the start"]
+
+
+def test_csv_that_cannot_be_read_is_counted():
+    from strapdown.cli.live import decoders, input_formats
+
+    clock = input_formats.Clock()
+    reader = decoders.decoder("csv", "own", clock, [], "")
+    assert reader.feed(b"1,0.1,0,0,0,0,0,0\n") == [] and "name the columns" in reader.why
+    assert reader.feed(b"t,gyro_x,gyro_y,gyro_z\n") == [] and reader.bad == 2
+    header = "t,x,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n"
+    rows = "0.1,,0,0,0,1,2,3\n0.2,7,0,0,0,1,2,3\n0.3,7,0,0,0,1,2\n0.4,7,a,0,0,1,2,3\n"
+    (sample,) = reader.feed((header + rows + header).encode())
+    assert reader.bad == 4 and sample.dv == pytest.approx((0.1, 0.2, 0.3))
+    reader = decoders.decoder("csv", "own", clock, [], "")
+    reader.feed(header.replace("x,gyro", "t,gyro", 1).encode())
+    assert "each must be named once" in reader.why
+
+
 # ---- receivers
 
 
@@ -1054,6 +1095,13 @@ def test_what_was_not_measured_is_kept():
             {"output": [{"port": "udp:1", "format": "mavlink", "messages": "ODOMETRY"}]},
             "messages is 'ODOMETRY'; it must be a list",
         ),
+        ({"input": [{"port": "udp:1", "columns": ["t"]}]}, "columns are those of the format"),
+        ({"input": [{"port": "udp:1", "format": "csv", "columns": "t"}]}, "columns is 't'"),
+        (
+            {"input": [{"port": "udp:1", "format": "csv", "columns": ["t", "gyro_x"]}]},
+            "1: columns are .'t', 'gyro_x'.; they must have t, and gyro_x to accel_z",
+        ),
+        ({"input": [{"port": "udp:1", "format": "csv", "clock": "none"}]}, "clock is 'none'"),
         ({"epoch": "soon"}, "soon"),
         ({"options": 5}, "options is 5; it must be a table"),
         ({"options": [["a", 1]]}, "options is .*; it must be a table"),

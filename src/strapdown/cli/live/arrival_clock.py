@@ -22,7 +22,7 @@ MAX_DRIFT = 1e-3
 RESTARTED = 1.0
 """s by which a stamp may be off before the clock counts as another one."""
 DELAYS = 1000
-"""Number of newest delays of which quantiles are shown."""
+"""Number of newest delays, or times of arrival, of which statistics are shown."""
 
 
 class ClockEstimate(NamedTuple):
@@ -50,6 +50,49 @@ class ClockEstimate(NamedTuple):
             f"offset {self.offset:.6g} s, drift {1e6 * self.drift:+.1f} ppm, delays beyond the "
             f"smallest {1e3 * self.delay:.2g} ms (median), {1e3 * self.worst_delay:.2g} ms (99 %)"
         )
+
+
+class ArrivalIntervals(NamedTuple):
+    """Messages without stamps, which count at their arrival.
+
+    Attributes
+    ----------
+    interval : float
+        Mean time between two of them, s.
+    jitter : float
+        Standard deviation of that time, s.
+    longest : float
+        The longest one, s.
+    """
+
+    interval: float
+    jitter: float
+    longest: float
+
+    def __str__(self) -> str:
+        return (
+            f"by arrival, each {self.interval:.4g} s with a jitter of {1e3 * self.jitter:.2g} ms; the "
+            f"longest interval is {self.longest:.4g} s"
+        )
+
+
+class Arrivals:
+    """Times of arrival of messages without stamps."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=DELAYS)
+
+    def take(self, arrived: float) -> None:
+        """Take a time of arrival, s."""
+        self._times.append(arrived)
+
+    @property
+    def estimate(self) -> ArrivalIntervals | None:
+        """The intervals of the newest ones; None before there are three times."""
+        if len(self._times) < 3:
+            return None
+        steps = np.diff(self._times)
+        return ArrivalIntervals(float(steps.mean()), float(steps.std()), float(steps.max()))
 
 
 class ArrivalClock:

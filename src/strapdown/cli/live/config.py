@@ -16,6 +16,7 @@ from ...checks import (
     check_keys,
     check_number,
     check_path,
+    locate_errors,
     one_line_repr,
 )
 from ...core.loop.contract import MeasurementModel
@@ -23,19 +24,19 @@ from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
 from ...units.time_scales import gps_of
+from .line_formats import NO_CLOCK, check_columns
 from .output_formats import MESSAGES, OUTPUTS
 from .ports import Address, address_of
 
-INPUTS = ("json", "ubx", "nmea", "mavlink", "recording")
-SCALES = ("own", "unix", "gps", "arrival")
-
-
-OWN_SCALES = {
+SCALES = {
+    "json": ("own", "unix", "gps", "arrival", NO_CLOCK),
+    "csv": ("own", "unix", "gps", "arrival"),
     "ubx": ("gps", "arrival"),
     "nmea": ("gps", "arrival"),
     "mavlink": ("own", "arrival"),
 }
-"""Clocks of other formats than JSON lines, their own one first."""
+"""Clocks of the formats of inputs from ports, the one that counts without any first."""
+INPUTS = (*SCALES, "recording")
 
 
 class InputPart(NamedTuple):
@@ -43,10 +44,11 @@ class InputPart(NamedTuple):
 
     format: str
     address: Address | None  # None of a recording
-    clock: str  # of the times of JSON lines
+    clock: str  # of its times, one of SCALES
     recording: str
     speed: float  # of a recording, in its own seconds per second
-    latency: float  # s until the fastest message arrives, of the clock "arrival"
+    latency: float  # s until the fastest message arrives, where arrival counts
+    columns: tuple[str, ...] = ()  # of CSV
 
 
 class OutputPart(NamedTuple):
@@ -177,14 +179,27 @@ def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
         speed = check_number(part.get("speed", 1.0), f"{where}: speed", above=0, infinite=True)
         path = _path(_text(part.get("path"), f"{where}: path"), f"{where}: path", folder)
         return InputPart(format, None, "own", path, speed, 0.0)
-    check_keys(part, ("format", "port", "clock", "latency"), where)
-    scales = SCALES if format == "json" else OWN_SCALES[format]
-    clock = check_choice(part.get("clock", scales[0]), f"{where}: clock", scales)
+    check_keys(part, ("format", "port", "clock", "latency", "columns"), where)
+    clock = check_choice(part.get("clock", SCALES[format][0]), f"{where}: clock", SCALES[format])
     latency = check_number(part.get("latency", 0.0), f"{where}: latency", "s", least=0)
-    if latency and clock != "arrival":
+    if latency and clock not in ("arrival", NO_CLOCK):
         raise DataError(f'{where}: latency is that of the clock "arrival", not of {clock!r}')
     address = _in_folder(address_of(part.get("port"), where), folder)
-    return InputPart(format, address, clock, "", 1.0, latency)
+    return InputPart(format, address, clock, "", 1.0, latency, _columns(part, format, where))
+
+
+def _columns(part: dict[str, Any], format: str, where: str) -> tuple[str, ...]:
+    """Return the names of the columns of CSV; none where its first line has them."""
+    if "columns" not in part:
+        return ()
+    names = part["columns"]
+    if format != "csv":
+        raise DataError(f'{where}: columns are those of the format "csv", not of {format!r}')
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise DataError(f"{where}: columns is {brief(names)}; it must be a list of names")
+    with locate_errors(where):
+        check_columns(names)
+    return tuple(names)
 
 
 def _output(part: dict[str, Any], where: str, folder: Path) -> OutputPart:

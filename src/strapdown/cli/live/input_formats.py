@@ -3,23 +3,15 @@ the last epochs are read as the log that they are, and what is new in it is take
 
 import time
 from collections.abc import Callable, Sequence
-from math import inf, nan
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...checks import DataError, brief
+from ...checks import DataError
 from ...engine.stream import Measurement, Sample
-from ...fileio.file_access import json_of
 from ...io.reader import Log
-from ...plugins import one_line
-from ...units.time_scales import YEARS, gps_from_unix, midnight, year_of
+from ...units.time_scales import YEARS, midnight, year_of
 
-MAX_LINE = 1 << 16
-"""Bytes of a line, at most."""
-MAX_GAP = 1.0
-"""s between two rates, at most, over which the first one gives the length of the sample."""
-STEPPED = 0.5
-"""s for which rates must come late in a row before their clock counts as one that stepped back."""
 WINDOW = 1 << 14
 """Bytes of a receiver that are read as one log: some epochs."""
 QUIET = 0.03
@@ -73,93 +65,12 @@ class Decoder:
         return 0
 
     @property
-    def newest(self) -> float:
-        """Time up to which these bytes gave events already, s."""
-        return -inf
+    def memory(self) -> Any:
+        """What it needs besides to go on, as JSON has it."""
+        return None
 
-    def resume(self, newest: float) -> None:
-        """Go on after a restart: give no event up to the `newest` of before."""
-
-
-class JsonLines(Decoder):
-    """A JSON object in each line, in SI and body axes forward, right, down: a sample with `t` and
-    `dt`, `dtheta`, `dv`, or `gyro`, `accel`; a measurement with `t`, `source`, `y`, `std`."""
-
-    def __init__(self, clock: Clock, scale: str) -> None:
-        super().__init__()
-        self._clock, self._scale, self._rest = clock, scale, b""
-        # s, of rates: the newest sample, and the first of those that came late in a row
-        self._last = self._behind = nan
-
-    @property
-    def unused(self) -> int:
-        """As of Decoder."""
-        return len(self._rest)
-
-    def feed(self, piece: bytes) -> list[Sample | Measurement]:
-        """As of Decoder."""
-        *lines, self._rest = (self._rest + piece).split(b"\n")
-        if len(self._rest) > MAX_LINE:
-            self._rest, self.bad = b"", self.bad + 1
-        found: list[Sample | Measurement] = []
-        for line in lines:
-            if line.strip():
-                try:
-                    event = self._event(json_of(line, "input"))
-                    found += [event] if event is not None else []
-                except (DataError, ValueError, TypeError, KeyError, OverflowError) as error:
-                    self.bad += 1
-                    self.why = self.why or f"{brief(line)}: {one_line(error)}"
-        return found
-
-    def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
-        t = _plain_number(table["t"])
-        if self._scale in ("unix", "gps"):
-            t = self._clock.of_gps(float(gps_from_unix(t)) if self._scale == "unix" else t)
-        if "source" in table:
-            y, std = (tuple(map(_number, table[key])) for key in ("y", "std"))
-            if type(table["source"]) not in (int, str):
-                raise DataError(
-                    f"source is {brief(table['source'])}; it must be a name or an index"
-                )
-            return Measurement(t, table["source"], y, std)
-        if "dtheta" in table:
-            return Sample(
-                t, _plain_number(table["dt"]), _three(table["dtheta"]), _three(table["dv"])
-            )
-        dt = _plain_number(table["dt"]) if "dt" in table else self._interval(t)
-        rates = (_three(table[key]) for key in ("gyro", "accel"))
-        if not 0 < dt <= MAX_GAP:  # the first one, or one after a gap
-            return None
-        dtheta, dv = ((x * dt, y * dt, z * dt) for x, y, z in rates)
-        return Sample(t, dt, dtheta, dv)
-
-    def _interval(self, t: float) -> float:
-        """Return s since the sample before. Raises DataError for one that comes late, since the one
-        after it was integrated over its time, unless the clock stepped back."""
-        if t <= self._last:
-            if not t >= self._behind:
-                self._behind = t
-            if t - self._behind < STEPPED:
-                raise DataError("a sample of rates without dt came late")
-        last, self._last, self._behind = self._last, t, nan
-        return t - last
-
-
-def _plain_number(value: Any) -> float:
-    """Return a number of JSON as a float. Raises DataError for anything else."""
-    if type(value) not in (int, float):
-        raise DataError(f"{brief(value)} is no number")
-    return float(value)
-
-
-def _number(value: Any) -> float:
-    return nan if value is None else _plain_number(value)
-
-
-def _three(values: Sequence[Any]) -> tuple[float, float, float]:
-    x, y, z = map(_number, values)
-    return x, y, z
+    def resume(self, memory: Any) -> None:
+        """Go on with the `memory` of before a restart."""
 
 
 class _Row(NamedTuple):
@@ -202,13 +113,13 @@ class Receiver(Decoder):
         return len(self._window)
 
     @property
-    def newest(self) -> float:
-        """As of Decoder."""
+    def memory(self) -> float:
+        """As of Decoder: s, up to which the epochs were used."""
         return max((t for _, t in self._used), default=self._resumed)
 
-    def resume(self, newest: float) -> None:
+    def resume(self, memory: Any) -> None:
         """As of Decoder."""
-        self._resumed = newest
+        self._resumed = float(memory)
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """As of Decoder: all epochs but the last one, to which more may come."""

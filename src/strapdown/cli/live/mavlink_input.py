@@ -13,7 +13,8 @@ from ...extras import optional_import
 from ...sensor_models.geoid import undulation
 from ...units.constants import STANDARD_GRAVITY
 from ...units.time_scales import gps_from_unix
-from .input_formats import MAX_GAP, Clock, Decoder, check_moment
+from .input_formats import Clock, Decoder, check_moment
+from .line_formats import MAX_GAP
 
 UNIX = 1e15
 """us: larger times are UNIX times, smaller ones those since the start."""

@@ -20,10 +20,11 @@ from ...engine.stream import Measurement, Sample
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
 from ...units.time_scales import gps_from_unix
-from .arrival_clock import ArrivalClock, ClockEstimate
+from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
 from .decoders import decoder
 from .input_formats import Clock, Decoder
+from .line_formats import NO_CLOCK
 from .notices import Notices, Senders
 from .output_formats import encoder, state_at
 from .ports import Mark, Port
@@ -61,9 +62,11 @@ class _Bytes:
         self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
         self._clock, self.senders = clock, Senders()
         self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
+        self.unstamped = Arrivals() if part.clock == NO_CLOCK else None
+        self._latency = part.latency
         self._held: list[Sample | Measurement] = []  # until the clock is ready
         name = f"{part.format} of {part.address}".replace("/", "_")
-        self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name)
+        self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name, part.columns)
 
     @property
     def ended(self) -> bool:
@@ -79,7 +82,18 @@ class _Bytes:
             if self.port.senders and any(type(event) is Sample for event in events):
                 self.senders.take(self.port.senders[k])
         found += self.decoder.idle()
+        if self.unstamped is not None:
+            return self._at_arrival(self.unstamped, found)
         return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
+
+    def _at_arrival(
+        self, unstamped: Arrivals, found: list[Sample | Measurement]
+    ) -> list[Sample | Measurement]:
+        """Return measurements with the time of their arrival."""
+        now = time_of_arrival(self.decoder.last)
+        for _ in found:
+            unstamped.take(now)
+        return [each._replace(t=self._on_clock(now - self._latency)) for each in found]
 
     def _by_arrival(
         self, arrivals: ArrivalClock, found: list[Sample | Measurement]
@@ -104,12 +118,12 @@ class _Bytes:
     def mark(self) -> list[Any] | None:
         """Return where a growing file goes on, for `resume`; None of other ports."""
         found = self.port.mark(self.decoder.unused)
-        return [*found, self.decoder.newest] if found else None
+        return [*found, self.decoder.memory] if found else None
 
     def resume(self, mark: Sequence[Any]) -> None:
         """Go on after what was used before a restart."""
-        *place, newest = mark
-        self.port.resume(Mark(*map(int, place)), lambda: self.decoder.resume(float(newest)))
+        *place, memory = mark
+        self.port.resume(Mark(*map(int, place)), lambda: self.decoder.resume(memory))
 
     def close(self) -> None:
         """Close the port."""
@@ -504,12 +518,13 @@ class Live:
         return {str(each.sink.address): each.sink.dropped for each in self.outputs}
 
     @property
-    def clocks(self) -> dict[str, ClockEstimate]:
-        """{port: estimate} of the inputs with the clock "arrival"."""
-        found: dict[str, ClockEstimate] = {}
+    def clocks(self) -> dict[str, ClockEstimate | ArrivalIntervals]:
+        """{port: estimate} of the inputs with the clock "arrival" or "none"."""
+        found: dict[str, ClockEstimate | ArrivalIntervals] = {}
         for each in self.inputs:
-            if isinstance(each, _Bytes) and each.arrivals and each.arrivals.estimate:
-                found[str(each.port.address)] = each.arrivals.estimate
+            if isinstance(each, _Bytes) and (own := each.arrivals or each.unstamped):
+                if estimate := own.estimate:
+                    found[str(each.port.address)] = estimate
         return found
 
     @property
