@@ -586,7 +586,8 @@ def test_mavlink_goes_out_as_an_autopilot_takes_it(tmp_path):
 
 def test_the_pose_covariance_is_that_of_small_turns():
     """Against finite differences of roll, pitch and heading; no message without a state."""
-    from strapdown.cli.live.output_formats import encoder, state_at
+    from strapdown.cli.live.encoders import encoder
+    from strapdown.cli.live.output_formats import state_at
     from strapdown.core.mathematics.rotation import matrix_to_euler, rotate_left
     from strapdown.data.solution import INVALID
 

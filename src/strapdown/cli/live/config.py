@@ -24,8 +24,8 @@ from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
 from ...units.time_scales import gps_of
+from .encoders import MESSAGES, OUTPUTS
 from .line_formats import NO_CLOCK, check_columns
-from .output_formats import MESSAGES, OUTPUTS
 from .ports import Address, address_of
 
 SCALES = {

@@ -23,10 +23,11 @@ from ...units.time_scales import gps_from_unix
 from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
 from .decoders import decoder
+from .encoders import encoder
 from .input_formats import Clock, Decoder
 from .line_formats import NO_CLOCK
 from .notices import Notices, Senders
-from .output_formats import encoder, state_at
+from .output_formats import state_at
 from .ports import Mark, Port
 from .sinks import Sink
 
