@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from ...checks import DataError
+from ...checks import DataError, locate_errors
 from ...core.loop.contract import Imu
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
@@ -323,19 +323,20 @@ class Live:
         self._on_event = on_event
         self.clock = Clock(own.epoch)
         self._log = _Log(own.log, self._tell) if own.log else None
-        self.stream = LiveStream(
-            own.filter,
-            sources=own.sources,
-            imu=own.imu,
-            vehicle=own.vehicle,
-            lag=own.lag,
-            replay=own.replay,
-            align_within=own.align_within,
-            options=own.options,
-            estimate=own.estimate,
-            on_event=self._hear,
-            on_use=self._use if self._log else None,
-        )
+        with locate_errors(own.name):
+            self.stream = LiveStream(
+                own.filter,
+                sources=own.sources,
+                imu=own.imu,
+                vehicle=own.vehicle,
+                lag=own.lag,
+                replay=own.replay,
+                align_within=own.align_within,
+                options=own.options,
+                estimate=own.estimate,
+                on_event=self._hear,
+                on_use=self._use if self._log else None,
+            )
         kinds = [a.kind for a in own.sources]
         self.inputs: list[_Bytes | _Replayed] = [
             _Replayed(part, own.sources, self._tell)
