@@ -100,7 +100,10 @@ def export(
         "strapdown.o": code.content,
         "strapdown.h": declared,
         "strapdown_calls.c": glue(of, first, format).encode(),
-        **{name: (files(__package__) / "templates" / name).read_bytes() for name in _files_to_copy(of)},
+        **{
+            name: (files(__package__) / "templates" / name).read_bytes()
+            for name in _files_to_copy(of)
+        },
         "replay.bin": replay(of, run, EVERY),
     }
     notes = list(of.notes)
