@@ -38,8 +38,6 @@ MAX_HELD = 20_000
 """Largest number of messages that wait for transforms."""
 IMU = -1
 """In place of the number of a source."""
-WENT_BACK = 1.0
-"""s for which the stamps of the IMU must go on at an earlier time before the filter begins anew."""
 IMU_SILENT = 5.0
 """s without an IMU message after which that is reported."""
 WAITING, LEFT_OUT = "while waiting for transforms", "of a source that is left out"
@@ -107,7 +105,6 @@ class Navigator:
         self._frame = None if config.origin is None else LocalFrame(np.array(config.origin))
         self._verdict, self._verdict_due = "", -inf
         self._said = ""  # the last message of a NodeStatus
-        self._is_at_start = True  # where place and heading hold
         # refuses and compiles before the first message comes
         self._stream({}, Mount.none(), None)
         self._wait()
@@ -127,15 +124,10 @@ class Navigator:
         self._held: deque[_Held] = deque()
         self._frames: dict[int, str] = {}
         self._first_imu = 0
-        self._behind = nan  # s, where the stamps of the IMU went back to
         self._due = -inf
 
     def restart(self, reason: str) -> None:
         """Begin from the next messages as at the start, in the same world frame."""
-        self._is_at_start = True
-        self._begin_anew(reason)
-
-    def _begin_anew(self, reason: str) -> None:
         self.restarts += 1
         self._tell(f"{reason}: beginning anew")
         self._wait()
@@ -264,7 +256,7 @@ class Navigator:
         measured = any(each.kind == "position" for each in self.config.sources)
         lla = () if place is None or measured else place
         rph = () if heading is None else (nan, nan, heading)
-        if not self._is_at_start or not (lla or rph):
+        if not (lla or rph):
             return None
         t = clock.time(self.config.imu.topic, self._first_imu)
         return sd.InitialState(t, lla=lla, rph=rph)
@@ -309,7 +301,7 @@ class Navigator:
         try:
             t = self._clock.time(topic, stamp)
             if source == IMU:
-                self._use_imu(self._increments.sample(t, message), t)
+                self._use_imu(self._increments.sample(t, message))
                 return
             own = self.config.sources[source]
             y, std = reading_of(own.kind, message, self._mounts[source], own.std)
@@ -318,27 +310,13 @@ class Navigator:
             return
         self.live.step(sd.Measurement(t, self._places[source], y, std))
 
-    def _use_imu(self, sample: sd.Sample | None, t: float) -> None:
+    def _use_imu(self, sample: sd.Sample | None) -> None:
         live = self.live
         if live is None or sample is None:
-            return
-        if self._went_back(t, live.stream.newest):
-            self._is_at_start = False
-            self._begin_anew(
-                f"the stamps of the IMU went back by {live.stream.newest - self._behind:.1f} s"
-            )
             return
         live.step(sample)
         if live.started and self._is_due(live.t):
             self._emit(live)
-
-    def _went_back(self, t: float, newest: float) -> bool:
-        """Return True where samples have gone on at an earlier time."""
-        if t > newest or t < self._behind:
-            self._behind = nan
-        if t <= newest and not self._behind <= t:
-            self._behind = t
-        return t - self._behind >= WENT_BACK
 
     def _is_due(self, t: float) -> bool:
         every = 1 / self.config.rate

@@ -33,8 +33,8 @@ def mapped(clock, stamps, arrived):
     """Times that the clock gives, NaN before it is ready."""
     found = []
     for stamp, at in zip(stamps.tolist(), arrived.tolist()):
-        clock.take(stamp, at)
-        found.append(clock.time(stamp) if clock.ready else np.nan)
+        taken = clock.take(stamp, at)
+        found.append(clock.time(stamp) if taken and clock.ready else np.nan)
     return np.array(found)
 
 
@@ -75,6 +75,39 @@ def test_a_device_that_restarts_is_another_clock():
     assert clock.restarts == 1
     assert np.nanmax(np.abs(found - best)[3200:]) < 5e-3
     assert (np.diff(stamps[3000:]) > 0).all() and BIN == 1.0
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e300, -1e6, 100.0, -100.0])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_single_wrong_stamp_moves_nothing(wrong, first):
+    """The first one, then one in each second."""
+    stamps, arrived, _ = stamped(20.0)
+    bad = stamps.copy()
+    bad[0 if first else 50 :: 100] += wrong
+    clock = ArrivalClock()
+    found = mapped(clock, bad, arrived)
+    assert np.isnan(found[110:]).sum() == (18 if first else 19)
+    plain = mapped(ArrivalClock(), stamps, arrived)
+    assert np.nanmax(np.abs(found - plain)) < 0.5e-3
+    # the second message off by as much as the first is of another clock
+    assert clock.restarts == int(first and np.isfinite(wrong))
+
+
+def test_what_waits_for_a_clock_is_bounded_and_counted(tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "MAX_HELD", 100)
+    path = tmp_path / "lines"
+    live = sd.Live(config(tmp_path, {"port": f"file:{path}", "clock": "arrival"}))
+    table = {"t": 5.0, "dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, 0]}
+    odd = [json.dumps(table | {"t": t}) for t in (float("nan"), 1e300, -1e300)]
+    stuck = [json.dumps(table)] * 50
+    for _ in range(10):
+        with path.open("a") as file:
+            file.write("\n".join(odd + stuck) + "\n")
+        live.turn()
+    assert len(live.inputs[0]._held) <= 151 and live.bad >= 30 + 10 * 50 - 151
+    live.close()
 
 
 def test_a_latency_is_taken_off():
@@ -146,3 +179,44 @@ def test_a_receiver_by_its_arrival(tmp_path, monkeypatch):
     assert abs(unix - (1.7e9 + time.monotonic())) < 1.0
     position = [event.t for event in taken if event.source == 0]
     assert np.diff(position) == pytest.approx(0.2, abs=2e-3)
+
+
+def test_a_source_without_stamps_counts_at_its_arrival(tmp_path, monkeypatch):
+    """Positions 0.1 s late, up to 5 ms more; the IMU has UNIX times."""
+    from strapdown.cli.live import program
+
+    recording, ports, now = flight(30.0), (free_port(), free_port()), [0.0]
+    monkeypatch.setattr(program, "time_of_arrival", lambda *_: 1.7e9 + now[0])
+    inputs = [
+        {"port": f"udp:{ports[0]}", "clock": "unix"},
+        {"port": f"udp:{ports[1]}", "clock": "none", "latency": 0.1},
+    ]
+    live = sd.Live(config(tmp_path, *inputs))
+    live.turn()
+    generator = np.random.default_rng(2)
+    sent = []
+    for event in events_of(recording):
+        is_sample = type(event) is Sample
+        delay = 0.0 if is_sample else 0.1 + generator.uniform(0.0, 0.005)
+        sent.append((event.t + delay, event))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for arrived, event in sorted(sent, key=lambda each: each[0]):
+            now[0], table = arrived, event._asdict()
+            if type(event) is Sample:
+                table["t"] += 1.7e9
+            else:
+                del table["t"]
+            port = ports[type(event) is not Sample]
+            sender.sendto(json.dumps(table).encode(), ("127.0.0.1", port))
+            live.turn()
+        sample = json.dumps({"gyro": [0.0] * 3, "accel": [0.0] * 3})
+        sender.sendto(sample.encode(), ("127.0.0.1", ports[1]))
+        live.turn()
+    live.close()
+    assert live.stream.counts()[0][0] >= 18 and live.bad == 1
+    assert "a sample needs a time" in live.inputs[1].decoder.why
+    (found,) = live.clocks.values()
+    assert found.interval == pytest.approx(0.5, abs=0.02) and 0.4 < found.jitter < 0.6
+    assert "by arrival, each 0." in str(found)
+    off = (live.stream.belief.lla - recording.reference.lla[-1]) * [6.4e6, 4.3e6, 1.0]
+    assert np.abs(off).max() < 6.0, off

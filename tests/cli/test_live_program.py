@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,6 +24,7 @@ from strapdown.cli.live.config import OutputPart
 from strapdown.cli.live.ports import address_of
 from strapdown.cli.live.program import _StatePort
 from strapdown.engine.stream import Sample
+from strapdown.geometry.geodesy import displacement
 from strapdown.io.readers import live_log
 
 pytestmark = pytest.mark.short
@@ -202,6 +204,47 @@ def test_rates_become_increments(tmp_path):
     assert taken[0].dv[2] == pytest.approx(-0.098)
 
 
+CSV = ["t", "dt", *(f"{name}_{axis}" for name in ("dtheta", "dv") for axis in "xyz")]
+
+
+@pytest.mark.parametrize("header", [True, False])
+def test_csv_gives_the_samples_of_its_lines(tmp_path, header):
+    """With a header, or with columns of which one is skipped; restarted in the middle."""
+    recording, path, fixes = flight(), tmp_path / "imu.csv", tmp_path / "fixes"
+    rows = [[e.t, e.dt, *e.dtheta, *e.dv] for e in events_of(recording) if type(e) is Sample]
+    names, first = (CSV, []) if header else (["", *CSV], [0])
+    lines = [",".join(map(repr, [*first, *row])) for row in rows]
+    if header:
+        lines = ['"' + '", "'.join(CSV) + '"', *lines]
+    fixes.write_bytes(b"".join(line for line in json_lines(recording) if b"source" in line))
+    part = {"port": f"file:{path}", "format": "csv"} | ({} if header else {"columns": names})
+    asked = config(tmp_path, {"port": f"file:{fixes}"}, part, state=str(tmp_path / "state"))
+    for share in (0.6, 1.0):
+        text = "\r\n".join(lines) + "\r\n"
+        path.write_text(text[: int(len(text) * share)], newline="")
+        with sd.Live(asked) as live:
+            turn_until(live, lambda: not live.turn())
+            assert live.bad == 0
+    assert np.allclose(live.stream.now.lla, expected(recording).lla, rtol=0, atol=1e-9)
+    assert sum(live.stream.dropped_by.values()) == live.stream.dropped_by["before the start"]
+
+
+def test_csv_that_cannot_be_read_is_counted():
+    from strapdown.cli.live import decoders, input_formats
+
+    clock = input_formats.Clock()
+    reader = decoders.decoder("csv", "own", clock, [], "")
+    assert reader.feed(b"1,0.1,0,0,0,0,0,0\n") == [] and "name the columns" in reader.why
+    assert reader.feed(b"t,gyro_x,gyro_y,gyro_z\n") == [] and reader.bad == 2
+    header = "t,x,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n"
+    rows = "0.1,,0,0,0,1,2,3\n0.2,7,0,0,0,1,2,3\n0.3,7,0,0,0,1,2\n0.4,7,a,0,0,1,2,3\n"
+    (sample,) = reader.feed((header + rows + header).encode())
+    assert reader.bad == 4 and sample.dv == pytest.approx((0.1, 0.2, 0.3))
+    reader = decoders.decoder("csv", "own", clock, [], "")
+    reader.feed(header.replace("x,gyro", "t,gyro", 1).encode())
+    assert "each must be named once" in reader.why
+
+
 # ---- receivers
 
 
@@ -272,6 +315,35 @@ def test_a_receiver_is_read_as_its_log_would_be(format, made, size, tmp_path):
             assert t == t1 and np.array_equal(y, y1, equal_nan=True), (kind, t)
             assert np.array_equal(std, std1, equal_nan=True)
     assert len(batch["position"]) == 40
+
+
+@pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
+@pytest.mark.parametrize("wrong", [0, 17])
+@pytest.mark.parametrize("hours", [-1, 1, 5])
+def test_an_epoch_with_a_wrong_time_is_dropped_alone(format, made, wrong, hours, monkeypatch):
+    from strapdown.cli.live import decoders, input_formats
+
+    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    data, size = made(), len(made()) // 40
+    if format == "ubx":
+        (row,) = written_ubx.pvt(np.array([FIRST + 3_600_000 * hours]), lat=4.7e8, lon=8e7)
+        other = row.tobytes()
+    else:
+        moment = np.datetime64("2024-05-17T16:53:12.00") + np.timedelta64(hours, "h")
+        other = written_nmea.rmc(moment, 47.0, 8.0, 18.0, 54.0)
+        other += written_nmea.gga(moment, 47.0, 8.0, 500.0)
+        other = (other + written_nmea.gst(moment, 1.5, 1.4, 2.5)).encode()
+    clock, kinds = input_formats.Clock(0.0), ["position", "velocity"]
+    reader, plain = (decoders.decoder(format, "gps", clock, kinds, "receiver") for _ in range(2))
+    taken, expected_ones = [], []
+    for k in range(40):
+        piece = data[k * size : (k + 1) * size]
+        expected_ones += plain.feed(piece) + plain.idle()
+        if k == wrong:
+            taken += reader.feed(other) + reader.idle()
+        taken += reader.feed(piece) + reader.idle()
+    assert repr(taken) == repr(expected_ones) and len(taken) == 80
+    assert reader.bad == plain.bad + 1
 
 
 def test_a_receiver_and_an_imu_on_one_clock(tmp_path):
@@ -467,6 +539,80 @@ def live_nmea(path):
     return found
 
 
+def test_mavlink_goes_out_as_an_autopilot_takes_it(tmp_path):
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    recording = flight(40.0)
+    sd.write_recording(recording, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    messages = ["ODOMETRY", "VISION_POSITION_ESTIMATE", "GPS_INPUT"]
+    output = {"port": f"file:{tmp_path}/out", "format": "mavlink", "rate": 5.0}
+    lines = {"port": f"file:{tmp_path}/lines", "rate": 5.0}
+    both = [output | {"messages": messages}, lines]
+    live = sd.Live(config(tmp_path, part, output=both, epoch="2024-05-17T00:00:00Z"))
+    live.run()
+    found = common.MAVLink(None).parse_buffer((tmp_path / "out").read_bytes())
+    by_type = {}
+    for message in found:
+        by_type.setdefault(message.get_type(), []).append(message)
+    shown = [json.loads(line) for line in (tmp_path / "lines").read_bytes().splitlines()]
+    assert {
+        name: len(each) for name, each in by_type.items() if name != "HEARTBEAT"
+    } == dict.fromkeys(messages, len(shown))
+    assert 28 <= len(by_type["HEARTBEAT"]) <= 31
+    odometry, vision, gps = (by_type[name][-1] for name in messages)
+    last = shown[-1]
+    lla = [np.radians([each["lat"], each["lon"]]).tolist() + [each["height"]] for each in shown]
+    away = displacement(lla[-1], lla[0])
+    assert [odometry.x, odometry.y, odometry.z] == pytest.approx(away, abs=1e-2)
+    assert [vision.x, vision.y, vision.z] == [odometry.x, odometry.y, odometry.z]
+    C = live.stream.belief.C_nb
+    assert [odometry.vx, odometry.vy, odometry.vz] == pytest.approx(C.T @ last["v_n"], abs=0.5)
+    rph = np.degrees([vision.roll, vision.pitch, vision.yaw])
+    assert rph % 360 == pytest.approx(np.array(last["rph"]) % 360, abs=1e-3)
+    std = np.array(last["std"])
+    assert np.sqrt([odometry.pose_covariance[k] for k in (0, 6, 11)]) == pytest.approx(
+        std[:3], rel=1e-3
+    )
+    assert np.sqrt(odometry.pose_covariance[20]) == pytest.approx(std[8], rel=0.05)
+    assert odometry.frame_id == 1 and odometry.child_frame_id == 12 and odometry.quality == 100
+    assert [gps.lat, gps.lon] == [round(last["lat"] * 1e7), round(last["lon"] * 1e7)]
+    assert gps.vn == pytest.approx(last["v_n"][0], abs=1e-3) and gps.fix_type == 3
+    assert gps.yaw == pytest.approx(100 * last["rph"][2], abs=1)
+    assert gps.horiz_accuracy == pytest.approx(np.hypot(*std[:2]), rel=1e-3)
+    # 2024-05-17 was the Friday of week 2314
+    assert gps.time_week == 2314 and gps.time_week_ms == round(1e3 * (5 * 86400 + 18 + last["t"]))
+    assert gps.time_usec == odometry.time_usec == round(1e6 * (1715904000 + last["t"]))
+
+
+def test_the_pose_covariance_is_that_of_small_turns():
+    """Against finite differences of roll, pitch and heading; no message without a state."""
+    from strapdown.cli.live.encoders import encoder
+    from strapdown.cli.live.output_formats import state_at
+    from strapdown.core.mathematics.rotation import matrix_to_euler, rotate_left
+    from strapdown.data.solution import INVALID
+
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    encode = encoder("mavlink", ["VISION_POSITION_ESTIMATE"])
+    state = sd.align(flight(), "tactical").belief(np.zeros(1))
+    generator = np.random.default_rng(2)
+    root = generator.normal(size=(15, 15)) * 1e-2
+    state.P[:15, :15] = root @ root.T
+    rotate_left(0.4, -0.3, 1.0, state.C_nb)
+    before, columns = np.array(matrix_to_euler(state.C_nb)), []
+    for k in range(3):
+        turned = state.C_nb.copy()
+        rotate_left(*np.eye(3)[k] * 1e-7, turned)
+        columns.append((np.array(matrix_to_euler(turned)) - before) / 1e-7)
+    turn = np.eye(6)
+    turn[3:, 3:] = np.array(columns).T
+    rows = [0, 1, 2, 6, 7, 8]
+    wanted = turn @ state.P[np.ix_(rows, rows)] @ turn.T
+    *_, message = common.MAVLink(None).parse_buffer(encode(state_at(5.0, None, 0, state)))
+    assert message.covariance == pytest.approx(wanted[np.triu_indices(6)], rel=1e-4, abs=1e-8)
+    assert message.usec == 5_000_000
+    assert encode(state_at(5.1, None, INVALID, state)) == b""
+
+
 def test_without_a_state_nmea_says_so():
     from strapdown.cli.live.output_formats import nmea_lines, state_at
     from strapdown.data.solution import INVALID
@@ -501,6 +647,131 @@ def test_whatever_is_sent_is_counted_and_the_rest_used(tmp_path):
     assert np.array_equal(live.stream.belief.P, expected(recording).P) and live.bad > 50
 
 
+@pytest.mark.parametrize("size", [5, 64, 4000])
+def test_bytes_between_the_messages_of_a_receiver_are_counted(size):
+    """A message with an incorrect byte, another one cut short and a binary line, not the others'."""
+    from strapdown.cli.live.stray_pieces import StrayPieces
+
+    good = [row.tobytes() for row in written_ubx.pvt(FIRST + 200 * np.arange(6), lat=4.7e8)]
+    sentence = written_nmea.gga(np.datetime64("2024-05-17T16:53:12"), 47.0, 8.0, 500.0).encode()
+    rtcm = b"\xd3\x00\x04" + b"\x01\x02\x03\x04" + b"abc"
+    between = [b"\r\n", sentence, rtcm + sentence + rtcm + rtcm, b"", b"\n"]
+    clean = sentence[20:] + b"".join(a + b for a, b in zip(good, [*between, b""]))
+    between[0] = sentence.replace(b"4700", b"4800")
+    between[1] = good[0][:-7]
+    between[3] = b"\x00\xff\x81"
+    dirty = b"".join(a + b for a, b in zip(good, [*between, b""]))
+    for data, wanted in ((clean, 0), (dirty, 3)):
+        strays = StrayPieces()
+        pieces = [data[k : k + size] for k in range(0, len(data), size)]
+        assert sum(strays.count(piece) for piece in pieces) == wanted
+    assert strays.count(b"\xfe" * 40_000) == 1
+
+
+def test_a_receiver_counts_damaged_messages(monkeypatch):
+    from strapdown.cli.live import decoders, input_formats
+
+    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    data = bytearray(nmea_bytes())
+    data[data.index(b"GGA", 1000) + 20] ^= 1
+    reader = decoders.decoder("nmea", "gps", input_formats.Clock(), ["position"], "receiver")
+    for k in range(0, len(data), 100):
+        reader.feed(bytes(data[k : k + 100]))
+        reader.idle()
+    assert reader.bad == 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"t": "5.0"},
+        {"t": True},
+        {"dt": "0.05"},
+        {"dtheta": ["0", "0", "0"]},
+        {"dv": [True, 0.0, 0.0]},
+        {"source": True, "y": [0.8, 0.2, 300.0], "std": [1.0] * 3},
+        {"source": 0, "y": ["0.8", 0.2, 300.0], "std": [1.0] * 3},
+        {"source": 0, "y": [0.8, 0.2, 300.0], "std": [True, 1.0, 1.0]},
+    ],
+)
+def test_what_is_no_number_is_counted(wrong):
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("json", "own", input_formats.Clock(), ["position"], "")
+    line = {"t": 5.0, "dt": 0.05, "dtheta": [0.0] * 3, "dv": [0.0] * 3} | wrong
+    assert reader.feed(json.dumps(line).encode() + b"\n") == []
+    assert reader.bad == 1 and ("is no number" in reader.why or "source is True" in reader.why)
+
+
+def test_rates_that_come_late_are_counted_until_their_clock_has_stepped_back():
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("json", "own", input_formats.Clock(), [], "")
+
+    def taken(*times):
+        lines = [json.dumps({"t": t, "gyro": [0] * 3, "accel": [0] * 3}) + "\n" for t in times]
+        return [(each.t, pytest.approx(each.dt)) for each in reader.feed("".join(lines).encode())]
+
+    assert taken(1.0, 1.1, 1.3, 1.2, 1.4) == [(1.1, 0.1), (1.3, 0.2), (1.4, 0.1)]
+    assert reader.bad == 1 and "came late" in reader.why
+    assert taken(1.25, 1.15, 1.35, 1.5) == [(1.5, 0.1)] and reader.bad == 4
+    back = (np.arange(20) / 10 - 3.0).tolist()
+    assert [t for t, _ in taken(*back)] == back[6:] and reader.bad == 9
+
+
+def test_two_senders_of_samples_are_said_but_not_one_that_begins_again(tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    port, said = free_port(), []
+    live = sd.Live(
+        config(tmp_path, {"port": f"udp:{port}"}), on_event=lambda t, text: said.append(text)
+    )
+    live.turn()
+    senders = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
+    samples = [line for line in json_lines(flight()) if b"dtheta" in line]
+    fixes = [line for line in json_lines(flight()) if b"source" in line]
+
+    def send(number, line):
+        senders[number].sendto(line, ("127.0.0.1", port))
+        live.turn()
+
+    for k, line in enumerate(samples[:40]):
+        send(k // 20, line)
+        send(2, fixes[k % 10])  # a receiver has its own
+    assert not [text for text in said if "samples come from" in text]
+    for line in samples[40:60]:
+        send(0, line)
+        send(1, line)
+    (text,) = [text for text in said if "samples come from" in text]
+    names = [f"127.0.0.1:{sender.getsockname()[1]}" for sender in senders]
+    assert names[0] in text and names[1] in text and text.endswith("; stop one")
+    for sender in senders:
+        sender.close()
+    live.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not count them")
+def test_datagrams_that_the_system_drops_are_counted(tmp_path, monkeypatch):
+    from strapdown.cli.live import ports, program
+
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    monkeypatch.setattr(ports, "BUFFER", 4096)
+    port, said = free_port(), []
+    live = sd.Live(
+        config(tmp_path, {"port": f"udp:{port}"}), on_event=lambda t, text: said.append(text)
+    )
+    live.turn()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _ in range(100):
+            sender.sendto(b"{}" + b" " * 1000, ("127.0.0.1", port))
+        turn_until(live, lambda: live.missed[f"udp:127.0.0.1:{port}"] + live.bad == 100)
+    assert live.missed[f"udp:127.0.0.1:{port}"] > 50
+    live.close()
+    assert any("the system dropped" in text for text in said)
+    assert live.missed[f"udp:127.0.0.1:{port}"] > 50
+
+
 def test_a_flood_is_bounded(tmp_path):
     port = free_port()
     live = sd.Live(config(tmp_path, {"port": f"udp:{port}"}))
@@ -520,19 +791,184 @@ def test_a_flood_is_bounded(tmp_path):
     assert line.bad >= 7 and len(line.inputs[0].decoder._rest) <= 1 << 16
 
 
+IMPOSSIBLE = [1.7e12, 1e17, -1e12, 1e300, float("nan"), float("inf")]
+
+
+@pytest.mark.parametrize("scale", ["unix", "gps", "own"])
+def test_impossible_times_spoil_nothing(tmp_path, scale):
+    """Milliseconds given as seconds, at first and later; with outputs, which show dates."""
+    recording, path = flight(), tmp_path / "lines"
+    lines = by_unix(recording, {"unix": 1.7e9, "gps": 1.38e9, "own": 0.0}[scale])
+    bad = [json.dumps({**json.loads(lines[0]), "t": t}).encode() + b"\n" for t in IMPOSSIBLE]
+    path.write_bytes(b"".join(bad + lines[:200] + bad + lines[200:]))
+    outputs = [
+        {"port": f"file:{tmp_path}/{format}", "format": format} for format in ("json", "nmea")
+    ]
+    part = {"port": f"file:{path}", "clock": scale}
+    more = {"epoch": "2024-05-17T00:00:00Z"} if scale == "own" else {}
+    with sd.Live(config(tmp_path, part, output=outputs, **more)) as live:
+        turn_until(live, lambda: live.stream.counts()[0][0] >= 18)
+        newest = live.stream.stream.newest
+        turn_until(live, lambda: not live.turn())
+    dropped = live.stream.dropped_by
+    assert live.bad + sum(dropped.values()) - dropped["before the start"] == 12
+    assert newest < 2e5 and live.stream.alignments == 0
+    assert len((tmp_path / "json").read_bytes().splitlines()) > 150
+
+
+def test_angles_are_those_of_a_solution():
+    """Also of an unknown attitude, and with the nose up."""
+    from strapdown.cli.live.output_formats import json_line, state_at
+    from strapdown.core.mathematics.rotation import euler_to_matrix
+
+    state = sd.align(flight(), "tactical").belief(np.zeros(1))
+    for rph in ((-170.0, -80.0, 359.0), (10.0, 5.0, 0.0), (0.0, 90.0, 40.0)):
+        euler_to_matrix(*np.radians(rph), state.C_nb)
+        shown = json.loads(json_line(state_at(1.0, None, 0, state)))["rph"]
+        assert shown[1] == pytest.approx(rph[1], abs=1e-6)
+        assert abs(rph[1]) == 90.0 or shown == pytest.approx(rph, abs=1e-9)
+    state.C_nb[:] = np.nan
+    assert json.loads(json_line(state_at(1.0, None, 2, state)))["rph"] == [None] * 3
+
+
+def test_a_state_at_a_time_of_no_calendar_has_no_date():
+    from strapdown.cli.live.output_formats import LINES, state_at
+
+    state = sd.align(flight(), "tactical").belief(np.zeros(1))
+    for t in (1e15, -1e15, 1e30):
+        for line in LINES.values():
+            assert line(state_at(t, 0.0, 0, state))
+
+
+def test_an_output_to_a_pipe_that_nobody_reads_waits_for_nothing(tmp_path):
+    from strapdown.cli.live.ports import Port
+    from strapdown.cli.live.sinks import Sink
+
+    os.mkfifo(tmp_path / "pipe")
+    address = address_of(f"file:{tmp_path}/pipe", "output")
+    sink = Sink(address)
+    sink.write(b"one\n")
+    assert sink.dropped == 1 and "No such device" in sink.error
+    port = Port(address)  # which reads regular files
+    assert port.read() == [] and port.error == "it is no regular file"
+
+
 def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     from strapdown.cli.live import program
 
     monkeypatch.setattr(program, "IMU_SILENT", 0.2)
+    monkeypatch.setattr(program, "LOOK", 0.0)
     said = []
+    path = tmp_path / "lines"
     live = sd.Live(
-        config(tmp_path, {"port": "serial:/dev/none:9600"}),
+        config(tmp_path, {"port": "serial:/dev/none:9600"}, {"port": f"file:{path}"}),
         on_event=lambda t, text: said.append(text),
     )
     end = time.monotonic() + 1.0
     while time.monotonic() < end:
         live.turn()
-    assert said == ["IMU: no sample for 0.2 s; serial:/dev/none:9600: No such file or directory"]
+    path.write_bytes(json_lines(flight())[0])
+    turn_until(live, lambda: said[-1] == f"file:{path}: goes on")
+    assert said == [
+        "serial:/dev/none:9600: No such file or directory; it is tried again each 1 s",
+        f"file:{path}: No such file or directory; it is tried again each 1 s",
+        "IMU: no sample for 0.2 s",
+        "IMU: samples come again",
+        f"file:{path}: goes on",
+    ]
+    live.close()
+
+
+def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
+    """Its folder is missing at first, then the disk is full within a line."""
+    from strapdown.cli.live import program, sinks
+
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    monkeypatch.setattr(sinks, "RETRY", 0.0)
+    sd.write_recording(flight(), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    path, said = tmp_path / "late" / "out", []
+    live = sd.Live(
+        config(tmp_path, part, output=[{"port": f"file:{path}"}]),
+        on_event=lambda t, text: said.append(text),
+    )
+    monkeypatch.setattr(program, "BATCH", 1)
+    written, full = os.write, [False]
+
+    def write(file, data):
+        return written(file, data[: len(data) // 3] if full[0] and len(data) > 99 else data)
+
+    monkeypatch.setattr(os, "write", write)
+    turn_until(live, lambda: live.unsent[f"file:{path}"] > 5)
+    path.parent.mkdir()
+    path.write_bytes(b'{"half": 1')  # by one that was killed
+    for full[0] in (False, True, False):
+        before = live.stream.t
+        turn_until(live, lambda: live.stream.t > before + 2.0)
+    live.close()
+    about = [text.removeprefix(f"file:{path}: ") for text in said if text.startswith("file:")]
+    lost = live.unsent[f"file:{path}"]
+    assert about[0] == "No such file or directory; it is tried again each 1 s"
+    assert about[1].startswith("goes on; lost: ")
+    assert about[2].startswith("No space left on device") and len(about) == 4
+    assert about[3] == f"goes on; lost: {lost} states" and lost > 40
+    half, *lines = path.read_bytes().splitlines()
+    assert half == b'{"half": 1' and len([json.loads(line) for line in lines]) > 80
+
+
+def test_standard_output_that_nobody_reads_keeps_nothing_waiting(tmp_path):
+    """The command, with standard input at its end and a receiver's port beside it."""
+    sd.write_recording(flight(40.0), tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\n[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = inf\n'
+        f'[[input]]\nport = "-"\n[[input]]\nport = "udp:{free_port()}"\n'
+        '[[output]]\nport = "-"\n'
+    )
+    words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--seconds", "4"]
+    process = subprocess.Popen(
+        words,
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    process.wait(60.0)
+    said = process.stderr.read().decode()
+    lines = process.stdout.read().splitlines()
+    process.stdout.close()
+    process.stderr.close()
+    assert process.returncode == 0, said
+    assert "-: its reader is too slow" in said
+    assert len(sd.read(tmp_path / "log.jsonl").imu.t) > 500
+    assert [json.loads(line) for line in lines[:-1]]
+
+
+def test_standard_streams_that_are_closed_fail_as_other_ports(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    monkeypatch.setattr(sys, "stdout", None)
+    said = []
+    live = sd.Live(
+        config(tmp_path, {"port": "-"}, output=[{"port": "-"}]),
+        on_event=lambda t, text: said.append(text),
+    )
+    live.outputs[0].sink.write(b"{}\n")
+    live.turn()
+    live.close()
+    assert said == ["-: it is closed; it is tried again each 1 s"] * 2 and live.unsent["-"] == 1
+
+
+def test_standard_input_at_its_end_is_not_waited_for(tmp_path, monkeypatch):
+    reading, writing = os.pipe()
+    os.close(writing)
+    with os.fdopen(reading) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        live = sd.Live(config(tmp_path, {"port": "-"}, {"port": f"udp:{free_port()}"}))
+        live.turn()
+        begin = time.monotonic()
+        for _ in range(20):
+            live._wait()
+        assert time.monotonic() - begin > 0.03 and live.inputs[0].ended
+        live.close()
 
 
 def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(tmp_path):
@@ -597,7 +1033,7 @@ def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):
     port.sink = SimpleNamespace(write=lines.append)
     belief = begin.belief(np.zeros(1))
     for t in np.r_[np.arange(100.0, 140.0, 0.01), np.arange(100.0, 140.0, 0.01)].tolist():
-        port.show(SimpleNamespace(t=t, status=0, belief=belief), None)
+        port.show(SimpleNamespace(t=t, status=0, belief=belief, alignments=0), None)
     assert 780 <= len(lines) <= 820
 
 
@@ -675,17 +1111,67 @@ def test_what_was_not_measured_is_kept():
         ({"input": [{"format": "recording"}]}, "path is None"),
         ({"input": [{"port": "udp:1", "format": "ubx", "clock": "unix"}]}, "clock is 'unix'"),
         ({"input": [{"port": "udp:1", "latency": 0.1}]}, "latency is that of the clock .arrival."),
-        ({"source": [{"kind": "nothing"}]}, "nothing"),
+        ({"source": [{"kind": "nothing"}]}, "source.. 1: .*nothing"),
         ({"source": [{"kind": "position", "gate": "x"}]}, "gate"),
         ({"source": {"kind": "position"}}, "source must be given as \\[\\[source\\]\\]"),
         ({"output": [{"port": "udp:1", "rate": 0}]}, "rate"),
-        ({"epoch": "soon"}, "soon"),
+        (
+            {"output": [{"port": "udp:1", "format": "mavlink", "messages": ["GPS"]}]},
+            "messages is 'GPS'",
+        ),
+        ({"output": [{"port": "udp:1", "messages": ["GPS_INPUT"]}]}, "of the format .mavlink."),
+        (
+            {"output": [{"port": "udp:1", "format": "mavlink", "messages": "ODOMETRY"}]},
+            "messages is 'ODOMETRY'; it must be a list",
+        ),
+        ({"input": [{"port": "udp:1", "columns": ["t"]}]}, "columns are those of the format"),
+        ({"input": [{"port": "udp:1", "format": "csv", "columns": "t"}]}, "columns is 't'"),
+        (
+            {"input": [{"port": "udp:1", "format": "csv", "columns": ["t", "gyro_x"]}]},
+            "1: columns are .'t', 'gyro_x'.; they must have t, and gyro_x to accel_z",
+        ),
+        ({"input": [{"port": "udp:1", "format": "csv", "clock": "none"}]}, "clock is 'none'"),
+        ({"epoch": "soon"}, "^configuration: epoch: 'soon' is no time"),
+        ({"epoch": 5}, "^configuration: epoch: it is 5; it must be text"),
+        ({"imu": "best"}, "^configuration: .*'best'"),
+        ({"options": {"none": 1}}, "^configuration: .*none"),
+        ({"log": "a", "state": "a"}, "a is named twice among log, state, inputs and outputs"),
+        ({"log": "a", "input": [{"port": "file:a"}]}, "a is named twice"),
+        ({"output": [{"port": "file:a"}, {"port": "file:a"}]}, "a is named twice"),
+        ({"options": 5}, "options is 5; it must be a table"),
+        ({"options": [["a", 1]]}, "options is .*; it must be a table"),
+        ({"log": "a\0b"}, "log is 'a.x00b'; it must be text"),
+        ({"state": "a\0b"}, "state is 'a.x00b'; it must be text"),
+        ({"log": "/dev/null"}, "log: /dev/null is no regular file"),
+        ({"log": "/dev"}, "log: /dev is no regular file"),
+        ({"state": "/dev/full"}, "state: /dev/full is no regular file"),
+        ({"input": [{"port": "file:a\0b"}]}, "port is 'file:a.x00b'"),
+        ({"input": [{"port": "serial:/dev/a\0b:9600"}]}, "port is 'serial:/dev/a.x00b:9600'"),
+        ({"input": [{"port": f"udp:{'a' * 70}:7001"}]}, "port is 'udp:aaa"),
+        ({"output": [{"port": "tcp:a\0b:7001"}]}, "port is 'tcp:a.x00b:7001'"),
+        ({"input": [{"format": "recording", "path": "a\0b"}]}, "path is 'a.x00b'"),
+        ({"source": [{"kind": "position", "name": 5}]}, "name is 5; it must be text"),
+        ({"source": [{"kind": "position", "lever_arm": [1.0]}]}, "lever_arm is .1.0.; it must be"),
+        ({"source": [{"kind": "position", "lever_arm": [1, 2]}]}, "1: lever_arm is .1, 2."),
+        ({"source": [{"kind": "velocity", "parameters": [0.0] * 5}]}, "three numbers"),
+        ({"source": [{"kind": "position", "lever_arm": [0, 0, True]}]}, "lever_arm is True"),
+        (
+            {"source": [{"kind": "position", "lever_arm": [0] * 3, "parameters": [0] * 3}]},
+            "has lever_arm and parameters",
+        ),
         ({"filter": "none"}, "none"),
     ],
 )
 def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, change, said):
     with pytest.raises(DataError, match=said) as error:
         sd.Live(config(tmp_path, {"port": "udp:7001"}) | change)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("given", [5, None, ["live.toml"], "a\0b.toml", b"live.toml"])
+def test_what_is_no_configuration_is_refused_in_one_line(given):
+    with pytest.raises(DataError, match="^config is ") as error:
+        sd.Live(given)
     assert "\n" not in str(error.value)
 
 
@@ -735,7 +1221,7 @@ def test_a_restart_counts_from_the_midnight_of_the_state(tmp_path, later, alignm
 
 
 @pytest.mark.parametrize("change", [{"imu": "consumer"}, {"epoch": "2020-01-01T00:00:00Z"}])
-def test_a_state_of_another_configuration_is_kept(tmp_path, change):
+def test_a_state_of_another_configuration_is_kept(tmp_path, change, monkeypatch):
     asked, path = growing(tmp_path)
     path.write_bytes(b"".join(by_unix(flight(), 1_700_006_400.0)))
     with sd.Live(asked) as live:
@@ -743,8 +1229,69 @@ def test_a_state_of_another_configuration_is_kept(tmp_path, change):
     before = (tmp_path / "state").read_bytes()
     with pytest.raises(DataError, match="with another .*name another one as `state`"):
         sd.Live(asked | change)
+    # of another version: of the package, or of the file
+    first, rest = before.split(b"\n", 1)
+    (tmp_path / "state").write_bytes(first.replace(b"1", b"7") + b"\n" + rest)
+    with pytest.raises(DataError, match="is of format 7.*name another one as `state`"):
+        sd.Live(asked)
+    (tmp_path / "state").write_bytes(before)
+    with monkeypatch.context() as patch:
+        patch.setattr("strapdown.engine.stream.__version__", "9.9")
+        with pytest.raises(DataError, match="another strapdown: .*name another one as `state`"):
+            sd.Live(asked)
+    assert (tmp_path / "state").read_bytes() == before
     (tmp_path / "state").write_bytes(b"a thesis")
     with pytest.raises(DataError, match="is no saved stream"):
         sd.Live(asked)
     (tmp_path / "state").write_bytes(before[:-9])  # of no use to anyone
     sd.Live(asked).close()
+
+
+def test_a_restart_goes_on_where_the_file_was_read_up_to(tmp_path):
+    """In the middle of a line; a file that took its place is read from its beginning."""
+    asked, path = growing(tmp_path)
+    data, whole = b"".join(by_unix(flight(), 1.7e9)), expected(flight())
+    path.write_bytes(data[: len(data) * 3 // 4 + 5])
+    with sd.Live(asked) as live:
+        turn_until(live, lambda: not live.turn())
+    sd.Live(asked).close()  # reads nothing
+    path.write_bytes(data)
+    with sd.Live(asked) as again:
+        turn_until(again, lambda: again.stream.stream.newest > 80000.0 + 19.9)
+        at_the_end = again.stream.now
+    assert np.allclose(at_the_end.lla, whole.lla, rtol=0, atol=1e-9)
+    dropped = again.stream.dropped_by
+    assert sum(dropped.values()) == dropped["before the start"] and again.bad == 0
+    assert again.stream.alignments == 0
+    path.write_bytes(b"".join(by_unix(flight(seed=8), 1.7e9 + 100.0)))
+    with sd.Live(asked) as other:
+        turn_until(other, lambda: other.stream.stream.newest > 80000.0 + 119.9)
+
+
+@pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
+def test_a_restart_uses_each_epoch_of_a_receiver_once(tmp_path, format, made, monkeypatch):
+    from strapdown.cli.live import input_formats
+
+    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    path, data, times = tmp_path / "log", made(200), []
+    part = {"port": f"file:{path}", "format": format}
+    asked = config(tmp_path, part, state=str(tmp_path / "state"))
+    for share in (0.5, 1.0):
+        path.write_bytes(data[: int(len(data) * share)])
+        with sd.Live(asked) as live:
+            live.stream.step = lambda event: times.append((event.source, event.t))
+            turn_until(live, lambda: not live.turn())
+    assert len(times) == len(set(times)) == 400
+    assert np.diff(sorted(t for source, t in times if source == 0)) == pytest.approx(0.2)
+
+
+def test_a_recording_fills_the_sources_of_its_names_and_kinds(tmp_path):
+    recording, said = flight(), []
+    p, v = recording.sources
+    both = replace(recording, sources=(v, replace(p, name="other"), p))
+    sd.write_recording(both, tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    live = sd.Live(config(tmp_path, part), on_event=lambda t, text: said.append(text))
+    live.run()
+    assert np.array_equal(live.stream.belief.P, expected(recording).P)
+    assert said == [f"{tmp_path}/flight.nc: other is no [[source]]; it is left out"]

@@ -99,6 +99,86 @@ def test_after_a_long_gap_or_another_clock_it_aligns_anew(away):
     assert np.abs(off[:2] * 6.4e6).max() < 10.0
 
 
+@pytest.mark.parametrize("back", [0.8, 5.0, 40.0])
+@pytest.mark.parametrize("lag", [0.0, 0.2, 1.0])
+def test_after_a_short_step_back_of_the_clock_it_aligns_anew_within_a_second(back, lag):
+    first, second, told = flight(), flight(seed=8), []
+    live = live_of(first, lag=lag, on_event=lambda t, text: told.append((t, text)))
+    play(live, events_of(first))
+    for event in shifted(events_of(second), 20.0 - back):
+        live.step(event)
+        if event.t > 21.0 - back:
+            assert live.alignments == 1 and live.stream.newest == pytest.approx(event.t, abs=0.1)
+    assert live.started and live.status == VALID
+    ((t, text),) = [event for event in told if "aligning anew" in event[1]]
+    assert text.endswith("s back in the time of the samples: aligning anew")
+    assert float(text.split()[0]) == pytest.approx(back, abs=0.1) and t < 20.1 - back
+    assert np.abs((second.reference.lla[-1] - live.now.lla)[:2] * 6.4e6).max() < 10.0
+
+
+@pytest.mark.parametrize("started", [False, True])
+def test_a_sender_that_repeats_what_it_sent_has_no_other_clock(started):
+    recording, begin = flight(), start(flight())
+    more = {"start": begin} if started else {}
+    live, plain = live_of(recording, **more), live_of(recording, **more)
+    events = events_of(recording)
+    play(plain, events)
+    play(live, events[: len(events) // 3])
+    play(live, events)
+    live.finish(), plain.finish()
+    if started:  # an alignment may use a fix twice
+        assert np.array_equal(live.belief.P, plain.belief.P)
+    assert live.t == plain.t and live.alignments == 0 and sum(live.dropped_by.values()) > 100
+    assert live.dropped_by["at another time"] == live.dropped_by["invalid"] == 0
+
+
+def test_samples_that_were_missing_and_come_late_have_no_other_clock():
+    """Two seconds were held back while 3 s went on."""
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    held = []
+    for event in events_of(recording):
+        if 8.0 < event.t <= 10.0 and type(event) is Sample:
+            held.append(event)
+            continue
+        live.step(event)
+        plain.step(event)
+        if held and event.t > 13.0:
+            play(live, held)
+            held.clear()
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert live.dropped_by["late"] == 40
+
+
+def test_samples_within_the_lag_come_in_any_order():
+    """Half a second of them after the newest one, as by another line."""
+    recording, begin = flight(), start(flight())
+    live = live_of(recording, start=begin, lag=1.0)
+    plain = live_of(recording, start=begin, lag=1.0)
+    events = events_of(recording)
+    play(plain, events)
+    for k in range(0, len(events), 16):
+        some = events[k : k + 16]
+        play(live, [some[-1], *some[:-1]])
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert sum(live.dropped_by.values()) == 0
+
+
+def test_a_few_late_samples_are_late():
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    late = []
+    for event in events_of(recording):
+        plain.step(event)
+        live.step(event)
+        late += [event._replace(dt=0.04)] if type(event) is Sample else []
+        if len(late) == 40:  # eight of them, 2 s late
+            play(live, late[:8])
+            late.clear()
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert live.dropped_by["late"] == 80 and texts(live, "late samples dropped, up to 1.")
+
+
 def test_a_shorter_gap_is_one_of_the_batch():
     recording, begin = eventful(), start(flight())
     events = [event for event in events_of(recording) if not 6.0 < event.t <= 9.0]
@@ -221,6 +301,9 @@ def test_invalid_data_are_counted_and_change_nothing():
             live.step(bad._replace(t=event.t) if isinstance(bad.t, float) else bad)
     assert np.array_equal(live.finish().P, plain.finish().P)
     assert live.dropped_by["invalid"] == 44 and live.alignments == 0
+    live.step(Sample(1e6, 0.05, (0.0,) * 3, (0.0,) * 3))  # one at another time waits
+    live.step(Sample(None, 0.05, (0.0,) * 3, (0.0,) * 3))
+    assert live.dropped_by["invalid"] == 45
     assert texts(live, "invalid data dropped, the first: ")
     with pytest.raises(TypeError, match="^step is given a str, neither Sample nor Measurement$"):
         live.step("nothing")
@@ -272,7 +355,7 @@ def test_a_callback_that_raises_is_called_once():
 # ---- the watchdog
 
 
-def test_a_source_that_falls_silent_is_said_once():
+def test_a_source_that_falls_silent_is_said_once_and_that_it_is_back():
     recording, told = flight(60.0), []
     live = live_of(
         recording, on_event=lambda t, text: told.append((t, text)), start=start(flight())
@@ -285,8 +368,9 @@ def test_a_source_that_falls_silent_is_said_once():
             assert live.silent == {}
         elif 32.0 < event.t < 44.9:
             assert live.silent == {"GNSS velocity": pytest.approx(event.t - 20.0, abs=0.1)}
-    said = [(t, text) for t, text in told if "silent" in text]
-    ((t, text),) = said
+    ((t, text),) = [(t, text) for t, text in told if "silent" in text]
+    ((back, again),) = [(t, text) for t, text in told if "come again" in text]
+    assert again == "GNSS velocity: its measurements come again" and 45.0 < back < 46.3
     assert 30.0 < t < 31.2  # ten intervals of 1 s
     assert text.startswith("GNSS velocity: silent for ") and text.endswith("check its connection")
 

@@ -31,6 +31,7 @@ def no_harm(stream):
         (GOOD._replace(t="1.0"), "IMU sample: t is '1.0'; it must be a number of seconds"),
         (GOOD._replace(t=None), "IMU sample: t is None"),
         (GOOD._replace(t=True), "IMU sample: t is True; it must be a number of seconds"),
+        (GOOD._replace(t=1.7e12), "IMU sample: t is 1700000000000.0; .* seconds, at most 1e[+]11"),
         (GOOD._replace(dt=True), "IMU sample at 1.000 s: dt is True"),
         (GOOD._replace(dt=10), "IMU sample at 1.000 s: dt is 10 s; .*; is it in ms?"),
         (GOOD._replace(dt=None), "IMU sample at 1.000 s: dt is None"),

@@ -22,8 +22,11 @@ MAX_WAITING_FIXES = 1024
 """Largest number of fixes that a stream keeps while it waits for a sample."""
 
 
-MAX_WHOLE = 10**300
-"""Largest whole number that is taken for a time."""
+MAX_TIME = 1e11
+"""Largest time, s: some thousand years. Beyond it the times of samples are no longer apart."""
+
+
+SECONDS = f"it must be a number of seconds, at most {MAX_TIME:g}"
 
 
 class Sample(NamedTuple):
@@ -109,7 +112,7 @@ def refuse_sample(sample: Sample) -> NoReturn:
     where = f"IMU sample at {t:.3f} s" if _is_time(t) else "IMU sample"
     for name, value in (("t", t), ("dt", dt)):
         if not _is_time(value):
-            raise DataError(f"{where}: {name} is {brief(value)}; it must be a number of seconds")
+            raise DataError(f"{where}: {name} is {brief(value)}; {SECONDS}")
     if dt <= 0 or dt > MAX_INTERVAL:
         raise DataError(
             f"{where}: dt is {dt:g} s; it must be above 0 and at most {MAX_INTERVAL:g}: the "
@@ -122,8 +125,8 @@ def refuse_sample(sample: Sample) -> NoReturn:
 
 
 def _is_time(value: object) -> bool:
-    """True for a number that a float can hold."""
-    return is_number(value) and not (isinstance(value, int) and abs(value) > MAX_WHOLE)
+    """True for a number up to MAX_TIME, and for NaN and inf, which are dropped."""
+    return is_number(value) and (abs(value) <= MAX_TIME or value != value or abs(value) == inf)
 
 
 def _is_vector(value: object) -> bool:
@@ -164,7 +167,7 @@ class Sources:
         """Return the fix with NaN for values that are not finite. Raises DataError for an invalid
         fix."""
         if not _is_time(fix.t):
-            raise DataError(f"fix: t is {brief(fix.t)}; it must be a number of seconds")
+            raise DataError(f"fix: t is {brief(fix.t)}; {SECONDS}")
         where = f"fix at {fix.t:.3f} s"
         place = self.place(fix.source, where)
         most = self._most[place]

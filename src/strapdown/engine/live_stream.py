@@ -27,7 +27,9 @@ LONG_GAP = 60.0
 """s without samples after which the attitude that the filter held is unknown: by the noise of a held gap
 its standard deviation is then 44 deg."""
 CONFIRMED = 1.0
-"""s for which samples must go on at another time before that is taken for the time."""
+"""s for which samples must go on at a later time before that is taken for the time."""
+CONFIRMED_BACK = 0.5
+"""The same of an earlier time, s, where the state stands still meanwhile."""
 MAX_SUSPECTS = 20_000
 """Largest number of samples that wait for that."""
 MAX_STEP = 1.0
@@ -95,11 +97,12 @@ class LiveStream:
     states, and `step` never raises on data.
 
     - Invalid samples and measurements are dropped, counted and reported.
-    - After 60 s without samples, where the time of the samples jumps by more than that, and where
-      the filter stops, the stream aligns anew from the samples and measurements since.
-    - Where the time of a sample steps ahead by more than 1 s, the stream goes on there once samples
-      have done so for 1 s, and drops it otherwise.
-    - A source that falls silent for 5 s, and ten of its intervals, is reported.
+    - After 60 s without samples, where the time of the samples steps back, and where the filter
+      stops, the stream aligns anew from the samples and measurements since.
+    - Where the time of a sample steps ahead by more than 1 s, or back to times that have samples,
+      the stream goes on there once samples have done so for 1 s, or 0.5 s, and drops it otherwise.
+    - A source that falls silent for 5 s, and ten of its intervals, is reported, and that it
+      came back, too.
 
     Parameters
     ----------
@@ -111,6 +114,8 @@ class LiveStream:
     epoch : float or None
         Moment of time zero, s of GPS time since its zero, for `save` and `restore`; None where the
         caller gave none.
+    carried : dict
+        Texts and numbers of the caller, for `save` and `restore`.
 
     Raises
     ------
@@ -155,6 +160,7 @@ class LiveStream:
             )
 
         self.epoch: float | None = None
+        self.carried: dict[str, Any] = {}
         start = given.get("start")
         self._unstarted = stream(None)
         self._stream = deepcopy(self._unstarted) if start is None else stream(start)
@@ -169,7 +175,7 @@ class LiveStream:
         self._said: dict[str, float] = {}  # s, when each of its own events was so last
         self._alignments = 0
         self._forget_suspects()
-        self._watchdog = Watchdog(len(sources))
+        self._watchdog, self._silent = Watchdog(len(sources)), set[int]()
 
     # ---- data
 
@@ -192,18 +198,25 @@ class LiveStream:
     def _take_sample(self, sample: Sample) -> None:
         try:
             away = sample.t - self._stream.newest
-            jumps = inf > away > SUSPICIOUS or -inf < away < -LONG_GAP
+            jumps = inf > away > SUSPICIOUS
+            jumps = jumps or (-inf < away <= 0 and self._stream.has_sample_at(sample))
+            is_newer = away > 0
         except (TypeError, ValueError, OverflowError):  # which the stream refuses
-            jumps = False
+            jumps = is_newer = False
         if jumps:
             self._suspect(sample)
-        elif off := self._beyond_range(sample):
-            self._refuse(f"IMU sample at {sample.t:.3f} s: {off}")
         else:
-            if self._suspects and sample.t > self._stream.newest:
+            if self._suspects and is_newer and not self._beyond_range(sample):
                 self._drop_suspects()
-            if self._pass_on(sample) and self._watchdog.is_due(self._stream.newest):
+            if self._use_sample(sample) and self._watchdog.is_due(self._stream.newest):
                 self._tell_silence()
+
+    def _use_sample(self, sample: Sample) -> bool:
+        """Give a sample to the stream; return False where it is refused."""
+        if off := self._beyond_range(sample):
+            self._refuse(f"IMU sample at {sample.t:.3f} s: {off}")
+            return False
+        return self._pass_on(sample)
 
     def _beyond_range(self, sample: Sample) -> str:
         """Say which value no alignment can use, because no sensor measures it; empty of others. After
@@ -249,8 +262,13 @@ class LiveStream:
         elif len(suspects) == MAX_SUSPECTS:
             self._drop_suspects()
         self._suspects.append(sample)
-        if sample.t - self._suspects[0].t >= CONFIRMED:
-            self._follow_suspects()
+        ahead = sample.t > self._stream.newest
+        if sample.t - self._suspects[0].t >= (CONFIRMED if ahead else CONFIRMED_BACK):
+            # a sender whose line came back may repeat itself, or send what it could not
+            if not ahead and self._stream.explains(self._suspects):
+                self._drop_suspects()
+            else:
+                self._follow_suspects()
 
     def _follow_suspects(self) -> None:
         """Go on at the time of the suspects, after a gap or with a new alignment."""
@@ -259,17 +277,25 @@ class LiveStream:
         self._forget_suspects()
         if not 0 < jump <= LONG_GAP:
             where = "without samples" if jump > 0 else "back in the time of the samples"
-            self._align_anew(f"{abs(jump):.0f} s {where}", suspects[0].t)
+            self._align_anew(f"{abs(jump):.1f} s {where}", suspects[0].t)
             for fix in fixes:
                 self._pass_on(fix)
         for sample in suspects:
-            self._pass_on(sample)
+            self._use_sample(sample)
 
     def _drop_suspects(self) -> None:
-        self._dropped[OTHER_TIME] += len(self._suspects)
-        off = self._suspects[0].t - self._stream.newest
-        self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off:+.6g} s away")
+        """Count the suspects; the stream uses or counts those of the last minute, which are late."""
+        suspects = self._suspects
         self._forget_suspects()
+        first, last = self._stream.newest - LONG_GAP, self._stream.newest
+        others = [sample for sample in suspects if not first <= sample.t <= last]
+        for sample in suspects:
+            if first <= sample.t <= last:
+                self._use_sample(sample)
+        if others:
+            self._dropped[OTHER_TIME] += len(others)
+            off = f"{others[0].t - self._stream.newest:+.6g} s away"
+            self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off}")
 
     def _align_anew(self, reason: str, t: float) -> None:
         """Begin with a new stream that has not started."""
@@ -279,7 +305,7 @@ class LiveStream:
         for cause, count in old.dropped_by.items():
             self._dropped_before[cause] = self._dropped_before.get(cause, 0) + count
         self._stream = deepcopy(self._unstarted)
-        self._watchdog = Watchdog(len(self._names))
+        self._watchdog, self._silent = Watchdog(len(self._names)), set()
         self._alignments += 1
         self._forget_suspects()
         self._say("anew", f"{reason}: aligning anew", t)
@@ -308,11 +334,16 @@ class LiveStream:
             self._past.append((t, said))
 
     def _tell_silence(self) -> None:
-        for source, seconds in self._watchdog.silent(self._stream.newest):
+        """Report sources that have fallen silent since the last look, and those that came back."""
+        silent = dict(self._watchdog.silent(self._stream.newest))
+        for source, seconds in silent.items():
             name = self._names[source]
             self._say(
                 f"silent {source}", f"{name}: silent for {seconds:.1f} s: check its connection"
             )
+        for source in self._silent - silent.keys():
+            self._say(f"back {source}", f"{self._names[source]}: its measurements come again")
+        self._silent = set(silent)
 
     @property
     def silent(self) -> dict[str, float]:
@@ -420,6 +451,7 @@ class LiveStream:
             "own": self._dropped,
             "alignments": self._alignments,
             "epoch": self.epoch,
+            "carried": self.carried,
         }
         write_state(path, self._stream.saved_content() | {"live": past})
 
@@ -438,11 +470,13 @@ class LiveStream:
             own = {cause: int(past["own"][cause]) for cause in self._dropped}
             epoch = past.get("epoch")
             epoch = None if epoch is None else float(epoch)
+            carried = dict(past.get("carried", {}))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise contradiction(path) from error
         self._counted, self._dropped_before, self._dropped = counted, before, own
         self._past, self._alignments = deque(said, MAX_EVENTS), alignments
-        self.epoch = epoch
-        self._stream, self._watchdog = stream, Watchdog(len(self._names))
+        self.epoch, self.carried = epoch, carried
+        self._stream, self._silent = stream, set()
+        self._watchdog = Watchdog(len(self._names))
         self._forget_suspects()
         return stream.belief

@@ -25,6 +25,10 @@ MAX_SIZE = 1 << 28
 for its start with 10 million samples takes more than this and is refused."""
 
 
+class OtherStateError(DataError):
+    """A file that is whole, but holds no state that this stream can go on from."""
+
+
 def write_state(path: File, state: dict[str, Any]) -> None:
     """Write a state of numbers, texts, lists, tables and arrays of float64 or int64, whole or not
     at all. Raises DataError."""
@@ -47,10 +51,10 @@ def read_state(path: File) -> dict[str, Any]:
             content = file.read(MAX_SIZE)
         first, _, packed = content.partition(b"\n")
         if not first.startswith(FIRST):
-            raise DataError(f"{path}: is no saved stream; give a file that Stream.save wrote")
+            raise OtherStateError(f"{path}: is no saved stream; give a file that Stream.save wrote")
         if first != FIRST + b"%d" % FORMAT:
             said = first.removeprefix(FIRST)[:8].decode("ascii", "replace")
-            raise DataError(
+            raise OtherStateError(
                 f"{path}: is of format {said}, this version reads {FORMAT}; begin a new stream"
             )
         if not has_checksum(Path(path)):
@@ -113,13 +117,13 @@ def plain_source(a: Source) -> tuple[Any, ...]:
 
 
 def check_set_up(path: File, saved: Any, own: dict[str, str]) -> None:
-    """Raise DataError where the parts of a saved stream, by name, are not those of this one."""
+    """Raise OtherStateError where the parts of a saved stream, by name, are not those of this one."""
     if not isinstance(saved, dict) or saved.keys() != own.keys():
         raise contradiction(path)
     for name, part in own.items():
         if saved[name] != part:
             which = f": {saved[name]}, not {part}" if name in ("strapdown", "filter") else ""
-            raise DataError(
+            raise OtherStateError(
                 f"{path}: was saved by a stream with another {name}{which}; restore it into a "
                 "stream that is built alike, or begin a new one"
             )

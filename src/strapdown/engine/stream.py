@@ -28,6 +28,7 @@ from ..units.constants import MAX_PAUSE
 from . import events as words
 from .alignment_buffer import Gathering
 from .arrivals import (
+    MAX_TIME,
     MAX_WAITING_FIXES,
     Measurement as Measurement,
     Sample as Sample,
@@ -81,6 +82,9 @@ MAX_HISTORY = 10_000_000
 MAX_OVERLAP = 0.45
 """Share of its `dt` by which a sample may begin before the end of the one before: of two interleaved
 series of stamps one in two overlaps by half and more."""
+OCCUPIED = 0.75
+"""Share of its `dt` within which a sample has the time of another one: half of it where their series
+interleave."""
 OnUse = Callable[[Sample, list[Measurement]], object]
 """(sample, measurements) that the filter has used; their sources by index among those that it can use."""
 LOOKS = (10.0, 60.0, inf)
@@ -262,6 +266,32 @@ class Stream:
         """The sources that the filter can use."""
         return self._used
 
+    def has_sample_at(self, sample: Sample) -> bool:
+        """Return True where the time of a sample is that of used ones, or of one that waits."""
+        t, near = sample[0], OCCUPIED * sample[1]
+        return t <= self._late or any(abs(t - row[0]) < near for row in self._samples)
+
+    def explains(self, samples: Sequence[Sample]) -> bool:
+        """Return True where samples from before the newest one come late and have no other clock: the
+        history has the same ones, or lacks them."""
+        try:
+            given, own = _rows_of(samples), self._kept_rows()
+        except (TypeError, ValueError, OverflowError):  # some are no samples
+            return False
+        if not len(own) or given[0, 0] < own[0, 0]:
+            return False
+        row = np.searchsorted(own[:-1, 0], given[:, 0])
+        count = int(((own[:, 0] >= given[0, 0]) & (own[:, 0] <= given[-1, 0])).sum())
+        return np.array_equal(own[row], given) or 2 * count < len(given)
+
+    def _kept_rows(self) -> Array:
+        """Return the samples of the history, and those that wait, as `_rows_of`."""
+        waiting = _rows_of([row[2] for row in sorted(self._samples)])
+        if self._live is None:
+            return np.vstack([_rows_of(self._gathered.samples), waiting])
+        imu = self._live.samples
+        return np.vstack([np.column_stack([imu.t, imu.dtheta, imu.dv]), waiting])
+
     @property
     def estimated(self) -> OfImu:
         """{parameter of the IMU that is a state: prior standard deviations}."""
@@ -423,6 +453,7 @@ class Stream:
             t, dt, (a, b, c), (d, e, f) = event
             finite = isfinite(t + dt + a + b + c + d + e + f)
             possible = 0 < dt <= MAX_INTERVAL and type(t) is not bool and type(dt) is not bool
+            possible = possible and -MAX_TIME <= t <= MAX_TIME
         except (TypeError, ValueError, OverflowError):
             refuse_sample(event)
         if not finite:
@@ -913,6 +944,11 @@ class Stream:
     def verdict(self) -> Verdict:
         """Return the verdict on its `solution`: whether to trust the history, and the reasons."""
         return self.solution.verdict
+
+
+def _rows_of(samples: Sequence[Sample]) -> Array:
+    """Return samples as rows (n, 7) of time, s, and increments, rad and m/s."""
+    return np.array([[t, *dtheta, *dv] for t, _, dtheta, dv in samples], float).reshape(-1, 7)
 
 
 def _with_estimates(

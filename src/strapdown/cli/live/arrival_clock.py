@@ -8,6 +8,7 @@ delay measurements").
 """
 
 from collections import deque
+from math import isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ MAX_DRIFT = 1e-3
 RESTARTED = 1.0
 """s by which a stamp may be off before the clock counts as another one."""
 DELAYS = 1000
-"""Number of newest delays of which quantiles are shown."""
+"""Number of newest delays, or times of arrival, of which statistics are shown."""
 
 
 class ClockEstimate(NamedTuple):
@@ -51,6 +52,49 @@ class ClockEstimate(NamedTuple):
         )
 
 
+class ArrivalIntervals(NamedTuple):
+    """Messages without stamps, which count at their arrival.
+
+    Attributes
+    ----------
+    interval : float
+        Mean time between two of them, s.
+    jitter : float
+        Standard deviation of that time, s.
+    longest : float
+        The longest one, s.
+    """
+
+    interval: float
+    jitter: float
+    longest: float
+
+    def __str__(self) -> str:
+        return (
+            f"by arrival, each {self.interval:.4g} s with a jitter of {1e3 * self.jitter:.2g} ms; the "
+            f"longest interval is {self.longest:.4g} s"
+        )
+
+
+class Arrivals:
+    """Times of arrival of messages without stamps."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=DELAYS)
+
+    def take(self, arrived: float) -> None:
+        """Take a time of arrival, s."""
+        self._times.append(arrived)
+
+    @property
+    def estimate(self) -> ArrivalIntervals | None:
+        """The intervals of the newest ones; None before there are three times."""
+        if len(self._times) < 3:
+            return None
+        steps = np.diff(self._times)
+        return ArrivalIntervals(float(steps.mean()), float(steps.std()), float(steps.max()))
+
+
 class ArrivalClock:
     """Maps stamps of a device to the time of this machine at which its fastest message would have
     arrived, less `latency` s. `restarts` counts how often the clock of the device began anew."""
@@ -67,16 +111,34 @@ class ArrivalClock:
         self._line: tuple[float, float, float] | None = None  # (stamp, offset, drift)
         self._shown: tuple[float, float] | None = None  # (stamp, offset) of the mapping
         self._delays: deque[float] = deque(maxlen=DELAYS)
+        self._other = nan  # offset of the last message, where that was of another clock
 
-    def take(self, stamp: float, arrived: float) -> None:
-        """Take the stamp of a message and its time of arrival, s."""
+    def take(self, stamp: float, arrived: float) -> bool:
+        """Take the stamp of a message and its time of arrival, s. Return False where the stamp is not
+        of this clock; a second one in a row that is off by as much begins another clock."""
         offset = arrived - stamp
+        if not isfinite(offset):
+            return False
+        if self._is_off(stamp, offset):
+            if not abs(offset - self._other) < RESTARTED:
+                self._other = offset
+                return False
+            self._begin()
+        self._other = nan
+        self._count(stamp, offset)
+        return True
+
+    def _is_off(self, stamp: float, offset: float) -> bool:
+        """Return True for a message that came before it was possible, or with a clock that stepped
+        back."""
+        if self._line is None and self._open is None:
+            return False
+        delay = offset - self._offset_at(stamp)
+        return delay < -RESTARTED or delay > RESTARTED and stamp < self._opened - RESTARTED
+
+    def _count(self, stamp: float, offset: float) -> None:
         if self._line is not None:
-            delay = offset - self._offset_at(stamp)
-            if delay < -RESTARTED or delay > RESTARTED and stamp < self._opened - RESTARTED:
-                self._begin()
-            else:
-                self._delays.append(max(delay, 0.0))
+            self._delays.append(max(offset - self._offset_at(stamp), 0.0))
         if self._open is None:
             self._opened = stamp
         if self._open is None or offset < self._open[1]:
@@ -113,7 +175,9 @@ class ArrivalClock:
         return ClockEstimate(self._line[1], self._line[2], median, worst)
 
     def _offset_at(self, stamp: float) -> float:
-        assert self._line is not None  # it is ready
+        if self._line is None:
+            assert self._open is not None  # it has taken a stamp
+            return self._open[1]
         at, offset, drift = self._line
         return offset + drift * (stamp - at)
 

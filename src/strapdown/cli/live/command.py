@@ -28,12 +28,19 @@ def live(
         counts = dict(zip(of_sources, stream.counts()))
         dropped = {cause: count for cause, count in stream.dropped_by.items() if count}
         record(t=stream.t, counts=counts, dropped=dropped, bad=program.bad)
+        record(missed=program.missed, unsent=program.unsent)
         record(clocks={port: clock._asdict() for port, clock in program.clocks.items()})
         if all(part.address.kind != "-" for part in program.config.outputs):
             for name, (used, rejected) in counts.items():
                 say(f"{name}: {used} used, {rejected} rejected")
             for cause, count in dropped.items():
                 say(f"dropped: {count} {cause}")
+            for port, count in program.missed.items():
+                if count:
+                    say(f"{port}: {count} datagrams dropped by the system")
+            for port, count in program.unsent.items():
+                if count:
+                    say(f"{port}: {count} states not written")
             for port, clock in program.clocks.items():
                 say(f"{port}: clock: {clock}")
             if program.bad:

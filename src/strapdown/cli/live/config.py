@@ -8,24 +8,35 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import aiding
-from ...checks import DataError, check_choice, check_flag, check_keys, check_number
+from ...checks import (
+    DataError,
+    brief,
+    check_choice,
+    check_flag,
+    check_keys,
+    check_number,
+    check_path,
+    locate_errors,
+    one_line_repr,
+)
+from ...core.loop.contract import MeasurementModel
 from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
 from ...units.time_scales import gps_of
-from .output_formats import LINES
+from .encoders import MESSAGES, OUTPUTS
+from .line_formats import NO_CLOCK, check_columns
 from .ports import Address, address_of
 
-INPUTS = ("json", "ubx", "nmea", "mavlink", "recording")
-SCALES = ("own", "unix", "gps", "arrival")
-
-
-OWN_SCALES = {
+SCALES = {
+    "json": ("own", "unix", "gps", "arrival", NO_CLOCK),
+    "csv": ("own", "unix", "gps", "arrival"),
     "ubx": ("gps", "arrival"),
     "nmea": ("gps", "arrival"),
     "mavlink": ("own", "arrival"),
 }
-"""Clocks of other formats than JSON lines, their own one first."""
+"""Clocks of the formats of inputs from ports, the one that counts without any first."""
+INPUTS = (*SCALES, "recording")
 
 
 class InputPart(NamedTuple):
@@ -33,10 +44,11 @@ class InputPart(NamedTuple):
 
     format: str
     address: Address | None  # None of a recording
-    clock: str  # of the times of JSON lines
+    clock: str  # of its times, one of SCALES
     recording: str
     speed: float  # of a recording, in its own seconds per second
-    latency: float  # s until the fastest message arrives, of the clock "arrival"
+    latency: float  # s until the fastest message arrives, where arrival counts
+    columns: tuple[str, ...] = ()  # of CSV
 
 
 class OutputPart(NamedTuple):
@@ -45,6 +57,7 @@ class OutputPart(NamedTuple):
     format: str
     address: Address
     rate: float  # Hz
+    messages: tuple[str, ...] = ()  # of MAVLink
 
 
 class Config(NamedTuple):
@@ -73,7 +86,8 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
     if isinstance(given, Mapping):
         name, folder, table = "configuration", Path("."), dict(given)
     else:
-        name, folder = str(given), Path(given).parent
+        check_path(given, "config")
+        name, folder = str(given), Path(_text(str(given), "config")).parent
         table = read_toml(Path(given), "check the path")
     keys = "filter imu vehicle lag replay align_within options estimate epoch log state save_every source input output"
     check_keys(table, keys.split(), name)
@@ -93,7 +107,7 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
         imu = imu if imu is not None else recording.meta.get("grade")
         vehicle = vehicle if vehicle is not None else recording.meta.get("vehicle")
     lag = check_number(table.get("lag", 1.0), f"{name}: lag", "s", least=0)
-    return Config(
+    found = Config(
         name,
         _text(table.get("filter", "closed-loop"), f"{name}: filter"),
         imu,
@@ -109,13 +123,32 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
         check_number(
             table.get("align_within", 60.0), f"{name}: align_within", "s", least=0, infinite=True
         ),
-        dict(table.get("options", {})),
+        _options(table.get("options", {}), f"{name}: options"),
         table.get("estimate"),
-        gps_of(_text(table["epoch"], f"{name}: epoch")) if "epoch" in table else None,
-        _path(table.get("log", ""), f"{name}: log", folder),
-        _path(table.get("state", ""), f"{name}: state", folder),
+        _epoch(table["epoch"], f"{name}: epoch") if "epoch" in table else None,
+        _own_file(table.get("log", ""), f"{name}: log", folder),
+        _own_file(table.get("state", ""), f"{name}: state", folder),
         check_number(table.get("save_every", 10.0), f"{name}: save_every", "s", above=0),
     )
+    _check_files(found)
+    return found
+
+
+def _check_files(config: Config) -> None:
+    """Refuse a file that is written twice, or read and written. Raises DataError."""
+    reads = [part.recording or _file_of(part.address) for part in config.inputs]
+    outputs = [_file_of(part.address) for part in config.outputs]
+    writes = [each for each in (config.log, config.state, *outputs) if each]
+    for path in writes:
+        if writes.count(path) > 1 or path in reads:
+            raise DataError(
+                f"{config.name}: {path} is named twice among log, state, inputs and outputs; write to a "
+                "file of its own"
+            )
+
+
+def _file_of(address: Address | None) -> str:
+    return address.place if address is not None and address.kind == "file" else ""
 
 
 def _parts(table: Mapping[str, Any], key: str, name: str) -> list[tuple[int, dict[str, Any]]]:
@@ -127,13 +160,34 @@ def _parts(table: Mapping[str, Any], key: str, name: str) -> list[tuple[int, dic
 
 
 def _text(value: object, where: str) -> str:
-    if not isinstance(value, str) or not value:
-        raise DataError(f"{where} is {value!r}; it must be text")
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise DataError(f"{where} is {one_line_repr(value)}; it must be text")
     return value
+
+
+def _epoch(value: object, where: str) -> float:
+    with locate_errors(where):
+        return gps_of(_text(value, "it"))
+
+
+def _options(value: object, where: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise DataError(
+            f"{where} is {brief(value)}; it must be a table, [options] with their names"
+        )
+    return dict(value)
 
 
 def _path(value: object, where: str, folder: Path) -> str:
     return str(folder / _text(value, where)) if value != "" else ""
+
+
+def _own_file(value: object, where: str, folder: Path) -> str:
+    """Return the path of a file that the program writes; a device or a folder is none."""
+    path = _path(value, where, folder)
+    if path and Path(path).exists() and not Path(path).is_file():
+        raise DataError(f"{where}: {path} is no regular file; name a file")
+    return path
 
 
 def _in_folder(address: Address, folder: Path) -> Address:
@@ -149,42 +203,77 @@ def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
         speed = check_number(part.get("speed", 1.0), f"{where}: speed", above=0, infinite=True)
         path = _path(_text(part.get("path"), f"{where}: path"), f"{where}: path", folder)
         return InputPart(format, None, "own", path, speed, 0.0)
-    check_keys(part, ("format", "port", "clock", "latency"), where)
-    scales = SCALES if format == "json" else OWN_SCALES[format]
-    clock = check_choice(part.get("clock", scales[0]), f"{where}: clock", scales)
+    check_keys(part, ("format", "port", "clock", "latency", "columns"), where)
+    clock = check_choice(part.get("clock", SCALES[format][0]), f"{where}: clock", SCALES[format])
     latency = check_number(part.get("latency", 0.0), f"{where}: latency", "s", least=0)
-    if latency and clock != "arrival":
+    if latency and clock not in ("arrival", NO_CLOCK):
         raise DataError(f'{where}: latency is that of the clock "arrival", not of {clock!r}')
     address = _in_folder(address_of(part.get("port"), where), folder)
-    return InputPart(format, address, clock, "", 1.0, latency)
+    return InputPart(format, address, clock, "", 1.0, latency, _columns(part, format, where))
+
+
+def _columns(part: dict[str, Any], format: str, where: str) -> tuple[str, ...]:
+    """Return the names of the columns of CSV; none where its first line has them."""
+    if "columns" not in part:
+        return ()
+    names = part["columns"]
+    if format != "csv":
+        raise DataError(f'{where}: columns are those of the format "csv", not of {format!r}')
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise DataError(f"{where}: columns is {brief(names)}; it must be a list of names")
+    with locate_errors(where):
+        check_columns(names)
+    return tuple(names)
 
 
 def _output(part: dict[str, Any], where: str, folder: Path) -> OutputPart:
-    check_keys(part, ("format", "port", "rate"), where)
-    format = check_choice(part.get("format", "json"), f"{where}: format", list(LINES))
+    check_keys(part, ("format", "port", "rate", "messages"), where)
+    format = check_choice(part.get("format", "json"), f"{where}: format", OUTPUTS)
     rate = check_number(part.get("rate", inf), f"{where}: rate", "Hz", above=0, infinite=True)
-    return OutputPart(format, _in_folder(address_of(part.get("port"), where), folder), rate)
+    address = _in_folder(address_of(part.get("port"), where), folder)
+    return OutputPart(format, address, rate, _messages(part, format, where))
+
+
+def _messages(part: dict[str, Any], format: str, where: str) -> tuple[str, ...]:
+    """Return the messages of an output of MAVLink, ODOMETRY where none are named."""
+    if "messages" in part and format != "mavlink":
+        raise DataError(f'{where}: messages are those of the format "mavlink", not of {format!r}')
+    names = part.get("messages", MESSAGES[:1])
+    if not isinstance(names, list | tuple) or not names:
+        raise DataError(f"{where}: messages is {brief(names)}; it must be a list of names")
+    return tuple(check_choice(name, f"{where}: messages", MESSAGES) for name in names)
 
 
 def _source(part: dict[str, Any], where: str) -> Source:
     check_keys(
         part, ("kind", "name", "parameters", "lever_arm", "gate", "robust", "adaptive"), where
     )
-    kind = aiding.find(_text(part.get("kind"), f"{where}: kind"))
-    width = len(kind.quantities)
-    own = part.get("parameters", part.get("lever_arm", ()))
-    if not isinstance(own, list | tuple):
-        raise DataError(f"{where}: parameters are {own!r}; they must be a list of numbers")
-    numbers = tuple(check_number(value, f"{where}: parameters") for value in own)
-    gate = part.get("gate")
+    with locate_errors(where):
+        kind = aiding.find(_text(part.get("kind"), "kind"))
+    width, gate = len(kind.quantities), part.get("gate")
     return Source(
         kind.name,
         np.empty(0),
         np.empty((0, width)),
         np.empty((0, width)),
-        parameters=numbers,
+        parameters=_parameters(part, kind, where),
         gate=None if gate is None else check_number(gate, f"{where}: gate", above=0, infinite=True),
-        name=str(part.get("name", "")),
+        name=_text(part["name"], f"{where}: name") if "name" in part else "",
         robust=check_flag(part.get("robust", False), f"{where}: robust"),
         adaptive=check_number(part.get("adaptive", 0.0), f"{where}: adaptive", "s", least=0),
     )
+
+
+def _parameters(part: dict[str, Any], kind: MeasurementModel, where: str) -> tuple[float, ...]:
+    """Return the parameters of a source: none, a vector, or a vector and three more."""
+    if "lever_arm" in part and "parameters" in part:
+        raise DataError(f"{where}: has lever_arm and parameters, which begin with it; give one")
+    key = "lever_arm" if "lever_arm" in part else "parameters"
+    own, counts = part.get(key, ()), (0, 3, 6) if kind.more_parameters else (0, 3)
+    if not isinstance(own, list | tuple) or len(own) not in counts:
+        more = ", and three more" if kind.more_parameters else ""
+        raise DataError(
+            f"{where}: {key} is {brief(own)}; it must be a list of three numbers, as a lever arm in m "
+            f"forward, right, down{more}"
+        )
+    return tuple(check_number(value, f"{where}: {key}") for value in own)

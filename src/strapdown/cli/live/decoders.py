@@ -2,13 +2,23 @@
 
 from collections.abc import Sequence
 
-from .input_formats import Clock, Decoder, JsonLines, Receiver
+from .input_formats import Clock, Decoder, Receiver
+from .line_formats import CsvLines, JsonLines
 
 
-def decoder(format: str, scale: str, clock: Clock, kinds: Sequence[str], name: str) -> Decoder:
-    """Return the Decoder of a format: json, ubx, nmea or mavlink."""
+def decoder(
+    format: str,
+    scale: str,
+    clock: Clock,
+    kinds: Sequence[str],
+    name: str,
+    columns: Sequence[str] = (),
+) -> Decoder:
+    """Return the Decoder of a format: json, csv, ubx, nmea or mavlink."""
     if format == "json":
         return JsonLines(clock, scale)
+    if format == "csv":
+        return CsvLines(clock, scale, columns)
     if format == "mavlink":
         from .mavlink_input import MavLink
 

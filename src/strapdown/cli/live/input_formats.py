@@ -3,24 +3,21 @@ the last epochs are read as the log that they are, and what is new in it is take
 
 import time
 from collections.abc import Callable, Sequence
-from math import nan
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...checks import DataError
 from ...engine.stream import Measurement, Sample
-from ...fileio.file_access import json_of
 from ...io.reader import Log
-from ...units.time_scales import gps_from_unix, midnight
+from ...units.time_scales import YEARS, midnight, year_of
 
-MAX_LINE = 1 << 16
-"""Bytes of a line, at most."""
-MAX_GAP = 1.0
-"""s between two rates, at most, over which the first one gives the length of the sample."""
 WINDOW = 1 << 14
 """Bytes of a receiver that are read as one log: some epochs."""
 QUIET = 0.03
 """s without bytes after which an epoch is whole."""
+ALONE = 30.0
+"""s: an epoch that is farther from all others has a wrong time, unless the next one follows it."""
 
 
 class Clock:
@@ -31,17 +28,26 @@ class Clock:
         self.epoch = epoch
 
     def of_gps(self, gps: float) -> float:
-        """Return the time of a moment of GPS time."""
+        """Return the time of a moment of GPS time. Raises DataError where no calendar has it."""
+        check_moment(gps)
         if self.epoch is None:
             self.epoch = midnight(gps)
         return gps - self.epoch
 
 
+def check_moment(gps: float) -> None:
+    """Refuse a moment of GPS time that is not finite or in no calendar. Raises DataError."""
+    if not YEARS[0] - 1 <= year_of(gps) < YEARS[1]:
+        raise DataError(
+            f"a time {gps:.4g} s after 1980 is in no calendar; send s, and check `clock`"
+        )
+
+
 class Decoder:
-    """Bytes of one input to events; `bad` counts what is none."""
+    """Bytes of one input to events; `bad` counts what is none, `why` says it of the first."""
 
     def __init__(self) -> None:
-        self.bad = 0
+        self.bad, self.why = 0, ""
         # s, of time.monotonic: when the bytes came of which the events are; None: just now
         self.last: float | None = None
 
@@ -53,55 +59,18 @@ class Decoder:
         """Return the events that are complete because nothing came for QUIET s."""
         return []
 
+    @property
+    def unused(self) -> int:
+        """Number of the last bytes that a decoder needs again to go on after a restart."""
+        return 0
 
-class JsonLines(Decoder):
-    """A JSON object in each line, in SI and body axes forward, right, down: a sample with `t` and
-    `dt`, `dtheta`, `dv`, or `gyro`, `accel`; a measurement with `t`, `source`, `y`, `std`."""
+    @property
+    def memory(self) -> Any:
+        """Values that it needs besides to go on, as JSON has them."""
+        return None
 
-    def __init__(self, clock: Clock, scale: str) -> None:
-        super().__init__()
-        self._clock, self._scale, self._rest, self._last = clock, scale, b"", nan
-
-    def feed(self, piece: bytes) -> list[Sample | Measurement]:
-        """As of Decoder."""
-        *lines, self._rest = (self._rest + piece).split(b"\n")
-        if len(self._rest) > MAX_LINE:
-            self._rest, self.bad = b"", self.bad + 1
-        found: list[Sample | Measurement] = []
-        for line in lines:
-            if line.strip():
-                try:
-                    event = self._event(json_of(line, "input"))
-                    found += [event] if event is not None else []
-                except (DataError, ValueError, TypeError, KeyError, OverflowError):
-                    self.bad += 1
-        return found
-
-    def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
-        t = float(table["t"])
-        if self._scale in ("unix", "gps"):
-            t = self._clock.of_gps(float(gps_from_unix(t)) if self._scale == "unix" else t)
-        if "source" in table:
-            y, std = (tuple(map(_number, table[key])) for key in ("y", "std"))
-            return Measurement(t, table["source"], y, std)
-        last, self._last = self._last, t
-        if "dtheta" in table:
-            return Sample(t, float(table["dt"]), _three(table["dtheta"]), _three(table["dv"]))
-        dt = float(table["dt"]) if "dt" in table else t - last
-        rates = (_three(table[key]) for key in ("gyro", "accel"))
-        if not 0 < dt <= MAX_GAP:  # the first one, or one after a gap
-            return None
-        dtheta, dv = ((x * dt, y * dt, z * dt) for x, y, z in rates)
-        return Sample(t, dt, dtheta, dv)
-
-
-def _number(value: Any) -> float:
-    return nan if value is None else float(value)
-
-
-def _three(values: Sequence[Any]) -> tuple[float, float, float]:
-    x, y, z = map(_number, values)
-    return x, y, z
+    def resume(self, memory: Any) -> None:
+        """Go on with the `memory` of before a restart."""
 
 
 class _Row(NamedTuple):
@@ -113,6 +82,15 @@ class _Row(NamedTuple):
     std: tuple[float, ...]
 
 
+def _by_company(rows: list[_Row]) -> tuple[list[_Row], list[_Row]]:
+    """Return the rows of epochs that have another one near by, and the others."""
+    times = sorted({row.t for row in rows})
+    gaps = [inf, *(b - a for a, b in zip(times, times[1:])), inf]
+    lonely = {t for t, before, after in zip(times, gaps, gaps[1:]) if min(before, after) > ALONE}
+    near = [row for row in rows if row.t not in lonely]
+    return near, [row for row in rows if row.t in lonely]
+
+
 class Receiver(Decoder):
     """UBX or NMEA of a GNSS receiver: positions, velocities and headings for the first source of
     each kind. `log` makes the Log of bytes."""
@@ -120,11 +98,28 @@ class Receiver(Decoder):
     def __init__(
         self, clock: Clock, log: Callable[[Path, bytes], Log], kinds: Sequence[str], name: str
     ) -> None:
+        from .stray_pieces import StrayPieces
+
         super().__init__()
         self._clock, self._log, self._name = clock, log, Path(name)
-        self._kinds = kinds
+        self._kinds, self._strays = kinds, StrayPieces()
         self._window, self._fresh, self._waits = b"", 0, False
-        self._used: dict[str, float] = {}  # s, the last time of each kind
+        self._used: set[tuple[str, float]] = set()  # (kind, t in s) of the window
+        self._resumed = -inf  # s, up to which they were used before a restart
+
+    @property
+    def unused(self) -> int:
+        """As of Decoder: all that later messages are read with."""
+        return len(self._window)
+
+    @property
+    def memory(self) -> float:
+        """As of Decoder: s, up to which the epochs were used."""
+        return max((t for _, t in self._used), default=self._resumed)
+
+    def resume(self, memory: Any) -> None:
+        """As of Decoder."""
+        self._resumed = float(memory)
 
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """As of Decoder: all epochs but the last one, to which more may come."""
@@ -149,22 +144,28 @@ class Receiver(Decoder):
 
     def _new(self, whole: bool) -> list[Sample | Measurement]:
         """Return the measurements that were not there before; `whole`: also of the last epoch."""
+        if self._fresh:
+            self.bad += self._strays.count(self._window[-self._fresh :])
         self._fresh, self._waits = 0, not whole
         try:
             rows = [row for row in self._rows() if row.kind in self._kinds]
         except DataError:  # nothing usable in these bytes
             self.bad += 1
             return []
-        last = max((row.t for row in rows), default=0.0)
-        rows = [
-            row
-            for row in rows
-            if row.t > self._used.get(row.kind, -1e300) and (whole or row.t < last)
+        near, alone = _by_company(rows)
+        last = max((row.t for row in near), default=0.0)
+        taken = [
+            row for row in near if (row.kind, row.t) not in self._used and (whole or row.t < last)
         ]
-        for row in rows:
-            self._used[row.kind] = max(self._used.get(row.kind, row.t), row.t)
-        rows.sort(key=lambda row: row.t)
-        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in rows]
+        fresh = [row for row in taken if row.t > self._resumed]
+        known = {(row.kind, row.t) for row in rows}
+        self._used = (self._used & known) | {(row.kind, row.t) for row in taken}
+        if taken:  # and none of them follows these
+            wrong = {(row.kind, row.t) for row in alone} - self._used
+            self.bad += len({t for _, t in wrong})
+            self._used |= wrong
+        fresh.sort(key=lambda row: row.t)
+        return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in fresh]
 
     def _rows(self) -> list[_Row]:
         """Return the measurements of the window, as a description of the log would read them."""

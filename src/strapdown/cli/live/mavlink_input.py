@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import DataError
 from ...engine.stream import Measurement, Sample
 from ...extras import optional_import
 from ...sensor_models.geoid import undulation
 from ...units.constants import STANDARD_GRAVITY
 from ...units.time_scales import gps_from_unix
-from .input_formats import MAX_GAP, Clock, Decoder
+from .input_formats import Clock, Decoder, check_moment
+from .line_formats import MAX_GAP
 
 UNIX = 1e15
 """us: larger times are UNIX times, smaller ones those since the start."""
@@ -57,10 +59,17 @@ class MavLink(Decoder):
         return found
 
     def _set_clock(self, message: Any) -> None:
-        if message.time_unix_usec > UNIX:
-            self._ahead = message.time_unix_usec / 1e6 - message.time_boot_ms / 1e3
-            if self._clock.epoch is None:
-                self._clock.epoch = float(gps_from_unix(self._ahead))
+        if message.time_unix_usec <= UNIX:
+            return
+        ahead = message.time_unix_usec / 1e6 - message.time_boot_ms / 1e3
+        try:
+            check_moment(start := float(gps_from_unix(ahead)))
+        except DataError:
+            self.bad += 1
+            return
+        self._ahead = ahead
+        if self._clock.epoch is None:
+            self._clock.epoch = start
 
     def _sample(self, name: str, message: Any) -> list[Sample]:
         """Return the sample of a message, with the rates that it has at its end."""

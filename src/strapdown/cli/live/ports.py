@@ -1,11 +1,12 @@
-"""Places where bytes come from and go to, none of which ever waits: UDP, TCP, serial lines, files that
-grow, standard streams. One that vanishes is opened again each second."""
+"""Places where bytes come from, none of which ever waits: UDP, TCP, serial lines, files that grow,
+standard input. One that vanishes is opened again each second."""
 
 import os
 import select
 import socket
 import sys
 import time
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +21,13 @@ PIECE = 1 << 16
 """Bytes that are read at a time, at most."""
 MAX_DATAGRAMS = 256
 """Datagrams that are read at a time, at most; the system drops those that its buffer cannot hold."""
+BUFFER = 1 << 22
+"""Bytes of datagrams that the system is asked to keep."""
+SO_MEMINFO, DROPS = 55, 8
+"""Option of Linux (asm-generic/socket.h), and the place of dropped datagrams in it, of 4 bytes each
+(linux/sock_diag.h)."""
+TAIL = 4096
+"""Bytes by which a file is known to be the one of before."""
 KINDS = ("udp", "tcp", "serial", "file", "-")
 
 
@@ -39,7 +47,8 @@ def address_of(text: object, where: str) -> Address:
     """Return the Address of a text. Raises DataError, which begins with `where`."""
     kind, _, rest = str(text).partition(":")
     forms = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, file:PATH or -"
-    if not isinstance(text, str) or kind not in KINDS or bool(rest) == (kind == "-"):
+    fits = isinstance(text, str) and kind in KINDS and bool(rest) != (kind == "-")
+    if not fits or not _is_name(rest, kind):
         raise DataError(f"{where}: port is {text!r}; it must be {forms}")
     if kind in ("file", "-"):
         return Address(kind, rest, 0)
@@ -52,14 +61,42 @@ def address_of(text: object, where: str) -> Address:
     return Address(kind, place or "127.0.0.1", int(number))
 
 
+def _is_name(text: str, kind: str) -> bool:
+    """Return True where the system can take a text as the name of a file or host."""
+    try:
+        text.encode("idna" if kind in ("udp", "tcp") else "utf-8")
+    except UnicodeError:
+        return False
+    return "\0" not in text
+
+
+class Mark(NamedTuple):
+    """A place in a file, and what stands before it."""
+
+    size: int  # bytes before it
+    unused: int  # of these, the last ones that are to be read again
+    checksum: int  # of the last TAIL bytes before it
+
+
+def _mark(file: BinaryIO, size: int, unused: int) -> Mark:
+    """Return the mark after so many bytes of a file."""
+    file.seek(max(size - TAIL, 0))
+    return Mark(size, unused, zlib.crc32(file.read(min(size, TAIL))))
+
+
 class Port:
     """An address to read from. `error` says why it cannot be read now; `lost` counts how often it
-    went."""
+    went. `senders` has those of the datagrams that were read last."""
 
     def __init__(self, address: Address) -> None:
         self.address = address
         self.error = ""
         self.lost = 0
+        self._missed: Callable[[], int] = lambda: 0
+        self.senders: list[object] = []
+        # where the file was left before a restart, and what to call where it is still the same
+        self._left: tuple[Mark, Callable[[], None]] | None = None
+        self._at = 0
         self.ended = False  # nothing more will come
         self._tried = -RETRY
         self.number: int | None = None  # descriptor on which to wait for bytes
@@ -85,8 +122,8 @@ class Port:
             try:
                 self._open()
                 self.error = ""
-            except OSError as error:
-                self.error = error.strerror or str(error)
+            except (OSError, DataError) as error:
+                self.error = getattr(error, "strerror", None) or str(error)
         return self._read is not None
 
     def _lose(self, why: str) -> None:
@@ -94,11 +131,31 @@ class Port:
         self.error, self._read, self._tried = why, None, time.monotonic()
         self.lost += 1
 
+    @property
+    def missed(self) -> int:
+        """Number of datagrams that the system dropped, because nobody read them in time."""
+        return self._missed()
+
+    def mark(self, unused: int) -> "Mark | None":
+        """Return how far its file was read, and how many of the last bytes were not used; None of other
+        ports and where the file is gone."""
+        with suppress(OSError, DataError):
+            if self.address.kind == "file" and self._at:
+                with open_file(self.address.place) as file:
+                    return _mark(file, self._at, unused)
+        return None
+
+    def resume(self, left: "Mark", then: Callable[[], None]) -> None:
+        """Go on where the file was left, and call `then`, if it is still the same; else at its
+        beginning."""
+        self._left = left, then
+
     def close(self) -> None:
         """Close it."""
+        missed = self.missed
         with suppress(OSError):
             self._close()
-        self._close, self.number = lambda: None, None
+        self._close, self.number, self._missed = lambda: None, None, lambda: missed
 
     def _open(self) -> None:
         kind = self.address.kind
@@ -108,27 +165,36 @@ class Port:
             self._open_tcp()
         elif kind == "file":
             self._open_file()
+        elif kind == "serial":
+            self._open_descriptor(serial_line(self.address))
+        elif sys.stdin is None:
+            raise OSError("it is closed")
         else:
-            self._open_descriptor(sys.stdin.fileno() if kind == "-" else _serial_line(self.address))
+            self._open_descriptor(sys.stdin.fileno())
 
     def _open_udp(self) -> None:
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         udp.setblocking(False)
         self._close = udp.close
+        udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         udp.bind((self.address.place, self.address.number))
-        self.number = udp.fileno()
+        self.number, before = udp.fileno(), self.missed
+        self._missed = lambda: before + _missed_by(udp)
 
         def read() -> list[bytes]:
             found: list[bytes] = []
+            self.senders = []
             with suppress(BlockingIOError):
                 while len(found) < MAX_DATAGRAMS:
-                    found.append(udp.recv(PIECE))
+                    piece, sender = udp.recvfrom(PIECE)
+                    found.append(piece)
+                    self.senders.append(sender)
             return found
 
         self._read = read
 
     def _open_tcp(self) -> None:
-        tcp = _tcp_socket(self.address)
+        tcp = tcp_socket(self.address)
         self._close, self.number = tcp.close, tcp.fileno()
 
         def read() -> list[bytes]:
@@ -141,13 +207,21 @@ class Port:
 
     def _open_file(self) -> None:
         path = Path(self.address.place)
+        if path.exists() and not path.is_file():
+            raise OSError("it is no regular file")
         if not path.stat().st_size:
             raise OSError("it is still empty")
         file: BinaryIO = open_file(path)
         self._close, known = file.close, path.stat().st_ino
+        left, self._left, self._at = self._left, None, 0
+        if left is not None and _mark(file, left[0].size, left[0].unused) == left[0]:
+            self._at = left[0].size - left[0].unused
+            left[1]()
+        file.seek(self._at)
 
         def read() -> list[bytes]:
             piece = file.read(PIECE)
+            self._at += len(piece)
             if not piece:
                 now = path.stat()
                 if now.st_ino != known or now.st_size < file.tell():
@@ -165,7 +239,7 @@ class Port:
                 return []
             piece = os.read(number, PIECE)
             if not piece and is_standard:
-                self.ended = True
+                self.ended, self.number = True, None  # or waiting for bytes would never wait
             elif not piece:
                 raise OSError("the device is gone")
             return [piece] if piece else []
@@ -173,7 +247,15 @@ class Port:
         self._read = read
 
 
-def _tcp_socket(address: Address) -> socket.socket:
+def _missed_by(udp: socket.socket) -> int:
+    """Return the number of datagrams that the system has dropped; only Linux tells it."""
+    if sys.platform != "linux":
+        return 0
+    found = udp.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 4 * (DROPS + 1))
+    return int.from_bytes(found[4 * DROPS :], sys.byteorder)
+
+
+def tcp_socket(address: Address) -> socket.socket:
     """Return a socket that connects meanwhile; until then reading and writing raise
     BlockingIOError. Raises OSError."""
     tcp = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -183,7 +265,7 @@ def _tcp_socket(address: Address) -> socket.socket:
     return tcp
 
 
-def _serial_line(address: Address) -> int:
+def serial_line(address: Address) -> int:
     """Return the descriptor of a serial line that passes bytes on as they are. Raises OSError."""
     if sys.platform == "win32":
         raise OSError("serial lines are read on POSIX systems alone; send them by UDP or TCP")
@@ -204,72 +286,3 @@ def _serial_line(address: Address) -> int:
             os.close(line)
             raise OSError(f"is no serial line ({error.args[-1]})") from None
         return line
-
-
-class Sink:
-    """An address to write to. What cannot be written is dropped and counted; half a message never
-    goes out."""
-
-    def __init__(self, address: Address) -> None:
-        self.address, self.dropped, self.error = address, 0, ""
-        self._tried, self._rest = -RETRY, b""
-        self._write: Callable[[bytes], int] | None = None
-        self._close: Callable[[], None] = lambda: None
-
-    def write(self, data: bytes) -> None:
-        """Write what makes one message."""
-        if self._write is None and time.monotonic() >= self._tried + RETRY:
-            self._tried, self._rest = time.monotonic(), b""
-            try:
-                self._open()
-                self.error = ""
-            except OSError as error:
-                self.error = error.strerror or str(error)
-        if self._write is None:
-            self.dropped += 1
-            return
-        if len(self._rest) > PIECE:
-            data, self.dropped = b"", self.dropped + 1
-        data = self._rest + data
-        try:
-            self._rest = data[self._write(data) :]
-        except BlockingIOError:
-            self._rest = data
-        except OSError as error:
-            self._lose(error.strerror or str(error))
-
-    def _lose(self, why: str) -> None:
-        self.dropped, self.error, self._rest = self.dropped + 1, why, b""
-        if self.address.kind != "udp":  # where nobody may listen yet
-            self.close()
-            self._write, self._tried = None, time.monotonic()
-
-    def close(self) -> None:
-        """Close it."""
-        with suppress(OSError):
-            self._close()
-        self._close = lambda: None
-
-    def _open(self) -> None:
-        kind, place, number = self.address
-        if kind == "-":
-            self._write = _to_standard_output
-        elif kind == "udp":
-            udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            udp.setblocking(False)
-            self._close, self._write = udp.close, lambda data: udp.sendto(data, (place, number))
-        elif kind == "tcp":
-            tcp = _tcp_socket(self.address)
-            self._close, self._write = tcp.close, tcp.send
-        elif kind == "serial":
-            line = _serial_line(self.address)
-            self._close, self._write = lambda: os.close(line), lambda data: os.write(line, data)
-        else:
-            file = Path(place).open("ab", buffering=0)
-            self._close, self._write = file.close, file.write
-
-
-def _to_standard_output(data: bytes) -> int:
-    sys.stdout.buffer.write(data)
-    sys.stdout.buffer.flush()
-    return len(data)

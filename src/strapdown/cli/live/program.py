@@ -4,36 +4,43 @@ import heapq
 import os
 import select
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from ...checks import DataError
+from ...checks import DataError, locate_errors
 from ...core.loop.contract import Imu
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
+from ...engine.saved_state import OtherStateError
 from ...engine.stream import Measurement, Sample
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
 from ...units.time_scales import gps_from_unix
-from .arrival_clock import ArrivalClock, ClockEstimate
+from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
 from .decoders import decoder
+from .encoders import encoder
 from .input_formats import Clock, Decoder
-from .output_formats import LINES, state_at
-from .ports import Port, Sink
+from .line_formats import NO_CLOCK
+from .notices import Notices, Senders
+from .output_formats import state_at
+from .ports import Mark, Port
+from .sinks import Sink
 
 PAUSE = 0.002
 """s that the program sleeps where nothing comes, at most."""
 FLUSH = 1.0
 """s between two times at which the log is forced to the disk."""
+LOOK = 1.0
+"""s between two looks at ports for what is to be reported."""
 IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
-PARTS = ("filter", "options", "sources", "IMU", "vehicle", "AHRS")
-"""Parts of a stream by which a state is one of another configuration."""
+MAX_HELD = 20_000
+"""Events that wait until the clock of their device is known, at most."""
 BATCH = 1000
 """Events of a recording that are taken at a time, at most."""
 
@@ -54,11 +61,13 @@ class _Bytes:
         assert part.address is not None  # of all but a recording
         self.port = Port(part.address)
         self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
-        self._clock = clock
+        self._clock, self.senders = clock, Senders()
         self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
+        self.unstamped = Arrivals() if part.clock == NO_CLOCK else None
+        self._latency = part.latency
         self._held: list[Sample | Measurement] = []  # until the clock is ready
         name = f"{part.format} of {part.address}".replace("/", "_")
-        self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name)
+        self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name, part.columns)
 
     @property
     def ended(self) -> bool:
@@ -68,21 +77,37 @@ class _Bytes:
     def events(self) -> list[Sample | Measurement]:
         """Return what has come."""
         found: list[Sample | Measurement] = []
-        for piece in self.port.read():
-            found += self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
+        for k, piece in enumerate(self.port.read()):
+            events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
+            found += events
+            if self.port.senders and events and type(events[0]) is Sample:
+                self.senders.take(self.port.senders[k])
         found += self.decoder.idle()
+        if self.unstamped is not None:
+            return self._at_arrival(self.unstamped, found)
         return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
+
+    def _at_arrival(
+        self, unstamped: Arrivals, found: list[Sample | Measurement]
+    ) -> list[Sample | Measurement]:
+        """Return measurements with the time of their arrival."""
+        now = time_of_arrival(self.decoder.last)
+        for _ in found:
+            unstamped.take(now)
+        return [each._replace(t=self._on_clock(now - self._latency)) for each in found]
 
     def _by_arrival(
         self, arrivals: ArrivalClock, found: list[Sample | Measurement]
     ) -> list[Sample | Measurement]:
-        """Return events with the time at which the fastest message would have arrived."""
+        """Return events with the time at which the fastest message would have arrived. Those with a
+        stamp of another clock, and those that wait in vain for the clock, are bad."""
         now, restarts = time_of_arrival(self.decoder.last), arrivals.restarts
-        for event in found:
-            arrivals.take(event.t, now)
-        if arrivals.restarts > restarts:
+        own = [event for event in found if arrivals.take(event.t, now)]
+        self.decoder.bad += len(found) - len(own)
+        if arrivals.restarts > restarts or len(self._held) > MAX_HELD:
+            self.decoder.bad += len(self._held)
             self._held.clear()
-        self._held += found
+        self._held += own
         if not arrivals.ready:
             return []
         ready, self._held = self._held, []
@@ -90,6 +115,16 @@ class _Bytes:
 
     def _on_clock(self, unix: float) -> float:
         return self._clock.of_gps(float(gps_from_unix(unix)))
+
+    def mark(self) -> list[Any] | None:
+        """Return where a growing file goes on, for `resume`; None of other ports."""
+        found = self.port.mark(self.decoder.unused)
+        return [*found, self.decoder.memory] if found else None
+
+    def resume(self, mark: Sequence[Any]) -> None:
+        """Go on after what was used before a restart."""
+        *place, memory = mark
+        self.port.resume(Mark(*map(int, place)), lambda: self.decoder.resume(memory))
 
     def close(self) -> None:
         """Close the port."""
@@ -99,9 +134,16 @@ class _Bytes:
 class _Replayed:
     """An input from a recording, at a speed."""
 
-    def __init__(self, part: InputPart) -> None:
+    def __init__(
+        self, part: InputPart, sources: Sequence[Source], tell: Callable[[str], None]
+    ) -> None:
         recording = read(part.recording)
-        fixes = [_fix_rows(k, a) for k, a in enumerate(recording.sources)]
+        fixes = []
+        for a, place in zip(recording.sources, _places(recording.sources, sources)):
+            if place is None:
+                tell(f"{part.recording}: {a.name or a.kind} is no [[source]]; it is left out")
+            else:
+                fixes.append(_fix_rows(place, a))
         rows = heapq.merge(_sample_rows(recording.imu), *fixes, key=lambda row: row[:3])
         self._events: Iterator[_Row] = iter(rows)
         self._next = next(self._events, None)
@@ -130,6 +172,26 @@ class _Replayed:
         self._next = None
 
 
+def _places(recorded: Sequence[Source], own: Sequence[Source]) -> list[int | None]:
+    """Return the index among `own` of each source of a recording: the one with its kind and name,
+    else the next one of its kind; None where there is none."""
+    found: list[int | None] = [None] * len(recorded)
+    for alike in (_same_name, _same_kind):
+        for i, a in enumerate(recorded):
+            free = [k for k, b in enumerate(own) if k not in found and alike(a, b)]
+            if found[i] is None and free:
+                found[i] = free[0]
+    return found
+
+
+def _same_kind(a: Source, b: Source) -> bool:
+    return a.kind == b.kind
+
+
+def _same_name(a: Source, b: Source) -> bool:
+    return a.kind == b.kind and a.name == b.name
+
+
 _Row = tuple[float, int, int, Sample | Measurement]
 """(t in s, 1 for a sample, source, event): by the first three a fix comes before the sample that ends
 with it."""
@@ -149,7 +211,8 @@ class _StatePort:
     """States to a port at a rate, by the time of the samples."""
 
     def __init__(self, part: OutputPart) -> None:
-        self.sink, self._line, self._every = Sink(part.address), LINES[part.format], 1 / part.rate
+        self.sink, self._every = Sink(part.address), 1 / part.rate
+        self._encode = encoder(part.format, part.messages)
         self._due = -inf
 
     def show(self, live: LiveStream, epoch: float | None) -> None:
@@ -158,8 +221,9 @@ class _StatePort:
         if t < self._due - 1e-6 and t > self._due - 2 * self._every:
             return
         self._due = (t if abs(t - self._due) > self._every else self._due) + self._every
-        line = self._line(state_at(t, epoch, live.status, live.belief))
-        self.sink.write(line.encode())
+        it = state_at(t, epoch, live.status, live.belief, live.alignments)
+        if data := self._encode(it):
+            self.sink.write(data)
 
 
 class _Log:
@@ -223,10 +287,6 @@ class _Log:
                 self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
 
 
-OF_OTHERS = ("is no saved stream", *(f"with another {part}" for part in PARTS))
-"""Words of the error on a file that holds something else than an unusable state of this stream."""
-
-
 def _not_replaced(text: str) -> DataError:
     return DataError(f"{text}; to keep the file, name another one as `state`, else remove it")
 
@@ -263,26 +323,30 @@ class Live:
         self._on_event = on_event
         self.clock = Clock(own.epoch)
         self._log = _Log(own.log, self._tell) if own.log else None
-        self.stream = LiveStream(
-            own.filter,
-            sources=own.sources,
-            imu=own.imu,
-            vehicle=own.vehicle,
-            lag=own.lag,
-            replay=own.replay,
-            align_within=own.align_within,
-            options=own.options,
-            estimate=own.estimate,
-            on_event=self._hear,
-            on_use=self._use if self._log else None,
-        )
+        with locate_errors(own.name):
+            self.stream = LiveStream(
+                own.filter,
+                sources=own.sources,
+                imu=own.imu,
+                vehicle=own.vehicle,
+                lag=own.lag,
+                replay=own.replay,
+                align_within=own.align_within,
+                options=own.options,
+                estimate=own.estimate,
+                on_event=self._hear,
+                on_use=self._use if self._log else None,
+            )
         kinds = [a.kind for a in own.sources]
         self.inputs: list[_Bytes | _Replayed] = [
-            _Replayed(part) if part.recording else _Bytes(part, self.clock, kinds)
+            _Replayed(part, own.sources, self._tell)
+            if part.recording
+            else _Bytes(part, self.clock, kinds)
             for part in own.inputs
         ]
         self.outputs = [_StatePort(part) for part in own.outputs]
         self._heard = self._saved = time.monotonic()
+        self._notices, self._looked = Notices(self._tell), -inf
         self._is_silent, self._closed = False, False
         if own.state and Path(own.state).exists():
             self._restore()
@@ -293,9 +357,9 @@ class Live:
         path, own = self.config.state, self.config.epoch
         try:
             self.stream.restore(path)
+        except OtherStateError as error:
+            raise _not_replaced(str(error)) from error
         except DataError as error:
-            if any(words in str(error) for words in OF_OTHERS):
-                raise _not_replaced(str(error)) from error
             self._tell(f"{error}; beginning anew")
             return
         saved = self.stream.epoch
@@ -303,6 +367,10 @@ class Live:
             raise _not_replaced(f"{path}: was saved with another epoch")
         # times go on from the same midnight, however long the program was off
         self.clock.epoch = saved
+        for name, mark in self.stream.carried.items():
+            for each in self._growing_files():
+                if str(each.port.address) == name:
+                    each.resume(mark)
         self._tell(f"{path}: goes on from {self.stream.t:.2f} s")
 
     # ---- the loop
@@ -315,12 +383,18 @@ class Live:
                 count += 1
                 self.stream.step(event)
                 if isinstance(event, Sample):
-                    self._heard, self._is_silent = time.monotonic(), False
+                    self._hear_samples()
                     if self.stream.started:
                         for output in self.outputs:
                             output.show(self.stream, self.clock.epoch)
         self._look_after()
         return count > 0
+
+    def _hear_samples(self) -> None:
+        self._heard = time.monotonic()
+        if self._is_silent:
+            self._is_silent = False
+            self._tell("IMU: samples come again")
 
     def _look_after(self) -> None:
         """Force the log to the disk, save the state, and see whether samples still come."""
@@ -330,15 +404,33 @@ class Live:
         if self.config.state and now >= self._saved + self.config.save_every:
             self._saved = now
             self._save()
+        if now >= self._looked + LOOK:
+            self._looked = now
+            self._look_at_ports()
         if now > self._heard + IMU_SILENT and not self._is_silent:
             self._is_silent = True
-            ports = [
-                each.port for each in self.inputs if isinstance(each, _Bytes) and each.port.error
-            ]
-            why = "".join(f"; {port.address}: {port.error}" for port in ports)
-            self._tell(f"IMU: no sample for {IMU_SILENT:g} s{why}")
+            self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
+
+    def _growing_files(self) -> list[_Bytes]:
+        """Return the inputs from files that grow."""
+        found = [each for each in self.inputs if isinstance(each, _Bytes)]
+        return [each for each in found if each.port.address.kind == "file"]
+
+    def _look_at_ports(self) -> None:
+        """Report ports that fail or go on again, and inputs that cannot be read."""
+        for each in self.inputs:
+            if isinstance(each, _Bytes):
+                self._notices.of_port(each.port, "")
+                self._notices.of_input(each.port, each.decoder, each.senders)
+        for output in self.outputs:
+            lost = f"; lost: {output.sink.dropped} states"
+            self._notices.of_port(output.sink, lost)
 
     def _save(self) -> None:
+        carried = self.stream.carried
+        for each in self._growing_files():
+            if mark := each.mark():
+                carried[str(each.port.address)] = mark
         self.stream.epoch = self.clock.epoch
         try:
             self.stream.save(self.config.state)
@@ -382,6 +474,7 @@ class Live:
             each.close()
         for output in self.outputs:
             output.sink.close()
+        self._look_at_ports()
         if self._log is not None:
             self._log.close()
 
@@ -416,12 +509,24 @@ class Live:
         return sum(each.decoder.bad for each in self.inputs if isinstance(each, _Bytes))
 
     @property
-    def clocks(self) -> dict[str, ClockEstimate]:
-        """{port: estimate} of the inputs with the clock "arrival"."""
-        found: dict[str, ClockEstimate] = {}
+    def missed(self) -> dict[str, int]:
+        """{port: number of datagrams that the system dropped}, where it tells (Linux)."""
+        ports = [each.port for each in self.inputs if isinstance(each, _Bytes)]
+        return {str(port.address): port.missed for port in ports if port.address.kind == "udp"}
+
+    @property
+    def unsent(self) -> dict[str, int]:
+        """{port: number of states that it did not take} of the outputs."""
+        return {str(each.sink.address): each.sink.dropped for each in self.outputs}
+
+    @property
+    def clocks(self) -> dict[str, ClockEstimate | ArrivalIntervals]:
+        """{port: estimate} of the inputs with the clock "arrival" or "none"."""
+        found: dict[str, ClockEstimate | ArrivalIntervals] = {}
         for each in self.inputs:
-            if isinstance(each, _Bytes) and each.arrivals and each.arrivals.estimate:
-                found[str(each.port.address)] = each.arrivals.estimate
+            if isinstance(each, _Bytes) and (own := each.arrivals or each.unstamped):
+                if estimate := own.estimate:
+                    found[str(each.port.address)] = estimate
         return found
 
     @property
