@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 PERIOD = 0.1
 """s between two looks at the state, at least."""
 SLOW_PERIOD = 1.0
-"""s between two looks at counts, ports and clocks."""
+"""s between two looks at losses, ports and clocks."""
 TRACK_STEP = 0.2
 """s between two points of a track, which doubles whenever it is full."""
 MAX_TRACK, MAX_FIXES, MAX_EVENTS = 4000, 1000, 200
@@ -132,8 +132,8 @@ class Dashboard:
             self._look_at_state(live)
             self._look_at_tests(live)
             if slow:
-                self._slow = _counts(live)
-            self._state["since_sample"] = live.since_sample
+                self._slow = losses(live) | {"ports": live.ports}
+            self._state |= {"since_sample": live.since_sample, "sources": source_rows(live)}
             self.number += 1
             self.changed.notify_all()
 
@@ -250,20 +250,22 @@ def _motion(it: Shown, filter: Filter) -> dict[str, Any]:
     }
 
 
-def _counts(live: "Live") -> dict[str, Any]:
-    """Return counts, ports and clocks."""
-    stream = live.stream
+def source_rows(live: "Live") -> list[dict[str, Any]]:
+    """Return the counts of each source, and for how many s it is silent."""
     names = [a.name or a.kind for a in live.config.sources]
-    silent = stream.silent
+    silent = live.stream.silent
+    return [
+        {"name": name, "used": used, "rejected": rejected, "silent": silent.get(name)}
+        for name, (used, rejected) in zip(names, live.stream.counts())
+    ]
+
+
+def losses(live: "Live") -> dict[str, Any]:
+    """Return counts of data that were dropped or not read, and clocks."""
     return {
-        "sources": [
-            {"name": name, "used": used, "rejected": rejected, "silent": silent.get(name)}
-            for name, (used, rejected) in zip(names, stream.counts())
-        ],
-        "dropped": {cause: count for cause, count in stream.dropped_by.items() if count},
+        "dropped": {cause: count for cause, count in live.stream.dropped_by.items() if count},
         "bad": live.bad,
         "missed": live.missed,
         "unsent": live.unsent,
-        "ports": live.ports,
         "clocks": {port: str(clock) for port, clock in live.clocks.items()},
     }
