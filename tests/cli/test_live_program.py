@@ -586,7 +586,8 @@ def test_mavlink_goes_out_as_an_autopilot_takes_it(tmp_path):
 
 def test_the_pose_covariance_is_that_of_small_turns():
     """Against finite differences of roll, pitch and heading; no message without a state."""
-    from strapdown.cli.live.output_formats import encoder, state_at
+    from strapdown.cli.live.encoders import encoder
+    from strapdown.cli.live.output_formats import state_at
     from strapdown.core.mathematics.rotation import matrix_to_euler, rotate_left
     from strapdown.data.solution import INVALID
 
@@ -1082,7 +1083,7 @@ def test_what_was_not_measured_is_kept():
         ({"input": [{"format": "recording"}]}, "path is None"),
         ({"input": [{"port": "udp:1", "format": "ubx", "clock": "unix"}]}, "clock is 'unix'"),
         ({"input": [{"port": "udp:1", "latency": 0.1}]}, "latency is that of the clock .arrival."),
-        ({"source": [{"kind": "nothing"}]}, "nothing"),
+        ({"source": [{"kind": "nothing"}]}, "source.. 1: .*nothing"),
         ({"source": [{"kind": "position", "gate": "x"}]}, "gate"),
         ({"source": {"kind": "position"}}, "source must be given as \\[\\[source\\]\\]"),
         ({"output": [{"port": "udp:1", "rate": 0}]}, "rate"),
@@ -1102,7 +1103,13 @@ def test_what_was_not_measured_is_kept():
             "1: columns are .'t', 'gyro_x'.; they must have t, and gyro_x to accel_z",
         ),
         ({"input": [{"port": "udp:1", "format": "csv", "clock": "none"}]}, "clock is 'none'"),
-        ({"epoch": "soon"}, "soon"),
+        ({"epoch": "soon"}, "^configuration: epoch: 'soon' is no time"),
+        ({"epoch": 5}, "^configuration: epoch: it is 5; it must be text"),
+        ({"imu": "best"}, "^configuration: .*'best'"),
+        ({"options": {"none": 1}}, "^configuration: .*none"),
+        ({"log": "a", "state": "a"}, "a is named twice among log, state, inputs and outputs"),
+        ({"log": "a", "input": [{"port": "file:a"}]}, "a is named twice"),
+        ({"output": [{"port": "file:a"}, {"port": "file:a"}]}, "a is named twice"),
         ({"options": 5}, "options is 5; it must be a table"),
         ({"options": [["a", 1]]}, "options is .*; it must be a table"),
         ({"log": "a\0b"}, "log is 'a.x00b'; it must be text"),

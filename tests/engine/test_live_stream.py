@@ -100,7 +100,7 @@ def test_after_a_long_gap_or_another_clock_it_aligns_anew(away):
 
 
 @pytest.mark.parametrize("back", [0.8, 5.0, 40.0])
-@pytest.mark.parametrize("lag", [0.0, 0.2])
+@pytest.mark.parametrize("lag", [0.0, 0.2, 1.0])
 def test_after_a_short_step_back_of_the_clock_it_aligns_anew_within_a_second(back, lag):
     first, second, told = flight(), flight(seed=8), []
     live = live_of(first, lag=lag, on_event=lambda t, text: told.append((t, text)))
@@ -130,6 +130,38 @@ def test_a_sender_that_repeats_what_it_sent_has_no_other_clock(started):
         assert np.array_equal(live.belief.P, plain.belief.P)
     assert live.t == plain.t and live.alignments == 0 and sum(live.dropped_by.values()) > 100
     assert live.dropped_by["at another time"] == live.dropped_by["invalid"] == 0
+
+
+def test_samples_that_were_missing_and_come_late_have_no_other_clock():
+    """Two seconds were held back while 3 s went on."""
+    recording, begin = flight(), start(flight())
+    live, plain = live_of(recording, start=begin), live_of(recording, start=begin)
+    held = []
+    for event in events_of(recording):
+        if 8.0 < event.t <= 10.0 and type(event) is Sample:
+            held.append(event)
+            continue
+        live.step(event)
+        plain.step(event)
+        if held and event.t > 13.0:
+            play(live, held)
+            held.clear()
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert live.dropped_by["late"] == 40
+
+
+def test_samples_within_the_lag_come_in_any_order():
+    """Half a second of them after the newest one, as by another line."""
+    recording, begin = flight(), start(flight())
+    live = live_of(recording, start=begin, lag=1.0)
+    plain = live_of(recording, start=begin, lag=1.0)
+    events = events_of(recording)
+    play(plain, events)
+    for k in range(0, len(events), 16):
+        some = events[k : k + 16]
+        play(live, [some[-1], *some[:-1]])
+    assert np.array_equal(live.finish().P, plain.finish().P) and live.alignments == 0
+    assert sum(live.dropped_by.values()) == 0
 
 
 def test_a_few_late_samples_are_late():
@@ -269,6 +301,9 @@ def test_invalid_data_are_counted_and_change_nothing():
             live.step(bad._replace(t=event.t) if isinstance(bad.t, float) else bad)
     assert np.array_equal(live.finish().P, plain.finish().P)
     assert live.dropped_by["invalid"] == 44 and live.alignments == 0
+    live.step(Sample(1e6, 0.05, (0.0,) * 3, (0.0,) * 3))  # one at another time waits
+    live.step(Sample(None, 0.05, (0.0,) * 3, (0.0,) * 3))
+    assert live.dropped_by["invalid"] == 45
     assert texts(live, "invalid data dropped, the first: ")
     with pytest.raises(TypeError, match="^step is given a str, neither Sample nor Measurement$"):
         live.step("nothing")

@@ -17,6 +17,7 @@ from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.sensor_models.imu import imu as imu_spec
 from strapdown.sim.synthesis import Simulator
 from strapdown_reproductions.common import write_docs
+from strapdown_reproductions.common.gnss_alone import GRADES, SCENARIOS
 from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.consistency import figure, main, runs, summary, twin, verdicts
 from strapdown_reproductions.consistency.refused import MAX_SHOWN, REFUSED
@@ -24,8 +25,6 @@ from strapdown_reproductions.consistency.verdicts import Shares
 from strapdown_reproductions.consistency.worlds import (
     FED,
     FILTERS,
-    GRADES,
-    SCENARIOS,
     WorldCell,
     check_filter,
     world,

@@ -66,8 +66,24 @@ def test_figures_are_of_the_worst_setting_and_flight():
         columns=["flight", "filter", "anees"],
     )
     ends = {"closed-loop": [1.0, 3.0], "iekf": [1.0, 1.0]}
-    found = main.figures(StudyTables(starts=made(ends), flights=flown))
-    assert found == pytest.approx({"home": 27.0, "beside": 13.5, "flights": 1.1})
+    cells = pd.DataFrame(
+        [
+            ("car", "consumer", 0.9, 0.01),
+            ("ship", "tactical", 1.08, 0.03),
+            ("car", "dmu10", 1.0, 0),
+        ],
+        columns=["scenario", "grade", "ratio", "std"],
+    )
+    found = main.figures(StudyTables(starts=made(ends), flights=flown, cells=cells))
+    wanted = {"home": 27.0, "beside": 13.5, "flights": 1.1, "refused": 0.9, "cells": 1.02}
+    assert found == pytest.approx(wanted)
+
+
+def test_a_cell_compares_runs_with_the_same_random_numbers():
+    (row,) = runs.cell("hand-held", "tactical", 4, 3)
+    assert row["survived, closed-loop"] == row["survived, iekf"] == row["runs"] == 4
+    assert 0.5 < row["ANEES, closed-loop"] < 2 and abs(row["ratio"] - 1) < 0.01
+    assert 0 < row["std"] < 0.01
 
 
 def test_at_rest_each_filter_has_a_claim(monkeypatch):

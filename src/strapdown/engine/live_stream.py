@@ -99,8 +99,8 @@ class LiveStream:
     - Invalid samples and measurements are dropped, counted and reported.
     - After 60 s without samples, where the time of the samples steps back, and where the filter
       stops, the stream aligns anew from the samples and measurements since.
-    - Where the time of a sample steps ahead by more than 1 s, or back by more than `lag`, the
-      stream goes on there once samples have done so for 1 s, or 0.5 s, and drops it otherwise.
+    - Where the time of a sample steps ahead by more than 1 s, or back to times that have samples,
+      the stream goes on there once samples have done so for 1 s, or 0.5 s, and drops it otherwise.
     - A source that falls silent for 5 s, and ten of its intervals, is reported, and that it
       came back, too.
 
@@ -198,18 +198,25 @@ class LiveStream:
     def _take_sample(self, sample: Sample) -> None:
         try:
             away = sample.t - self._stream.newest
-            jumps = inf > away > SUSPICIOUS or -inf < away and sample.t <= self._stream.used_until
+            jumps = inf > away > SUSPICIOUS
+            jumps = jumps or (-inf < away <= 0 and self._stream.has_sample_at(sample))
+            is_newer = away > 0
         except (TypeError, ValueError, OverflowError):  # which the stream refuses
-            jumps = False
+            jumps = is_newer = False
         if jumps:
             self._suspect(sample)
-        elif off := self._beyond_range(sample):
-            self._refuse(f"IMU sample at {sample.t:.3f} s: {off}")
         else:
-            if self._suspects and sample.t > self._stream.newest:
+            if self._suspects and is_newer and not self._beyond_range(sample):
                 self._drop_suspects()
-            if self._pass_on(sample) and self._watchdog.is_due(self._stream.newest):
+            if self._use_sample(sample) and self._watchdog.is_due(self._stream.newest):
                 self._tell_silence()
+
+    def _use_sample(self, sample: Sample) -> bool:
+        """Give a sample to the stream; return False where it is refused."""
+        if off := self._beyond_range(sample):
+            self._refuse(f"IMU sample at {sample.t:.3f} s: {off}")
+            return False
+        return self._pass_on(sample)
 
     def _beyond_range(self, sample: Sample) -> str:
         """Say which value no alignment can use, because no sensor measures it; empty of others. After
@@ -257,8 +264,8 @@ class LiveStream:
         self._suspects.append(sample)
         ahead = sample.t > self._stream.newest
         if sample.t - self._suspects[0].t >= (CONFIRMED if ahead else CONFIRMED_BACK):
-            # a sender that repeats itself, after its line came back, has no other clock
-            if self._stream.holds(self._suspects):
+            # a sender whose line came back may repeat itself, or send what it could not
+            if not ahead and self._stream.explains(self._suspects):
                 self._drop_suspects()
             else:
                 self._follow_suspects()
@@ -274,17 +281,17 @@ class LiveStream:
             for fix in fixes:
                 self._pass_on(fix)
         for sample in suspects:
-            self._pass_on(sample)
+            self._use_sample(sample)
 
     def _drop_suspects(self) -> None:
-        """Count the suspects: those of the last minute are late, which the stream counts itself."""
+        """Count the suspects; the stream uses or counts those of the last minute, which are late."""
         suspects = self._suspects
         self._forget_suspects()
-        first, last = self._stream.newest - LONG_GAP, self._stream.used_until
+        first, last = self._stream.newest - LONG_GAP, self._stream.newest
         others = [sample for sample in suspects if not first <= sample.t <= last]
         for sample in suspects:
             if first <= sample.t <= last:
-                self._pass_on(sample)
+                self._use_sample(sample)
         if others:
             self._dropped[OTHER_TIME] += len(others)
             off = f"{others[0].t - self._stream.newest:+.6g} s away"

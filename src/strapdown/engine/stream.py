@@ -82,6 +82,9 @@ MAX_HISTORY = 10_000_000
 MAX_OVERLAP = 0.45
 """Share of its `dt` by which a sample may begin before the end of the one before: of two interleaved
 series of stamps one in two overlaps by half and more."""
+OCCUPIED = 0.75
+"""Share of its `dt` within which a sample has the time of another one: half of it where their series
+interleave."""
 OnUse = Callable[[Sample, list[Measurement]], object]
 """(sample, measurements) that the filter has used; their sources by index among those that it can use."""
 LOOKS = (10.0, 60.0, inf)
@@ -263,21 +266,31 @@ class Stream:
         """The sources that the filter can use."""
         return self._used
 
-    @property
-    def used_until(self) -> float:
-        """Time up to which samples have been used, s; later ones that are not above it are dropped."""
-        return self._late
+    def has_sample_at(self, sample: Sample) -> bool:
+        """Return True where the time of a sample is that of used ones, or of one that waits."""
+        t, near = sample[0], OCCUPIED * sample[1]
+        return t <= self._late or any(abs(t - row[0]) < near for row in self._samples)
 
-    def holds(self, samples: Sequence[Sample]) -> bool:
-        """Return True where all these samples, with their values, are in the history."""
+    def explains(self, samples: Sequence[Sample]) -> bool:
+        """Return True where samples from before the newest one come late and have no other clock: the
+        history has the same ones, or lacks them."""
         try:
-            given = np.array([[sample[0], *sample[2], *sample[3]] for sample in samples], float)
-            imu = self._live.samples if self._live else self._gathered.recording().imu
-        except (TypeError, ValueError, OverflowError):  # no samples, or no history
+            given, own = _rows_of(samples), self._kept_rows()
+        except (TypeError, ValueError, OverflowError):  # some are no samples
             return False
-        columns = np.column_stack([imu.t, imu.dtheta, imu.dv])
-        row = np.searchsorted(imu.t[:-1], given[:, 0])
-        return len(columns) > 0 and np.array_equal(columns[row], given)
+        if not len(own) or given[0, 0] < own[0, 0]:
+            return False
+        row = np.searchsorted(own[:-1, 0], given[:, 0])
+        count = int(((own[:, 0] >= given[0, 0]) & (own[:, 0] <= given[-1, 0])).sum())
+        return np.array_equal(own[row], given) or 2 * count < len(given)
+
+    def _kept_rows(self) -> Array:
+        """Return the samples of the history, and those that wait, as `_rows_of`."""
+        waiting = _rows_of([row[2] for row in sorted(self._samples)])
+        if self._live is None:
+            return np.vstack([_rows_of(self._gathered.samples), waiting])
+        imu = self._live.samples
+        return np.vstack([np.column_stack([imu.t, imu.dtheta, imu.dv]), waiting])
 
     @property
     def estimated(self) -> OfImu:
@@ -949,6 +962,11 @@ class Stream:
     def verdict(self) -> Verdict:
         """Return the verdict on its `solution`: whether to trust the history, and the reasons."""
         return self.solution.verdict
+
+
+def _rows_of(samples: Sequence[Sample]) -> Array:
+    """Return samples as rows (n, 7) of time, s, and increments, rad and m/s."""
+    return np.array([[t, *dtheta, *dv] for t, _, dtheta, dv in samples], float).reshape(-1, 7)
 
 
 def _with_estimates(

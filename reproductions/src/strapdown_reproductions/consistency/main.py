@@ -8,12 +8,13 @@ import pandas as pd
 
 from strapdown.checks import check_choice
 
+from ..common.gnss_alone import GRADES, SCENARIOS
 from ..common.reproduction import Asked, reproduction
 from ..common.runner import StudyTables, campaigns, on_threads, part_of
 from . import runs
 from .summary import PICTURE, STUDY, size
 from .twin import SETS, right
-from .worlds import FILTERS, GRADES, SCENARIOS, check_filter, is_fed
+from .worlds import FILTERS, check_filter, is_fed
 
 RUNS, QUICK_RUNS = 60, 10
 QUICK_FILTERS, QUICK_SCENARIOS = ("closed-loop",), ("straight", "hand-held")

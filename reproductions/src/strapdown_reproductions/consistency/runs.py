@@ -13,10 +13,11 @@ from strapdown.experiments.monte_carlo.study import Study
 from strapdown.sensor_models.streams import RandomStream
 from strapdown.typing import Array
 
+from ..common.gnss_alone import EPOCH, keep
 from . import verdicts
 from .refused import REFUSED
 from .twin import Right
-from .worlds import EPOCH, WorldCell, is_fed, keep, world
+from .worlds import WorldCell, is_fed, world
 
 CAMPAIGNS = "campaigns"
 """Folder of the campaigns in that of the results."""

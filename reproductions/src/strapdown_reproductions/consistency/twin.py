@@ -27,7 +27,8 @@ from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.typing import Array, Ints
 
-from .worlds import EPOCH, keep, world
+from ..common.gnss_alone import EPOCH, keep
+from .worlds import world
 
 EARTH_RATE, GRAVITY = 7.292115e-5, 9.81  # rad/s, m/s^2
 BLOCK = 4000

@@ -1,22 +1,24 @@
 """When the geometry of a filter pays: `strapdown reproduce geometry`.
 
-Starts far off, a vehicle at rest and the flights of Hager & Bryne, with filters on the group of
-extended poses beside the others. Their consistency in every scenario is a part of `strapdown reproduce
-consistency`, their outages of `strapdown reproduce recordings`.
+Starts far off, a vehicle at rest, the flights of Hager & Bryne and the cells of the table of consistency,
+with filters on the group of extended poses beside the others. Their outages are a part of `strapdown
+reproduce recordings`.
 """
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..common.gnss_alone import GRADES, SCENARIOS
 from ..common.reproduction import Asked, reproduction
 from ..common.runner import StudyTables, Task, collect_tables
 from ..common.study import ReproducedStudy, held_against
 from ..common.tables import Tables
 from ..common.targets import Target, in_docs
-from .runs import KNOWN, RESTING, at_rest, far_off, flights
+from .runs import KNOWN, RESTING, at_rest, cell, far_off, flights
 from .worlds import FILTERS, NO_GATE, SETTINGS, SIDES, UNGATED
 
 SEEDS, QUICK_SEEDS = 2, 1
@@ -24,9 +26,13 @@ REST_RUNS, QUICK_REST_RUNS = 30, 3
 FLIGHTS = tuple(f"paper1-{number:02d}" for number in range(1, 12))
 QUICK_FLIGHTS = ("paper1-02",)
 FLIGHT_RUNS, QUICK_FLIGHT_RUNS = 10, 2
+CELL_RUNS, QUICK_CELL_RUNS = 60, 4
+QUICK_CELLS = (("hand-held", "consumer"),)
+REFUSED = (("straight", "consumer"), ("car", "consumer"), ("hand-held", "consumer"))
+"""Cells in which the table of consistency refuses the closed loop."""
 RESTED = ("consumer", "industrial", "tactical")
 LABELS = (*FILTERS, *(label + NO_GATE for label in UNGATED))
-STARTS, REST, FLOWN = "starts", "rest", "flights"
+STARTS, REST, FLOWN, CELLS = "starts", "rest", "flights", "cells"
 """Tables of the StudyTables."""
 HOME = 2.0
 """deg below which a start has come home."""
@@ -38,6 +44,8 @@ INTRODUCTION = (
     f"At rest: {RESTING:g} s, the heading known to {KNOWN:g} deg at the start and the truth drawn from that. "
     "The claim is honest if the rms error of the heading is about the rms claim.",
     "Flights: those of Hager & Bryne with their consumer IMU; ANEES and errors are medians of runs.",
+    "Cells: the scenarios of the table of consistency, with GNSS alone. Both filters have the same random "
+    "numbers; ANEES are means over the runs that both survive, and `std` is the standard error of their ratio.",
 )
 TARGETS = {
     "home": Target(
@@ -45,6 +53,8 @@ TARGETS = {
     ),
     "beside": Target("of 27, more than the closed loop", ">=", 0, "starts"),
     "flights": Target("largest ANEES of `iekf` over that of the closed loop, flights", "<=", 1.02),
+    "refused": Target("the same in cells that refuse the closed loop, at most", "<=", 1.0),
+    "cells": Target("the same in all cells, less two standard errors", "<=", 1.02),
 }
 
 
@@ -85,10 +95,14 @@ def figures(found: StudyTables) -> dict[str, float]:
     """The figures of TARGETS."""
     counts, flown = home(found[STARTS]), found[FLOWN].set_index(["flight", "filter"])["anees"]
     ratio = flown.xs("iekf", level=1) / flown.xs("closed-loop", level=1)
+    cells = found[CELLS].set_index(["scenario", "grade"])
+    refused = cells.index.isin(REFUSED)
     return {
         "home": float(counts["iekf"].min()),
         "beside": float((counts["iekf"] - counts["closed-loop"]).min()),
         "flights": float(ratio.max()),
+        "refused": float(cells.loc[refused, "ratio"].max()),
+        "cells": float((cells["ratio"] - 2 * cells["std"]).max()),
     }
 
 
@@ -99,6 +113,7 @@ def tables(found: StudyTables) -> Tables:
         "sure": ("Starts that do not come home, all settings", wrong_and_sure(found[STARTS])),
         "rest": ("Heading after ten minutes at rest", rest(found[REST])),
         "flights": ("Flights of Hager & Bryne, consumer IMU", found[FLOWN]),
+        "cells": ("Scenarios with GNSS alone", found[CELLS]),
     }
 
 
@@ -125,4 +140,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     runs = QUICK_FLIGHT_RUNS if quick else FLIGHT_RUNS
     flown = QUICK_FLIGHTS if quick else FLIGHTS
     wanted += [Task(FLOWN, flights, (name, runs, first)) for name in flown]
+    in_cells = QUICK_CELLS if quick else tuple(product(SCENARIOS, GRADES))
+    runs = QUICK_CELL_RUNS if quick else CELL_RUNS
+    wanted += [Task(CELLS, cell, (*names, runs, first)) for names in in_cells]
     return STUDY.write(out, collect_tables(wanted, asked.workers, asked.progress))

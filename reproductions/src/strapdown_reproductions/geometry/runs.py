@@ -20,6 +20,7 @@ from strapdown.sim.synthesis import simulate
 from strapdown.sim.trajectory import DEG
 from strapdown.typing import Array
 
+from ..common.gnss_alone import EPOCH, KEPT, gnss_alone, keep
 from .worlds import (
     FILTERS,
     NO_GATE,
@@ -39,7 +40,8 @@ RESTING, REST_RATE, KNOWN = 600.0, 20.0, 30.0
 AT_REST = ("closed-loop", "ukf", "iekf", "iekf, published", "eqf", "eqf, published")
 FLOWN = ("closed-loop", "iekf", "eqf")
 PAPER_GRADE = "paper1-consumer"
-EPOCH, KEPT = 1.0, 3
+PAIR = ("closed-loop", "iekf")
+"""Of the cells; `eqf` is the same filter as `iekf` there."""
 
 
 def attitude_errors(solution: Solution, recording: Recording) -> Array:
@@ -106,3 +108,28 @@ def flights(scenario: str, runs: int, seed: int) -> Iterator[dict[str, Any]]:
             "position_m": float(np.sqrt(np.median(square["position"]))),
             "attitude_deg": float(np.sqrt(np.median(square["attitude"])) / DEG),
         }
+
+
+def cell(scenario: str, grade: str, runs: int, seed: int) -> Iterator[dict[str, Any]]:
+    """A row of a scenario with GNSS alone and an IMU: how many runs of each of PAIR survive, and ANEES over
+    those that survive in both, which have the same random numbers."""
+    world = gnss_alone(scenario)
+    study = Study((world,), PAIR, (grade,), runs, seed, EPOCH, keep(world))
+    campaign = study.run(threads=1)
+    (name,) = campaign.cells
+    numbers = campaign.numbers(name)
+    survived = numbers["reason"] == SURVIVED
+    nees = numbers["nees"][:, survived.all(axis=0)] / STATES
+    anees = nees.mean(axis=1)
+    ratio = anees[1] / anees[0]
+    # of the ratio of two means of pairs, to first order
+    spread = (nees[1] / anees[1] - nees[0] / anees[0]).std(ddof=1)
+    yield {
+        "scenario": scenario,
+        "grade": grade,
+        "runs": runs,
+        **{f"survived, {label}": int(alive.sum()) for label, alive in zip(PAIR, survived)},
+        **{f"ANEES, {label}": float(value) for label, value in zip(PAIR, anees)},
+        "ratio": float(ratio),
+        "std": float(ratio * spread / np.sqrt(nees.shape[1])),
+    }

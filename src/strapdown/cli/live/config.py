@@ -24,8 +24,8 @@ from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
 from ...units.time_scales import gps_of
+from .encoders import MESSAGES, OUTPUTS
 from .line_formats import NO_CLOCK, check_columns
-from .output_formats import MESSAGES, OUTPUTS
 from .ports import Address, address_of
 
 SCALES = {
@@ -107,7 +107,7 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
         imu = imu if imu is not None else recording.meta.get("grade")
         vehicle = vehicle if vehicle is not None else recording.meta.get("vehicle")
     lag = check_number(table.get("lag", 1.0), f"{name}: lag", "s", least=0)
-    return Config(
+    found = Config(
         name,
         _text(table.get("filter", "closed-loop"), f"{name}: filter"),
         imu,
@@ -125,11 +125,30 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
         ),
         _options(table.get("options", {}), f"{name}: options"),
         table.get("estimate"),
-        gps_of(_text(table["epoch"], f"{name}: epoch")) if "epoch" in table else None,
+        _epoch(table["epoch"], f"{name}: epoch") if "epoch" in table else None,
         _own_file(table.get("log", ""), f"{name}: log", folder),
         _own_file(table.get("state", ""), f"{name}: state", folder),
         check_number(table.get("save_every", 10.0), f"{name}: save_every", "s", above=0),
     )
+    _check_files(found)
+    return found
+
+
+def _check_files(config: Config) -> None:
+    """Refuse a file that is written twice, or read and written. Raises DataError."""
+    reads = [part.recording or _file_of(part.address) for part in config.inputs]
+    outputs = [_file_of(part.address) for part in config.outputs]
+    writes = [each for each in (config.log, config.state, *outputs) if each]
+    for path in writes:
+        if writes.count(path) > 1 or path in reads:
+            raise DataError(
+                f"{config.name}: {path} is named twice among log, state, inputs and outputs; write to a "
+                "file of its own"
+            )
+
+
+def _file_of(address: Address | None) -> str:
+    return address.place if address is not None and address.kind == "file" else ""
 
 
 def _parts(table: Mapping[str, Any], key: str, name: str) -> list[tuple[int, dict[str, Any]]]:
@@ -144,6 +163,11 @@ def _text(value: object, where: str) -> str:
     if not isinstance(value, str) or not value or "\0" in value:
         raise DataError(f"{where} is {one_line_repr(value)}; it must be text")
     return value
+
+
+def _epoch(value: object, where: str) -> float:
+    with locate_errors(where):
+        return gps_of(_text(value, "it"))
 
 
 def _options(value: object, where: str) -> dict[str, Any]:
@@ -224,7 +248,8 @@ def _source(part: dict[str, Any], where: str) -> Source:
     check_keys(
         part, ("kind", "name", "parameters", "lever_arm", "gate", "robust", "adaptive"), where
     )
-    kind = aiding.find(_text(part.get("kind"), f"{where}: kind"))
+    with locate_errors(where):
+        kind = aiding.find(_text(part.get("kind"), "kind"))
     width, gate = len(kind.quantities), part.get("gate")
     return Source(
         kind.name,

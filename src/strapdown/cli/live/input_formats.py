@@ -66,7 +66,7 @@ class Decoder:
 
     @property
     def memory(self) -> Any:
-        """What it needs besides to go on, as JSON has it."""
+        """Values that it needs besides to go on, as JSON has them."""
         return None
 
     def resume(self, memory: Any) -> None:

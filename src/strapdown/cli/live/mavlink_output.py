@@ -15,13 +15,13 @@ from ...geometry.geodesy import displacement
 from ...sensor_models.geoid import undulation
 from ...typing import Array
 from ...units.time_scales import WEEK, gps_from_unix
-from .output_formats import MESSAGES, Shown
+from .output_formats import Shown
 from .pose import pose_covariance
 
 BEAT = 1.0
 """s between two HEARTBEAT."""
 SYSTEM, COMPONENT = 1, 197
-"""Of the autopilot, and of what estimates an odometry beside it (MAV_COMP_ID)."""
+"""Numbers of the autopilot, and of the computer beside it that estimates an odometry (MAV_COMP_ID)."""
 NO_DOP = 2 | 4
 """GPS_INPUT_IGNORE_FLAG_HDOP and _VDOP."""
 FIX = 3
@@ -38,7 +38,11 @@ class MavLinkOutput:
             from pymavlink.dialects.v20 import common
         self._common: Any = common
         self._link: Any = common.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
-        makers = dict(zip(MESSAGES, (self._odometry, self._position, self._gps)))
+        makers = {
+            "ODOMETRY": self._odometry,
+            "VISION_POSITION_ESTIMATE": self._position,
+            "GPS_INPUT": self._gps,
+        }
         self._makers = [makers[name] for name in messages]
         self._origin: Array | None = None
         self._beat = -inf

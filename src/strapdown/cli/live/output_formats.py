@@ -1,7 +1,6 @@
 """Lines of the newest state: JSON, and NMEA 0183 (GGA, RMC, HDT and PASHR)."""
 
 import json
-from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
@@ -149,15 +148,3 @@ def _heading(it: Shown, hour: str) -> list[str]:
 
 LINES = {"json": json_line, "nmea": nmea_lines}
 """{format: function of a Shown}."""
-OUTPUTS = (*LINES, "mavlink")
-MESSAGES = ("ODOMETRY", "VISION_POSITION_ESTIMATE", "GPS_INPUT")
-"""Of MAVLink."""
-
-
-def encoder(format: str, messages: Sequence[str]) -> Callable[[Shown], bytes]:
-    """Return what makes bytes of a state: lines, or these messages of MAVLink."""
-    if format == "mavlink":
-        from .mavlink_output import MavLinkOutput
-
-        return MavLinkOutput(messages)
-    return lambda it: LINES[format](it).encode()

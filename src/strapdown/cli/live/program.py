@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from ...checks import DataError
+from ...checks import DataError, locate_errors
 from ...core.loop.contract import Imu
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
@@ -25,10 +25,11 @@ from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstima
 from .config import Config, InputPart, OutputPart, config_of
 from .dashboard import Dashboard
 from .decoders import decoder
+from .encoders import encoder
 from .input_formats import Clock, Decoder
 from .line_formats import NO_CLOCK
 from .notices import Notices, Senders
-from .output_formats import encoder, state_at
+from .output_formats import state_at
 from .page_server import PageServer
 from .ports import Mark, Port
 from .sinks import Sink
@@ -335,22 +336,26 @@ class Live:
         page: int | None = None,
     ) -> None:
         self.config = own = config_of(config)
-        self._on_event, self._dashboard = on_event, None if page is None else self._new_dashboard()
+        self._on_event = on_event
+        self._dashboard: Dashboard | None = None
         self.clock = Clock(own.epoch)
         self._log = _Log(own.log, self._tell) if own.log else None
-        self.stream = LiveStream(
-            own.filter,
-            sources=own.sources,
-            imu=own.imu,
-            vehicle=own.vehicle,
-            lag=own.lag,
-            replay=own.replay,
-            align_within=own.align_within,
-            options=own.options,
-            estimate=own.estimate,
-            on_event=self._hear,
-            on_use=self._use if self._log else None,
-        )
+        with locate_errors(own.name):
+            self.stream = LiveStream(
+                own.filter,
+                sources=own.sources,
+                imu=own.imu,
+                vehicle=own.vehicle,
+                lag=own.lag,
+                replay=own.replay,
+                align_within=own.align_within,
+                options=own.options,
+                estimate=own.estimate,
+                on_event=self._hear,
+                on_use=self._use if self._log else None,
+            )
+        if page is not None:
+            self.watch()
         kinds = [a.kind for a in own.sources]
         self.inputs: list[_Bytes | _Replayed] = [
             _Replayed(part, own.sources, self._tell)
@@ -367,12 +372,10 @@ class Live:
         self._server = None if page is None else PageServer(self.watch(), page)
         self.page = self._server.url if self._server else ""
 
-    def _new_dashboard(self) -> Dashboard:
-        return Dashboard(self.config.name, self.config.filter)
-
     def watch(self) -> Dashboard:
         """Return the numbers that a page shows, which are taken ten times a second from now on."""
-        self._dashboard = self._dashboard or self._new_dashboard()
+        if self._dashboard is None:
+            self._dashboard = Dashboard(self.config.name, self.config.filter)
         return self._dashboard
 
     def _restore(self) -> None:
@@ -565,7 +568,7 @@ class Live:
     def ports(self) -> dict[str, str]:
         """{port: why it cannot be used now, empty where it can} of inputs and outputs."""
         inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
-        places = [*inputs, *(each.sink for each in self.outputs)]
+        places: list[Port | Sink] = [*inputs, *(each.sink for each in self.outputs)]
         return {str(each.address): each.error for each in places}
 
     @property

@@ -100,7 +100,10 @@ def export(
         "strapdown.o": code.content,
         "strapdown.h": declared,
         "strapdown_calls.c": glue(of, first, format).encode(),
-        **{name: (files(__package__) / "templates" / name).read_bytes() for name in _copied(of)},
+        **{
+            name: (files(__package__) / "templates" / name).read_bytes()
+            for name in _files_to_copy(of)
+        },
         "replay.bin": replay(of, run, EVERY),
     }
     notes = list(of.notes)
@@ -119,7 +122,7 @@ def export(
     return Exported(tuple(contents), target, sizes, tuple(notes))
 
 
-def _copied(of: Chosen) -> tuple[str, ...]:
+def _files_to_copy(of: Chosen) -> tuple[str, ...]:
     return (*COPIED, LOOP) if set(of.names) >= LOOP_NEEDS else COPIED
 
 

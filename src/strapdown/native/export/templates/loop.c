@@ -6,8 +6,8 @@
    second sets. A fix arrives 50 to 200 ms after the instant
    at which it holds; strapdown_delayed takes it there.
 
-   Compiled with -DON_A_DESK it reads a recorded stream from standard input and writes GGA and RMC to
-   standard output. */
+   Compiled with -DON_A_DESK it reads a recorded stream from standard input and writes to standard
+   output. */
 #include "strapdown_delayed.h"
 
 #include <math.h>

@@ -1,0 +1,18 @@
+"""The encoder of each output format. What MAVLink needs is loaded only with it."""
+
+from collections.abc import Callable, Sequence
+
+from .output_formats import LINES, Shown
+
+OUTPUTS = (*LINES, "mavlink")
+MESSAGES = ("ODOMETRY", "VISION_POSITION_ESTIMATE", "GPS_INPUT")
+"""Messages of MAVLink that can go out."""
+
+
+def encoder(format: str, messages: Sequence[str]) -> Callable[[Shown], bytes]:
+    """Return a function that makes bytes of a state: lines, or these messages of MAVLink."""
+    if format == "mavlink":
+        from .mavlink_output import MavLinkOutput
+
+        return MavLinkOutput(messages)
+    return lambda it: LINES[format](it).encode()
