@@ -68,18 +68,20 @@ class Track(Series):
 
     def __init__(self) -> None:
         super().__init__(MAX_TRACK)
-        self._step, self._newest = TRACK_STEP, -inf
+        self._step, self._first, self._newest = TRACK_STEP, -inf, -inf
 
     def add_point(self, look: int, t: float, *values: object) -> None:
         """Add the point of a time, s, where the last one is old enough or of a later time."""
         if 0 <= t - self._newest < self._step:
             return
-        self._newest = t
+        if not self._entries:
+            self._first = t
         if len(self._entries) == MAX_TRACK:
+            self._step = max(2 * (t - self._first) / MAX_TRACK, self._step)
             kept = [*self._entries][::2]
             self._entries.clear()
             self._entries.extend(kept)
-            self._step *= 2
+        self._newest = t
         self.add(look, *values)
 
 
