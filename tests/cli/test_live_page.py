@@ -376,7 +376,7 @@ def test_a_fault_of_the_page_never_ends_the_filter(started, monkeypatch):
 
 def test_a_long_track_keeps_its_beginning_and_end(monkeypatch):
     monkeypatch.setattr(dashboard, "MAX_TRACK", 100)
-    track = dashboard.Track()
+    track = dashboard.ThinnedTrack()
     for k in range(1000):
         track.add_point(k + 1, float(k), k)
     points = [values[0] for values in track.since(0)]

@@ -43,7 +43,7 @@ REASONS: dict[int, str] = {
 """{status: why}."""
 
 
-class Series:
+class NumberedEntries:
     """The newest entries of a list that grows, each with the number of the look that added it."""
 
     def __init__(self, size: int) -> None:
@@ -63,7 +63,7 @@ class Series:
         return found[::-1]
 
 
-class Track(Series):
+class ThinnedTrack(NumberedEntries):
     """Points of a whole run: where they are full, every second one goes."""
 
     def __init__(self) -> None:
@@ -106,8 +106,12 @@ class Dashboard:
         self._state: dict[str, Any] = {}
         self._slow: dict[str, Any] = {}
         self._tests: dict[int, dict[str, Any]] = {}  # the newest one, by source
-        self._track, self._fixes, self._events = Track(), Series(MAX_FIXES), Series(MAX_EVENTS)
-        self._ratios: dict[int, Series] = {}
+        self._track, self._fixes, self._events = (
+            ThinnedTrack(),
+            NumberedEntries(MAX_FIXES),
+            NumberedEntries(MAX_EVENTS),
+        )
+        self._ratios: dict[int, NumberedEntries] = {}
         self._origin: Array | None = None
         self._due = self._slow_due = -inf
         self._tested_until, self._alignments = -inf, 0
@@ -183,7 +187,7 @@ class Dashboard:
 
     def _add_test(self, test: TestedMeasurement, kind: str) -> None:
         ratio = (test.nis / test.gate) ** 0.5 if test.nis >= 0 else None
-        series = self._ratios.setdefault(test.source, Series(MAX_TESTS))
+        series = self._ratios.setdefault(test.source, NumberedEntries(MAX_TESTS))
         series.add(self.number + 1, test.t, ratio, test.accepted)
         unit, factor = shown_unit(aiding.find(kind).quantities[0])
         size = factor * hypot(*test.innovation[np.isfinite(test.innovation)].tolist())
