@@ -10,33 +10,46 @@ from strapdown.engine.stream import HISTORY
 pytestmark = pytest.mark.short
 
 
-def stream_of(recording, history=HISTORY):
-    """A stream that has used the recording, with a source first that its filter cannot use."""
-    gravity = sd.Source("attitude", np.empty(0), np.empty((0, 3)), np.empty((0, 3)))
-    sources = (gravity, *recording.sources)
-    stream = sd.Stream(
-        "closed-loop", imu="tactical", sources=sources, align_within=5.0, history=history
-    )
-    assert stream.tested_after(-np.inf) == []
-    for event in events_of(recording):
-        if isinstance(event, sd.Measurement):
-            event = event._replace(source=event.source + 1)
-        stream.step(event)
-    return stream
-
-
 @pytest.mark.parametrize("history", [HISTORY, 100])
 def test_they_are_the_innovations_of_the_solution(history):
-    stream = stream_of(flight(), history)
+    stream = sd.Stream(
+        "closed-loop",
+        imu="tactical",
+        sources=flight().sources,
+        align_within=5.0,
+        history=history,
+    )
+    assert stream.tested_after(-np.inf) == []
+    for event in events_of(flight()):
+        stream.step(event)
     found, wanted = stream.tested_after(-np.inf, 1000), stream.solution.innovations
     t, source, y, innovation, nis, gate, accepted = zip(*found)
-    shift = len(stream.used) == 2  # the filter leaves the first source out
-    assert np.array_equal(t, wanted.t) and np.array_equal(source, wanted.source + shift)
+    assert np.array_equal(t, wanted.t) and np.array_equal(source, wanted.source)
     assert np.array_equal(nis, wanted.nis) and np.array_equal(accepted, wanted.accepted)
     assert np.array_equal(innovation, wanted.innovation, equal_nan=True)
     assert np.array_equal(gate, np.array(wanted.gates)[wanted.source])
-    assert [*y[-1]] == [*flight().sources[source[-1] - 1].y[-1]]
+    assert [*y[-1]] == [*flight().sources[source[-1]].y[-1]]
     newest = stream.tested_after(-np.inf, 3)
     assert [each.t for each in newest] == [*t[-3:]]
     assert [each.t for each in stream.tested_after(18.5)] == [each for each in t if each > 18.5]
     assert stream.tested_after(t[-1]) == []
+
+
+def test_sources_have_the_places_that_they_were_given():
+    position, heading = (
+        flight().sources[0],
+        sd.Source("heading", np.empty(0), np.empty((0, 1)), np.empty((0, 1))),
+    )
+    stream = sd.Stream(
+        "mahony", imu="tactical", sources=(position, heading), align_within=5.0, lag=0.0
+    )
+    truth = flight().reference
+    for event in events_of(flight()):
+        if isinstance(event, sd.Sample):
+            stream.step(event)
+        elif event.source == 0:
+            yaw = float(np.interp(event.t, truth.t, truth.rph[:, 2]))
+            stream.step(sd.Measurement(event.t, 1, (yaw,), (0.02,)))
+    assert [a.kind for a in stream.used] == ["heading"]
+    found = stream.tested_after(-np.inf)
+    assert len(found) > 10 and {each.source for each in found} == {1}

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from ...units.wording import count_text
 from .input_formats import Decoder
 from .ports import RETRY, Address, Port
 
@@ -60,9 +61,13 @@ class Notices:
         """Tell that some of an input cannot be read or is missing, or that it has two senders."""
         if decoder.bad:
             why = f", the first: {decoder.why}" if decoder.why else ""
-            self._once(port, "unread", f"{decoder.bad} lines or pieces cannot be read{why}")
+            self._once(port, "unread", f"not read: {decoder.bad} lines or pieces{why}")
         if port.missed:
-            self._once(port, "missed", f"the system dropped {port.missed} datagrams that waited")
+            self._once(
+                port,
+                "missed",
+                f"the system dropped {count_text(port.missed, 'datagram')} that waited",
+            )
         if senders.two:
             first, second = (":".join(map(str, each)) for each in senders.two)
             self._once(port, "senders", f"samples come from {first} and from {second}; stop one")

@@ -158,8 +158,12 @@ class Port:
             self._open_tcp()
         elif kind == "file":
             self._open_file()
+        elif kind == "serial":
+            self._open_descriptor(serial_line(self.address))
+        elif sys.stdin is None:
+            raise OSError("it is closed")
         else:
-            self._open_descriptor(sys.stdin.fileno() if kind == "-" else serial_line(self.address))
+            self._open_descriptor(sys.stdin.fileno())
 
     def _open_udp(self) -> None:
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -462,7 +462,7 @@ class Live:
                 self._notices.of_port(each.port, "")
                 self._notices.of_input(each.port, each.decoder, each.senders)
         for output in self.outputs:
-            lost = f"; {output.sink.dropped} states were lost"
+            lost = f"; lost: {output.sink.dropped} states"
             self._notices.of_port(output.sink, lost)
 
     def _save(self) -> None:

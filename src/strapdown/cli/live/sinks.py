@@ -138,7 +138,10 @@ def _end_line(path: Path, file: int) -> None:
 
 
 def _standard_output() -> Callable[[bytes], int]:
-    """Return what writes to standard output as much as it takes at once."""
+    """Return what writes to standard output as much as it takes at once. Raises OSError where it is
+    closed."""
+    if sys.stdout is None:
+        raise OSError("it is closed")
     try:
         sys.stdout.flush()
         number = sys.stdout.fileno()

@@ -16,10 +16,10 @@ WIDEST = 1 << 14
 
 
 class StrayPieces:
-    """Counts pieces of no message between messages."""
+    """Counts pieces of no message between messages; the first bytes may be the rest of one."""
 
     def __init__(self) -> None:
-        self._rest = b""  # since the last message
+        self._rest, self._begun = b"", False  # bytes since the last message
 
     def count(self, data: bytes) -> int:
         """Take the next bytes and return the number of pieces that end with them."""
@@ -30,8 +30,8 @@ class StrayPieces:
         found += [each.span() for each in SENTENCE.finditer(data) if _is_whole(each)]
         pieces, end = 0, 0
         for start, stop in sorted(found):
-            pieces += start > end and _is_stray(data[end:start])
-            end = max(end, stop)
+            pieces += self._begun and start > end and _is_stray(data[end:start])
+            end, self._begun = max(end, stop), True
         self._rest = data[end:]
         if len(self._rest) > WIDEST:
             self._rest, pieces = b"", pieces + 1
