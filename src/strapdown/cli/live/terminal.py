@@ -7,6 +7,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from shutil import get_terminal_size
 from types import TracebackType
 from typing import Any
@@ -49,12 +50,17 @@ class TerminalView:
         self._thread.join(EVERY)
 
     def _run(self) -> None:
-        while not self._over.wait(EVERY):
-            self._look, shown = self._dashboard.since(self._look)
-            self._events.extend(shown["events"])
-            if self._look:
-                sys.stdout.write(self._text(shown))
-                sys.stdout.flush()
+        # its reader may go before the program ends
+        with suppress(OSError):
+            while not self._over.wait(EVERY):
+                self._show()
+
+    def _show(self) -> None:
+        self._look, shown = self._dashboard.since(self._look)
+        self._events.extend(shown["events"])
+        if self._look:
+            sys.stdout.write(self._text(shown))
+            sys.stdout.flush()
 
     def _text(self, shown: Mapping[str, Any]) -> str:
         if not self.in_place:
