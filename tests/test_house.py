@@ -112,6 +112,7 @@ PAGES = [
     *ROOT.glob("docs/**/*.md"),
     *ROOT.glob("src/strapdown/**/README.md"),
     ROOT / "reproductions" / "README.md",
+    ROOT / "ros2" / "README.md",
 ]
 
 

@@ -8,9 +8,11 @@ import pytest
 
 import strapdown
 import strapdown_reproductions
+import strapdown_ros2
 
 pytestmark = pytest.mark.short
-PACKAGES = [Path(each.__file__).parent for each in (strapdown, strapdown_reproductions)]
+LIBRARIES = strapdown, strapdown_reproductions, strapdown_ros2
+PACKAGES = [Path(each.__file__).parent for each in LIBRARIES]
 FILES = sorted(file for package in PACKAGES for file in package.rglob("*.py"))
 MODULES = {"fcntl", "grp", "msvcrt", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
 """Which some system has not."""

@@ -12,10 +12,13 @@ import pytest
 
 import strapdown
 import strapdown_reproductions
+import strapdown_ros2
 
 pytestmark = pytest.mark.short
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = [Path(each.__file__).parent for each in (strapdown, strapdown_reproductions)]
+PACKAGES = [
+    Path(each.__file__).parent for each in (strapdown, strapdown_reproductions, strapdown_ros2)
+]
 FILES = sorted(file for package in PACKAGES for file in package.rglob("*.py"))
 GLOSSARY = ROOT / "docs" / "reference" / "glossary.md"
 NAMES = re.compile(

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from strapdown.checks import DataError
 from strapdown.data.recording import Recording
-from strapdown.preprocessing.imu_samples import LATE, imu_from_arrays, increments
+from strapdown.preprocessing.imu_samples import LATE, StreamIntervals, imu_from_arrays, increments
 from strapdown.preprocessing.stationary import at_rest
 
 
@@ -181,3 +181,26 @@ def test_late_bound_is_what_is_sorted():
     order = np.r_[np.arange(50), np.arange(51, 52 + LATE), 50, np.arange(52 + LATE, 200)]
     _, notes = increments(t[order], gyro[order], accel[order])
     assert "stray" in notes[0]
+
+
+def test_samples_one_at_a_time_have_the_intervals_of_arrays():
+    """Those with an interval of their own bit for bit; after a gap the median of the last ones."""
+    rng = np.random.default_rng(2)
+    t = 28800 + np.cumsum(rng.uniform(0.0075, 0.0125, 200))
+    t[[60, 61, 150]] = np.nan
+    t = t[np.isfinite(t)]
+    _, gyro, accel = level(len(t))
+    imu, _ = increments(t, gyro, accel)
+    intervals = StreamIntervals()
+    found = [intervals.interval(each) for each in t.tolist()]
+    gaps = np.flatnonzero(np.diff(t) > 1.75 * np.median(np.diff(t))) + 1
+    own = np.setdiff1d(np.arange(1, len(t)), gaps)
+    assert found[0] is None and len(gaps) >= 2
+    np.testing.assert_array_equal(np.array(found, float)[own], imu.dt[own])
+    np.testing.assert_allclose(np.array(found, float)[gaps], 0.01, rtol=0.1)
+
+
+def test_one_time_that_goes_back_counts_over_the_median():
+    intervals = StreamIntervals()
+    found = [intervals.interval(t) for t in (0.0, 0.25, 0.5, 0.25, 0.75, 1.0)]
+    assert found == [None, 0.25, 0.25, 0.25, 0.25, 0.25]

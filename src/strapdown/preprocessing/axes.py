@@ -54,6 +54,13 @@ def rotation_matrix(roll: float, pitch: float, heading: float) -> Array:
     )
 
 
+def rotate_rows(vectors: Array, matrix: Array) -> Array:
+    """Return the vectors (n, 3) in the axes to which a matrix (3, 3) leads. A row has the same bits
+    alone and among others, which a matrix product does not promise: a stream equals a batch."""
+    x, y, z = vectors.T
+    return np.stack([a * x + b * y + c * z for a, b, c in matrix.tolist()], axis=1)
+
+
 def signed_permutations() -> Iterator[Array]:
     """The 48 matrices (3, 3) that swap axes and change signs, right-handed and left-handed."""
     for order in permutations(range(3)):

@@ -2,6 +2,8 @@
 dropped and counted."""
 
 from bisect import bisect_right
+from collections import deque
+from math import nan
 
 import numpy as np
 
@@ -25,6 +27,8 @@ LATE = 10
 rows are dropped as stray."""
 MAX_INTERVAL, MIN_INTERVAL = 1.0, 2e-5
 """Limits of the median interval of an IMU, s; values beyond mean a mistaken unit of time."""
+RECENT = 51
+"""Number of intervals of which a stream takes the median."""
 ARRAYS = Origin("IMU")
 """Origin in messages for samples from arrays."""
 
@@ -183,3 +187,30 @@ def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
         )
         steps[gap] = median
     return np.r_[median, steps]
+
+
+class StreamIntervals:
+    """The intervals of samples that come one at a time, by the rule of `increments`, with the median
+    of the last `RECENT` ones in place of that of all.
+
+    Examples
+    --------
+    >>> intervals = StreamIntervals()
+    >>> [intervals.interval(t) for t in (0.0, 0.25, 0.5, 1.5)]
+    [None, 0.25, 0.25, 0.25]
+    """
+
+    def __init__(self) -> None:
+        self._last = nan
+        self._recent: deque[float] = deque(maxlen=RECENT)
+
+    def interval(self, t: float) -> float | None:
+        """Return the interval of the sample at t s: that since the one before, or after a gap and
+        where the time does not increase the median; None of the first, which has none."""
+        dt, self._last = t - self._last, t
+        usual = sorted(self._recent)[len(self._recent) // 2] if self._recent else nan
+        longest = GAP_MEDIANS * usual if self._recent else MAX_INTERVAL
+        if 0 < dt <= longest:
+            self._recent.append(dt)
+            return dt
+        return usual if self._recent else None

@@ -41,7 +41,7 @@ AT_REST = ("closed-loop", "ukf", "iekf", "iekf, published", "eqf", "eqf, publish
 FLOWN = ("closed-loop", "iekf", "eqf")
 PAPER_GRADE = "paper1-consumer"
 PAIR = ("closed-loop", "iekf")
-"""Of the cells; `eqf` is the same filter as `iekf` there."""
+"""The filters of the cells; `eqf` is the same filter as `iekf` there."""
 
 
 def attitude_errors(solution: Solution, recording: Recording) -> Array:

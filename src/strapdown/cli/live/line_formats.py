@@ -179,6 +179,8 @@ def _plain_number(value: Any) -> float:
 
 
 def _number(value: Any) -> float:
+    if type(value) is float:  # as nearly all are
+        return value
     return nan if value is None else _plain_number(value)
 
 

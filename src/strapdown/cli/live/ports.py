@@ -23,8 +23,9 @@ MAX_DATAGRAMS = 256
 """Datagrams that are read at a time, at most; the system drops those that its buffer cannot hold."""
 BUFFER = 1 << 22
 """Bytes of datagrams that the system is asked to keep."""
-SO_RXQ_OVFL = 40
-"""Option of Linux (asm-generic/socket.h): each datagram says how many were dropped before it."""
+SO_MEMINFO, DROPS = 55, 8
+"""Option of Linux (asm-generic/socket.h), and the place of dropped datagrams in it, of 4 bytes each
+(linux/sock_diag.h)."""
 TAIL = 4096
 """Bytes by which a file is known to be the one of before."""
 KINDS = ("udp", "tcp", "serial", "file", "-")
@@ -85,13 +86,13 @@ def _mark(file: BinaryIO, size: int, unused: int) -> Mark:
 
 class Port:
     """An address to read from. `error` says why it cannot be read now; `lost` counts how often it
-    went, `missed` the datagrams that the system dropped. `senders` has those of the datagrams that
-    were read last."""
+    went. `senders` has those of the datagrams that were read last."""
 
     def __init__(self, address: Address) -> None:
         self.address = address
         self.error = ""
-        self.lost = self.missed = 0
+        self.lost = 0
+        self._missed: Callable[[], int] = lambda: 0
         self.senders: list[object] = []
         # where the file was left before a restart, and what to call where it is still the same
         self._left: tuple[Mark, Callable[[], None]] | None = None
@@ -130,6 +131,11 @@ class Port:
         self.error, self._read, self._tried = why, None, time.monotonic()
         self.lost += 1
 
+    @property
+    def missed(self) -> int:
+        """Number of datagrams that the system dropped, because nobody read them in time."""
+        return self._missed()
+
     def mark(self, unused: int) -> "Mark | None":
         """Return how far its file was read, and how many of the last bytes were not used; None of other
         ports and where the file is gone."""
@@ -146,9 +152,10 @@ class Port:
 
     def close(self) -> None:
         """Close it."""
+        missed = self.missed
         with suppress(OSError):
             self._close()
-        self._close, self.number = lambda: None, None
+        self._close, self.number, self._missed = lambda: None, None, lambda: missed
 
     def _open(self) -> None:
         kind = self.address.kind
@@ -171,17 +178,17 @@ class Port:
         self._close = udp.close
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         udp.bind((self.address.place, self.address.number))
-        self.number, before, receive = udp.fileno(), self.missed, _receiver(udp)
+        self.number, before = udp.fileno(), self.missed
+        self._missed = lambda: before + _missed_by(udp)
 
         def read() -> list[bytes]:
             found: list[bytes] = []
             self.senders = []
             with suppress(BlockingIOError):
                 while len(found) < MAX_DATAGRAMS:
-                    piece, sender, missed = receive()
+                    piece, sender = udp.recvfrom(PIECE)
                     found.append(piece)
                     self.senders.append(sender)
-                    self.missed = before + missed
             return found
 
         self._read = read
@@ -240,19 +247,12 @@ class Port:
         self._read = read
 
 
-def _receiver(udp: socket.socket) -> Callable[[], tuple[bytes, object, int]]:
-    """Return what reads a datagram: (bytes, sender, number of those that the system has dropped)."""
-    if sys.platform != "linux":  # which alone counts them
-        return lambda: (*udp.recvfrom(PIECE), 0)
-    udp.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
-    room = socket.CMSG_SPACE(4)
-
-    def receive() -> tuple[bytes, object, int]:
-        piece, beside, _, sender = udp.recvmsg(PIECE, room)
-        missed = [int.from_bytes(data, sys.byteorder) for *_, data in beside]
-        return piece, sender, missed[0] if missed else 0
-
-    return receive
+def _missed_by(udp: socket.socket) -> int:
+    """Return the number of datagrams that the system has dropped; only Linux tells it."""
+    if sys.platform != "linux":
+        return 0
+    found = udp.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 4 * (DROPS + 1))
+    return int.from_bytes(found[4 * DROPS :], sys.byteorder)
 
 
 def tcp_socket(address: Address) -> socket.socket:

@@ -83,7 +83,7 @@ class _Bytes:
         for k, piece in enumerate(self.port.read()):
             events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
             found += events
-            if self.port.senders and any(type(event) is Sample for event in events):
+            if self.port.senders and events and type(events[0]) is Sample:
                 self.senders.take(self.port.senders[k])
         found += self.decoder.idle()
         if self.unstamped is not None:

@@ -15,7 +15,7 @@ from ...data.recording import Recording, RecordingMeta
 from ...data.solution import ATTITUDE_COLUMNS, NAV_COLUMNS, Source, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
-from ...preprocessing.axes import permute_axes
+from ...preprocessing.axes import permute_axes, rotate_rows
 from ...preprocessing.fixes import clean, clean_reference, little_overlap, overlap
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.joined_imu import join_imu
@@ -216,7 +216,7 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     notes += [note for note in left_out if note not in notes] + more
     gyro, accel, more = calibrate_imu(part, files, imu)
     C = part.matrix
-    turn = permute_axes if part.mounting is None else _rotate_rows
+    turn = permute_axes if part.mounting is None else rotate_rows
     return Imu(imu.t, imu.dt, turn(gyro, C), turn(accel, C)), notes + more
 
 
@@ -365,10 +365,6 @@ def read_field(
         raise DataError(
             f"{path}: [[source]] {number} ({part.kind}) {error}{OF_LOGS if of_logs else ''}"
         ) from None
-
-
-def _rotate_rows(vectors: Array, matrix: Array) -> Array:
-    return np.require(vectors @ matrix.T, float, ["C", "W"])
 
 
 def _constraint(

@@ -77,7 +77,7 @@ def deviations(
     std = np.sqrt(known)
     if (std == std[0]).all():
         return (
-            [float(f"{each:.6g}") for each in std[0]],
+            std[0].tolist(),
             {},
             {"std": "constant in the log, from the settings of the driver"},
         )

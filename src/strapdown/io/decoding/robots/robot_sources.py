@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....geometry.rotations import Rotation
+from ....preprocessing.axes import rotate_rows
 from ....typing import Array
 from ...reader import Section
 from .robot_parts import Made, Robot, deviations, median, not_measured, vector
@@ -102,7 +103,7 @@ def _speed(stream: TopicStream, robot: Robot, frame: str, doubt: str = "") -> Ma
     place = robot.frames.pose(frame, robot.base)
     velocity = _linear(stream.columns)
     if place is not None:
-        velocity = velocity @ place.C.T
+        velocity = rotate_rows(velocity, place.C)
     std, more, why = deviations("speed", _variances(stream.columns)[:, :1], "m/s", [SPEED_STD])
     arm = {"lever_arm": place.lever_arm} if place is not None and place.t.any() else {}
     keys = {"kind": "speed", "columns": ["speed"], "unit": "m/s", "std": std, **arm}
@@ -124,7 +125,7 @@ def magnetometer(stream: TopicStream, robot: Robot) -> Made:
     field = stream.columns["magnetic_field"].astype(float)
     place = robot.place(stream)
     if place is not None:
-        field = field @ place.C.T
+        field = rotate_rows(field, place.C)
     strength = median(np.linalg.norm(field, axis=1))
     # the Earth's is 22 to 67 uT
     unit = "uT" if strength >= 5 else "gauss" if strength >= 5e-4 else "T"

@@ -93,7 +93,7 @@ class RosFrames:
             ground = WORLD.search(parent) or WORLD.search(child)
             still = len(found) >= MIN_EQUAL and all(each == numbers for _, each in found)
             fixed = static or (still and not ground)
-            pose = _pose(numbers)
+            pose = pose_of(numbers)
             if fixed and pose is not None and child != parent:
                 self._parents[child] = parent, pose
 
@@ -123,7 +123,8 @@ class RosFrames:
         )
 
 
-def _pose(numbers: tuple[float, ...]) -> Pose | None:
+def pose_of(numbers: tuple[float, ...]) -> Pose | None:
+    """Return the Pose of a transform (x, y, z, qx, qy, qz, qw); None where it is none."""
     x, y, z, w = numbers[3:]
     norm = math.sqrt(x * x + y * y + z * z + w * w) if np.isfinite(numbers).all() else 0.0
     if not 0.9 < norm < 1.1 or max(map(abs, numbers[:3])) > 1000:
