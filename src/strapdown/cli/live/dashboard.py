@@ -13,14 +13,13 @@ import numpy as np
 from ... import aiding, filters
 from ...core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Filter, Status
 from ...core.mathematics.belief import ATT, POS, VEL
-from ...core.mathematics.rotation import matrix_to_euler
 from ...engine.live_run import TestedMeasurement
 from ...geometry.geodesy import displacement
 from ...typing import Array
 from ...units.quantities import shown_unit
 from ..output import plain
 from .output_formats import Shown, state_at
-from .pose import pose_covariance
+from .pose import angles, pose_covariance
 
 if TYPE_CHECKING:
     from .program import Live
@@ -242,7 +241,6 @@ def _motion(it: Shown, filter: Filter) -> dict[str, Any]:
     lla, v_n = state.lla.copy(), state.v_n.copy()
     lla[[i not in filter.estimates for i in range(*POS.indices(9))]] = np.nan
     v_n[[i not in filter.estimates for i in range(*VEL.indices(9))]] = np.nan
-    roll, pitch, heading = np.degrees(matrix_to_euler(state.C_nb)).tolist()
     return {
         "lat_lon": np.degrees(lla[:2]),
         "height": lla[2],
@@ -250,7 +248,7 @@ def _motion(it: Shown, filter: Filter) -> dict[str, Any]:
         "v_n": v_n,
         "speed": float(np.linalg.norm(v_n)),
         "velocity_std": std[VEL],
-        "rph": [roll, pitch, heading % 360.0],
+        "rph": [*angles(state)],
         "rph_std": np.degrees(std[ATT]),
         "ellipse": [pose[0, 0], pose[0, 1], pose[1, 1]],
     }
