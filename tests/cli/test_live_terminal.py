@@ -133,3 +133,17 @@ def test_standard_output_is_for_one_of_them(more, words, name, command, tmp_path
     code, out, err = command("live", tmp_path / "live.toml", "--terminal", *words)
     assert (code, out) == (2, "")
     assert err == [f"strapdown: --terminal and {name} both need standard output; leave out one"]
+
+
+def test_a_reader_that_goes_ends_the_view_alone(watched, monkeypatch):
+    """An exception in its thread would be a warning, and so an error."""
+
+    class Gone(io.StringIO):
+        def write(self, text):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(terminal, "EVERY", 0.01)
+    monkeypatch.setattr(sys, "stdout", Gone())
+    with terminal.TerminalView(watched) as view:
+        view._thread.join(60.0)
+        assert not view._thread.is_alive()
