@@ -1,5 +1,6 @@
 """Chromium without a window, for tests that look at a page as a person would; None where there is none."""
 
+import base64
 import fcntl
 import json
 import os
@@ -27,7 +28,7 @@ FLAGS = [
     "--hide-scrollbars",
     "--virtual-time-budget=60000",
     "--window-size=1300,1700",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
     "--enable-logging=stderr",
     "--log-level=0",
 ]
@@ -58,8 +59,8 @@ def browse(tmp_path, *options):
 
 
 class Driven:
-    """A page in Chromium that a test drives through DevTools, in real time: `with Driven(path) as
-    page: page.run("2 + 2")`."""
+    """A page in Chromium, a file or an address of this machine, that a test drives through DevTools, in
+    real time: `with Driven(path, folder) as page: page.run("2 + 2")`."""
 
     def __init__(self, path, folder, width=1300, height=900):
         down, up = os.pipe(), os.pipe()  # DevTools reads from file descriptor 3, writes to 4
@@ -91,7 +92,7 @@ class Driven:
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
             "sessionId"
         ]
-        self.call("Page.navigate", url=f"file://{path}")
+        self.call("Page.navigate", url=str(path) if "://" in str(path) else f"file://{path}")
         self.until("document.body && document.readyState === 'complete'")
 
     def call(self, method, **parameters):
@@ -126,6 +127,14 @@ class Driven:
         while not self.run(f"Boolean({script})"):
             assert time.monotonic() < end, f"never true: {script}"
             time.sleep(0.02)
+
+    def picture(self, path, width, height):
+        """Write what the window shows at this size, px, as PNG."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+        self.run("new Promise(done => setTimeout(done, 300))")
+        shown = self.call("Page.captureScreenshot", captureBeyondViewport=True)
+        path.write_bytes(base64.b64decode(shown["data"]))
 
     def drag(self, *places):
         """Press the mouse at the first of places (x, y), move it over the others, let it go."""

@@ -89,6 +89,7 @@ ABOUT = {
         (
             ("Ports, sources and outputs from a file", "strapdown live vehicle.toml"),
             ("For ten minutes", "strapdown live vehicle.toml --seconds 600"),
+            ("With a page in the browser", "strapdown live vehicle.toml --page 8765"),
         ),
     ),
     "allan": About(
@@ -293,7 +294,7 @@ GROUPS = {
     "alignment target waiting",
     "Aircraft": "aircraft feedback prediction turbulence wind barometer",
     "Runs": "runs seed quick ablations workers scheduler",
-    "Output": "out also utc origin figures write map diagnose strict json quiet help",
+    "Output": "page terminal out also utc origin figures write map diagnose strict json quiet help",
 }
 """{heading: names of options}; those of no heading come last."""
 ENDS = """Exit codes: 0 done; 1 a fault of strapdown itself; 2 bad input; 3 something is wrong or not \

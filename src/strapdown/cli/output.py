@@ -71,6 +71,11 @@ def is_quiet() -> bool:
     return _current.quiet
 
 
+def is_shown() -> bool:
+    """True where lines for people go to standard output."""
+    return _current.shown is None
+
+
 def say(text: str = "") -> None:
     """Print a line, on a terminal in lines of its width that go on indented."""
     _print(text, sys.stdout)

@@ -63,6 +63,36 @@ class SetUp(NamedTuple):
     of_imu: OfImu  # estimated parameters of the IMU
 
 
+class TestedMeasurement(NamedTuple):
+    """A measurement with the result of its test.
+
+    Attributes
+    ----------
+    t : float
+        Time of its use, s.
+    source : int
+        Index of its source.
+    y : (3,) array
+        Measured values, SI; NaN beyond the last component.
+    innovation : (3,) array
+        Measured less predicted, SI.
+    nis : float
+        Normalised innovation squared; NaN where the filter does not gate.
+    gate : float
+        Bound on it; inf without a gate.
+    accepted : bool
+        True where the filter used it.
+    """
+
+    t: float
+    source: int
+    y: Array
+    innovation: Array
+    nis: float
+    gate: float
+    accepted: bool
+
+
 class _Room:
     """Memory for samples, fixes and results, and views of it without numpy, whose writing takes a
     third of the time."""
@@ -253,6 +283,19 @@ class LiveRun:
         ]
         self._told |= {(run.source, run.start) for run in new}
         return [(run.start, str(run)) for run in new]
+
+    def tested_after(self, t: float, most: int) -> list[TestedMeasurement]:
+        """Return the `most` newest of the measurements in the history that are later than `t` s."""
+        fixes, rows = self._room.fixes, self._room.out.fix
+        stop = int(self.cursor.state[0].fix)
+        first = max(int(np.searchsorted(fixes.t[:stop], t, side="right")), stop - most)
+        found = []
+        for k in range(first, stop):
+            row, source = rows[k], int(fixes.source[k])
+            gate = float(fixes.sources["gate"][source])
+            values = fixes.y[k].copy(), row.innovation.copy(), float(row.nis), gate
+            found.append(TestedMeasurement(float(fixes.t[k]), source, *values, row.use > 0))
+        return found
 
     # ---- history
 

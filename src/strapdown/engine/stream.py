@@ -52,7 +52,7 @@ from .installation import (
     parameters,
     without_estimates,
 )
-from .live_run import LiveRun, SetUp, start_of
+from .live_run import LiveRun, SetUp, TestedMeasurement, start_of
 from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
 from .plausible_limits import limits
@@ -922,6 +922,24 @@ class Stream:
         cursor = self._live.cursor
         counts = list(zip(cursor.books["accepted"].tolist(), cursor.books["rejected"].tolist()))
         return [(0, 0) if place is None else counts[place] for place in self._places]
+
+    def tested_after(self, t: float, most: int = 100) -> list[TestedMeasurement]:
+        """Return measurements with the results of their tests, those that the filter was given last.
+
+        Parameters
+        ----------
+        t : float
+            Only measurements that are later count, s.
+        most : int
+            Largest number of measurements to return.
+
+        Returns
+        -------
+        list of TestedMeasurement
+            In time order; of each the source is its index in `sources`.
+        """
+        found = self._live.tested_after(t, most) if self._live else []
+        return [each._replace(source=self._places.index(each.source)) for each in found]
 
     @property
     def solution(self) -> Solution:

@@ -2,13 +2,13 @@
 companion computer, with its HEARTBEAT. Local positions count from the first state that was sent."""
 
 from collections.abc import Sequence
-from math import cos, hypot, inf, sin, tan
+from math import hypot, inf
 from typing import Any
 
 import numpy as np
 
 from ...core.loop.contract import DOUBTFUL, INVALID
-from ...core.mathematics.belief import ATT, POS, VEL
+from ...core.mathematics.belief import VEL
 from ...core.mathematics.rotation import matrix_to_euler, matrix_to_quaternion
 from ...extras import optional_import
 from ...geometry.geodesy import displacement
@@ -16,6 +16,7 @@ from ...sensor_models.geoid import undulation
 from ...typing import Array
 from ...units.time_scales import WEEK, gps_from_unix
 from .output_formats import Shown
+from .pose import pose_covariance
 
 BEAT = 1.0
 """s between two HEARTBEAT."""
@@ -84,7 +85,7 @@ class MavLinkOutput:
             q.tolist(),
             *(state.C_nb.T @ state.v_n).tolist(),
             *state.omega.tolist(),
-            _pose_covariance(it),
+            pose_covariance(it.state)[UPPER].tolist(),
             of_body[UPPER].tolist(),
             it.alignments % 256,
             self._common.MAV_ESTIMATOR_TYPE_GPS_INS,
@@ -97,7 +98,7 @@ class MavLinkOutput:
             _microseconds(it),
             *displacement(it.state.lla, self._origin).tolist(),
             *matrix_to_euler(it.state.C_nb),
-            _pose_covariance(it),
+            pose_covariance(it.state)[UPPER].tolist(),
             it.alignments % 256,
         )
 
@@ -132,16 +133,3 @@ class MavLinkOutput:
 def _microseconds(it: Shown) -> int:
     """Return the UNIX time of a state, us; without an absolute clock its own time."""
     return max(round(1e6 * (it.moment.timestamp() if it.moment else it.t)), 0)
-
-
-def _pose_covariance(it: Shown) -> list[float]:
-    """Return the upper triangle (21,) of the covariance of position NED and roll, pitch, heading."""
-    _, pitch, heading = matrix_to_euler(it.state.C_nb)
-    turn = np.eye(6)
-    along = np.array([cos(heading), sin(heading), 0.0])
-    turn[3, 3:] = along / cos(pitch)
-    turn[4, 3:] = -sin(heading), cos(heading), 0.0
-    turn[5, 3:] = along * tan(pitch) + [0.0, 0.0, 1.0]
-    rows = np.r_[POS, ATT]
-    found: list[float] = (turn @ it.state.P[np.ix_(rows, rows)] @ turn.T)[UPPER].tolist()
-    return found

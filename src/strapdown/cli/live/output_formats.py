@@ -1,10 +1,8 @@
 """Lines of the newest state: JSON, and NMEA 0183 (GGA, RMC, HDT and PASHR)."""
 
 import json
-import math
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +10,7 @@ import numpy as np
 from ...core.loop.contract import DOUBTFUL, INVALID, VALID, FilterState, Status
 from ...sensor_models.geoid import undulation
 from ...units.time_scales import unix_from_gps
+from .pose import angles
 
 KNOT = 1852.0 / 3600.0
 """m/s"""
@@ -46,15 +45,6 @@ def state_at(
     return Shown(t, moment, status, state, alignments)
 
 
-def _angles(state: FilterState) -> tuple[float, float, float]:
-    """Roll, pitch and heading in [0, 360), deg."""
-    # as `matrix_to_euler`, which takes ten times as long where it is not compiled
-    (north, _, _), (east, _, _), (down, roll_y, roll_z) = state.C_nb.tolist()
-    pitch = math.asin(min(1.0, max(-1.0, -down))) if down == down else nan
-    roll, heading = math.atan2(roll_y, roll_z), math.atan2(east, north)
-    return math.degrees(roll), math.degrees(pitch), math.degrees(heading) % 360.0
-
-
 def json_line(it: Shown) -> str:
     """Return the state as a JSON object on one line: angles in deg, the rest in SI."""
     state = it.state
@@ -67,7 +57,7 @@ def json_line(it: Shown) -> str:
         "lon": lon,
         "height": float(state.lla[2]),
         "v_n": state.v_n.tolist(),
-        "rph": [*_angles(state)],
+        "rph": [*angles(state)],
         "std": np.sqrt(np.diag(state.P)[:9]).tolist(),
     }
     return json.dumps(_without_nan(table)) + "\n"
@@ -137,7 +127,7 @@ def _heading(it: Shown, hour: str) -> list[str]:
     """HDT and PASHR; nothing where the attitude is unknown."""
     if not np.isfinite(it.state.C_nb).all():
         return []
-    roll, pitch, heading = _angles(it.state)
+    roll, pitch, heading = angles(it.state)
     std = np.degrees(np.sqrt(np.diag(it.state.P)[6:9]))
     level = float(np.hypot(*std[:2]) / np.sqrt(2))
     aided = int(it.status == VALID)

@@ -19,15 +19,18 @@ from ...engine.saved_state import OtherStateError
 from ...engine.stream import Measurement, Sample
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
+from ...plugins import one_line
 from ...units.time_scales import gps_from_unix
 from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstimate
 from .config import Config, InputPart, OutputPart, config_of
+from .dashboard import Dashboard
 from .decoders import decoder
 from .encoders import encoder
 from .input_formats import Clock, Decoder
 from .line_formats import NO_CLOCK
 from .notices import Notices, Senders
 from .output_formats import state_at
+from .page_server import PageServer
 from .ports import Mark, Port
 from .sinks import Sink
 
@@ -301,11 +304,21 @@ class Live:
         A TOML file, or a table with its keys (docs/how-to/live.md).
     on_event : callable
         Function called with (t, text) of each event when it begins.
+    page : int
+        Port of 127.0.0.1 where a page in the browser shows what the filter does; 0: one that is free.
+
+    Attributes
+    ----------
+    stream : LiveStream
+        The filter.
+    page : str
+        Address of the page; empty without one.
 
     Raises
     ------
     DataError
-        If the configuration has an unknown key or a value out of range.
+        If the configuration has an unknown key or a value out of range, or another program has the port
+        of the page.
 
     Examples
     --------
@@ -317,10 +330,14 @@ class Live:
     """
 
     def __init__(
-        self, config: str | Path | Mapping[str, Any], on_event: OnEvent | None = None
+        self,
+        config: str | Path | Mapping[str, Any],
+        on_event: OnEvent | None = None,
+        page: int | None = None,
     ) -> None:
         self.config = own = config_of(config)
         self._on_event = on_event
+        self._dashboard: Dashboard | None = None
         self.clock = Clock(own.epoch)
         self._log = _Log(own.log, self._tell) if own.log else None
         with locate_errors(own.name):
@@ -337,6 +354,8 @@ class Live:
                 on_event=self._hear,
                 on_use=self._use if self._log else None,
             )
+        if page is not None:
+            self.watch()
         kinds = [a.kind for a in own.sources]
         self.inputs: list[_Bytes | _Replayed] = [
             _Replayed(part, own.sources, self._tell)
@@ -350,6 +369,14 @@ class Live:
         self._is_silent, self._closed = False, False
         if own.state and Path(own.state).exists():
             self._restore()
+        self._server = None if page is None else PageServer(self.watch(), page)
+        self.page = self._server.url if self._server else ""
+
+    def watch(self) -> Dashboard:
+        """Return the numbers that a page shows, which are taken ten times a second from now on."""
+        if self._dashboard is None:
+            self._dashboard = Dashboard(self.config.name, self.config.filter)
+        return self._dashboard
 
     def _restore(self) -> None:
         """Go on from the state on disk. Raises DataError where the file is of something else, since
@@ -410,6 +437,18 @@ class Live:
         if now > self._heard + IMU_SILENT and not self._is_silent:
             self._is_silent = True
             self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
+        self._show()
+
+    def _show(self) -> None:
+        """Let those who watch have the newest numbers; a fault there never ends the filter."""
+        if self._dashboard is None:
+            return
+        try:
+            self._dashboard.look(self)
+        except Exception as error:
+            dashboard, self._dashboard = self._dashboard, None
+            dashboard.close()
+            self._tell(f"page: {one_line(error)}; it shows nothing more")
 
     def _growing_files(self) -> list[_Bytes]:
         """Return the inputs from files that grow."""
@@ -477,6 +516,10 @@ class Live:
         self._look_at_ports()
         if self._log is not None:
             self._log.close()
+        if self._dashboard is not None:
+            self._dashboard.close()
+        if self._server is not None:
+            self._server.close()
 
     def __enter__(self) -> "Live":
         return self
@@ -500,6 +543,8 @@ class Live:
         self._hear(newest if newest > -inf else 0.0, text)
 
     def _hear(self, t: float, text: str) -> None:
+        if self._dashboard is not None:
+            self._dashboard.hear(t, text)
         if self._on_event is not None:
             self._on_event(t, text)
 
@@ -518,6 +563,18 @@ class Live:
     def unsent(self) -> dict[str, int]:
         """{port: number of states that it did not take} of the outputs."""
         return {str(each.sink.address): each.sink.dropped for each in self.outputs}
+
+    @property
+    def ports(self) -> dict[str, str]:
+        """{port: why it cannot be used now, empty where it can} of inputs and outputs."""
+        inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
+        places: list[Port | Sink] = [*inputs, *(each.sink for each in self.outputs)]
+        return {str(each.address): each.error for each in places}
+
+    @property
+    def since_sample(self) -> float:
+        """s since the newest sample came, or the program began."""
+        return time.monotonic() - self._heard
 
     @property
     def clocks(self) -> dict[str, ClockEstimate | ArrivalIntervals]:
