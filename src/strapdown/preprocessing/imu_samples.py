@@ -195,6 +195,7 @@ class StreamIntervals:
 
     Examples
     --------
+    >>> from strapdown.preprocessing.imu_samples import StreamIntervals
     >>> intervals = StreamIntervals()
     >>> [intervals.interval(t) for t in (0.0, 0.25, 0.5, 1.5)]
     [None, 0.25, 0.25, 0.25]
