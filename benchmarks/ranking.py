@@ -52,12 +52,13 @@ class System(NamedTuple):
 
 
 FEW = ("thor75", "demo, consumer")
-SLOW = ("car, tactical", "ship, tactical", *cases.RECORDINGS)
+SLOW = (
+    *cases.RECORDINGS,
+    *(f"{motion}, {grade}" for motion in cases.MOTIONS for grade in ("consumer", "tactical")),
+)
 RECORDED = (*FEW, "drive0708", "walk0827", "BROAD 02", "BROAD 15")
-OWN, OWN_SMOOTHER = "strapdown closed-loop", "strapdown smooth"
-"""What the tables of cells behind are of."""
 SYSTEMS = (
-    System(OWN, own.closed_loop, "strapdown"),
+    System("strapdown closed-loop", own.closed_loop, "strapdown"),
     System("strapdown iekf", own.invariant, "strapdown"),
     System("python-ins feedback", python_ins.feedback, "python-ins", on=SLOW),
     System("smsfusion AidedINS", smsfusion_ins.aided, "smsfusion"),
@@ -66,7 +67,8 @@ SYSTEMS = (
     System("GNSS_IMU", gnss_imu.loose, "GNSS_IMU"),
     System("GTSAM fixed lag", gtsam_graph.fixed_lag, "gtsam"),
     System("filterpy UKF", filterpy_ukf.ukf, "filterpy", on=FEW),
-    System(OWN_SMOOTHER, own.smoothed, "strapdown", smoother=True),
+    System("strapdown smooth", own.smoothed, "strapdown", smoother=True),
+    System("strapdown smooth, iekf", own.smoothed_invariant, "strapdown", smoother=True),
     System("GTSAM batch", gtsam_graph.batch, "gtsam", smoother=True),
     System("smsfusion smoother", smsfusion_ins.smoothed, "smsfusion", smoother=True, on=RECORDED),
 )

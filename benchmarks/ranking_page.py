@@ -7,13 +7,14 @@ import numpy as np
 import px4_replays
 import ranking_figures
 import ranking_scores as scores
-from ranking import LOST, OWN, OWN_SMOOTHER, SYSTEMS
+from ranking import LOST, SYSTEMS
 
 from strapdown_reproductions.common import markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/reference/evidence/ranking.md"
 COMMAND = "python benchmarks/ranking.py"
+OWN = "strapdown"
 ERROR, HONESTY, TIME = "error", "honesty", "time"
 
 
@@ -97,20 +98,31 @@ def _summed(name, count):
 
 
 def behind(found, smoothers):
-    """Table of the cells in which strapdown is neither first nor level: who is, and by how much."""
+    """Of how many cells strapdown's systems are neither first nor level, and the table of those in which
+    one is not: who is first, and by how much."""
     systems = [system.name for system in SYSTEMS if system.smoother == smoothers]
-    own, lines = OWN_SMOOTHER if smoothers else OWN, []
-    for (case, question, error, kind), cell in cells(found, systems).items():
-        best, values, same = judged(cell, kind)
-        if own in same and not same[own]:
-            unit = {"position": " m", "velocity": " m/s", "attitude": " deg"}[error]
-            show = lambda name: (
-                f"{values[name]:.3g}{unit}" if kind == ERROR else f"{np.mean(cell[name]):.2f}"
-            )
-            first = best[own]
-            lines.append((case, question, f"{kind} of {error}", first, show(first), show(own)))
-    head = ("case", "when", "cell", "first", "its figure", "strapdown's")
-    return _table(head, lines)
+    own = [system.name for system in SYSTEMS if system.name in systems and system.package == OWN]
+    lines, lost = [], []
+    for title, cell in cells(found, systems).items():
+        best, values, same = judged(cell, title[-1])
+        lost.append([name in same and not same[name] for name in own])
+        if any(lost[-1]):
+            first = min((name for name in cell if name not in own), key=values.get)
+            lines.append(_cell_behind(title, cell, values, first, same, own))
+    each = ", ".join(f"{name} in {n}" for name, n in zip(own, np.sum(lost, axis=0)))
+    told = f"Of {len(lost)} cells neither first nor level: {each}, all of them in {np.all(lost, axis=1).sum()}."
+    return f"{told}\n\n" + _table(("case", "when", "cell", "first", "its figure", *own), lines)
+
+
+def _cell_behind(title, cell, values, first, same, own):
+    """Row of the table of `behind`: an asterisk where one of our own is first or level."""
+    case, question, error, kind = title
+    unit = {"position": " m", "velocity": " m/s", "attitude": " deg"}[error]
+    show = lambda name: (
+        f"{values[name]:.3g}{unit}" if kind == ERROR else f"{np.mean(cell[name]):.2f}"
+    )
+    ours = ((show(name) + "\\*" * same[name] if name in cell else "–") for name in own)
+    return case, question, f"{kind} of {error}", first, show(first), *ours
 
 
 def recorded(found):
