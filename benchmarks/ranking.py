@@ -52,10 +52,7 @@ class System(NamedTuple):
 
 
 FEW = ("thor75", "demo, consumer")
-SLOW = (
-    *cases.RECORDINGS,
-    *(f"{motion}, {grade}" for motion in cases.MOTIONS for grade in ("consumer", "tactical")),
-)
+SLOW = (*cases.RECORDINGS, "demo, consumer", "car, tactical", "ship, tactical")
 RECORDED = (*FEW, "drive0708", "walk0827", "BROAD 02", "BROAD 15")
 SYSTEMS = (
     System("strapdown closed-loop", own.closed_loop, "strapdown"),
