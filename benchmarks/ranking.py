@@ -12,6 +12,7 @@ import json
 import multiprocessing
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -165,9 +166,11 @@ def joined(runs):
 
 
 def warm():
-    """Compile strapdown's kernels, so that the processes of the runs find them."""
-    for run in (own.closed_loop, own.smoothed):
-        run(cases.simulated("demo", "tactical", 0).workload.first(2 * PIECE))
+    """Compile the kernels of packages that have them, so that the processes of the runs find them."""
+    piece = cases.simulated("demo", "tactical", 0).workload.first(2 * PIECE)
+    for run in (own.closed_loop, own.invariant, own.smoothed, smsfusion_ins.aided):
+        with suppress(Exception):  # of a package that is missing or fails: a line of the table
+            run(piece)
 
 
 def results(names=()):
