@@ -38,6 +38,8 @@ RECORDINGS = (
     "walk0827",
     *(f"BROAD {k}" for k in ("02", "15", "21", "24", "33")),
 )
+FOLLOWED = ("drive0708", "walk0827")
+"""Recordings whose reference of position is the fixes: with fixes its error is not scored."""
 
 
 class Trial(NamedTuple):

@@ -8,6 +8,7 @@ import px4_replays
 import ranking_figures
 import ranking_scores as scores
 from ranking import LOST, SYSTEMS
+from ranking_cases import FOLLOWED
 
 from strapdown_reproductions.common import markdown
 
@@ -18,6 +19,9 @@ OWN = "strapdown"
 ERROR, HONESTY, TIME = "error", "honesty", "time"
 
 
+SCORED_BY_FIXES = scores.QUESTIONS[0], "position"
+
+
 def cells(found, systems):
     """Cells of the ranking among some systems: {(case, question, error, kind): {system: blocks}}, kind
     ERROR with mean squares or HONESTY with those over the claimed variance, of all that ran."""
@@ -25,6 +29,8 @@ def cells(found, systems):
     for case, runs in found.items():
         for question in scores.QUESTIONS:
             for error in scores.ERRORS:
+                if (question, error) == SCORED_BY_FIXES and case in FOLLOWED:
+                    continue
                 for kind, key in ((ERROR, "square"), (HONESTY, "scaled")):
                     row = {
                         name: runs[name]["scores"][question][error][key]
@@ -47,19 +53,12 @@ def statistic(kind):
 
 
 def judged(cell, kind):
-    """({system: first of those that it competes with}, {system: value}, {system: first or level with
-    the first}) of a cell."""
+    """(the first system, {system: value}, {system: first or level with the first}) of a cell."""
     measure = statistic(kind)
     values = {name: _value(measure, part) for name, part in cell.items()}
-    best = {name: min(rivals(name, values), key=values.get) for name in cell}
-    same = {name: name == best[name] or _level(cell, name, best[name], measure) for name in cell}
+    best = min(values, key=values.get)
+    same = {name: name == best or _level(cell, name, best, measure) for name in cell}
     return best, values, same
-
-
-def rivals(name, names):
-    """The system and those of other packages: a package does not compete with itself."""
-    package = {system.name: system.package for system in SYSTEMS}
-    return [other for other in names if other == name or package[other] != package[name]]
 
 
 def _value(measure, part):
@@ -81,12 +80,12 @@ def summary(found, smoothers):
         for name in cell:
             counts[name][kind].append(same[name])
             if kind == ERROR:
-                counts[name]["ratio"].append(values[name] / values[best[name]])
+                counts[name]["ratio"].append(values[name] / values[best])
     for runs in found.values():
         times = {name: runs[name]["us"] for name in systems if "us" in runs.get(name, {})}
         for name, us in times.items():
             counts[name]["us"].append(us)
-            counts[name][TIME].append(us == min(times[other] for other in rivals(name, times)))
+            counts[name][TIME].append(us == min(times.values()))
     head = ("system", ERROR, "median ratio to the first", HONESTY, TIME, "µs per sample")
     return _table(head, [_summed(name, counts[name]) for name in systems if counts[name]["us"]])
 
@@ -104,7 +103,7 @@ def behind(found, smoothers):
     own = [system.name for system in SYSTEMS if system.name in systems and system.package == OWN]
     lines, lost = [], []
     for title, cell in cells(found, systems).items():
-        best, values, same = judged(cell, title[-1])
+        _, values, same = judged(cell, title[-1])
         lost.append([name in same and not same[name] for name in own])
         if any(lost[-1]):
             first = min((name for name in cell if name not in own), key=values.get)

@@ -20,12 +20,7 @@ def invariant(workload, seconds=float("inf")):
 
 
 def _filtered(name, workload, seconds):
-    """A filter; its time is that of the compiled loop, as `make bench` takes it."""
-    w = workload.first(seconds)
-    path = subject.fuse(w, name).trajectory
-    again = subject.timed_run(w, name)
-    took = min(again() for _ in range(20))  # a loop of milliseconds, on a machine with other work
-    return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
+    return _run(sd.fuse, name, workload, seconds)
 
 
 def smoothed(workload, seconds=float("inf")):
@@ -39,14 +34,18 @@ def smoothed_invariant(workload, seconds=float("inf")):
 
 
 def _smoothed(name, workload, seconds):
-    """A smoother; its time is that of the whole call."""
+    return _run(sd.smooth, name, workload, seconds)
+
+
+def _run(run, name, workload, seconds):
+    """A filter or smoother; its time is that of the whole call."""
     w = workload.first(seconds)
     log, about = (
         subject.recording(w),
         dict(start=subject.start(w), noise=subject.noise(w.parameters)),
     )
-    sd.smooth(log, name, **about)
+    run(log, name, **about)
     begin = time.process_time()
-    path = sd.smooth(log, name, **about).trajectory
+    path = run(log, name, **about).trajectory
     took = time.process_time() - begin
     return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
