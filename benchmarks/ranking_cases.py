@@ -2,7 +2,7 @@
 
 All get the same samples, position fixes, noise, start and standard deviations. Positions are the only fixes,
 since every package takes those. Recordings are put on a grid of samples; simulated flights are those of
-`sd.simulate`, five motions with two grades of IMU.
+`sd.simulate`, five motions with five grades of IMU.
 """
 
 from dataclasses import replace
@@ -17,7 +17,6 @@ from strapdown.io.description.logs import join, open_logs
 from strapdown.io.locate import data_folder
 from strapdown.sensor_models.gnss import Gnss
 from strapdown_reproductions.common.example_recordings import DESCRIPTIONS, in_motion, windows_of
-from strapdown_reproductions.consistency.worlds import SCENARIOS
 from strapdown_reproductions.recordings.cases import with_optics
 
 BIAS = {"gyro": 1.0 * DEG, "accel": 0.3}
@@ -26,7 +25,8 @@ START = dict(vel_std=0.5, level_std=2.0, azimuth_std=5.0)
 """m/s, deg: of a recording's start, which is at the reference or at a solution with all fixes."""
 SIMULATED = dict(gnss_std=1.0, pos_std=1.0, vel_std=0.1, level_std=1.0, azimuth_std=3.0)
 """m, m/s, deg: of the simulated fixes, and of the start, which is drawn by them."""
-GRADES = ("consumer", "tactical")
+MOTIONS = ("demo", "straight", "car", "ship", "hand-held")
+GRADES = ("consumer", "dmu10", "industrial", "tactical", "navigation")
 RATE, SECONDS, SEEDS = 50.0, 150.0, (1, 2, 3, 4)
 """Hz, s, random numbers of the simulated flights."""
 OUTAGES = ((80.0, 95.0), (115.0, 130.0))
@@ -38,6 +38,8 @@ RECORDINGS = (
     "walk0827",
     *(f"BROAD {k}" for k in ("02", "15", "21", "24", "33")),
 )
+FOLLOWED = ("drive0708", "walk0827")
+"""Recordings whose reference of position is the fixes: with fixes its error is not scored."""
 
 
 class Trial(NamedTuple):
@@ -223,6 +225,6 @@ def simulations():
     """{(motion, grade): function of the seed -> Trial}."""
     return {
         (motion, grade): (lambda seed, m=motion, g=grade: simulated(m, g, seed))
-        for motion in SCENARIOS
+        for motion in MOTIONS
         for grade in GRADES
     }

@@ -7,14 +7,20 @@ import numpy as np
 import px4_replays
 import ranking_figures
 import ranking_scores as scores
-from ranking import LOST, OWN, OWN_SMOOTHER, SYSTEMS
+from ranking import LOST, SYSTEMS
+from ranking_cases import FOLLOWED
 
 from strapdown_reproductions.common import markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/reference/evidence/ranking.md"
 COMMAND = "python benchmarks/ranking.py"
+OWN = "strapdown"
 ERROR, HONESTY, TIME = "error", "honesty", "time"
+
+
+PACKAGES = {system.name: system.package for system in SYSTEMS}
+SCORED_BY_FIXES = scores.QUESTIONS[0], "position"
 
 
 def cells(found, systems):
@@ -24,6 +30,8 @@ def cells(found, systems):
     for case, runs in found.items():
         for question in scores.QUESTIONS:
             for error in scores.ERRORS:
+                if (question, error) == SCORED_BY_FIXES and case in FOLLOWED:
+                    continue
                 for kind, key in ((ERROR, "square"), (HONESTY, "scaled")):
                     row = {
                         name: runs[name]["scores"][question][error][key]
@@ -46,19 +54,12 @@ def statistic(kind):
 
 
 def judged(cell, kind):
-    """({system: first of those that it competes with}, {system: value}, {system: first or level with
-    the first}) of a cell."""
+    """(the first system, {system: value}, {system: first or level with the first}) of a cell."""
     measure = statistic(kind)
     values = {name: _value(measure, part) for name, part in cell.items()}
-    best = {name: min(rivals(name, values), key=values.get) for name in cell}
-    same = {name: name == best[name] or _level(cell, name, best[name], measure) for name in cell}
+    best = min(values, key=values.get)
+    same = {name: name == best or _level(cell, name, best, measure) for name in cell}
     return best, values, same
-
-
-def rivals(name, names):
-    """The system and those of other packages: a package does not compete with itself."""
-    package = {system.name: system.package for system in SYSTEMS}
-    return [other for other in names if other == name or package[other] != package[name]]
 
 
 def _value(measure, part):
@@ -80,12 +81,13 @@ def summary(found, smoothers):
         for name in cell:
             counts[name][kind].append(same[name])
             if kind == ERROR:
-                counts[name]["ratio"].append(values[name] / values[best[name]])
+                counts[name]["ratio"].append(values[name] / values[best])
     for runs in found.values():
         times = {name: runs[name]["us"] for name in systems if "us" in runs.get(name, {})}
         for name, us in times.items():
             counts[name]["us"].append(us)
-            counts[name][TIME].append(us == min(times[other] for other in rivals(name, times)))
+            others = [times[other] for other in times if PACKAGES[other] != PACKAGES[name]]
+            counts[name][TIME].append(us < min(others))
     head = ("system", ERROR, "median ratio to the first", HONESTY, TIME, "µs per sample")
     return _table(head, [_summed(name, counts[name]) for name in systems if counts[name]["us"]])
 
@@ -97,20 +99,31 @@ def _summed(name, count):
 
 
 def behind(found, smoothers):
-    """Table of the cells in which strapdown is neither first nor level: who is, and by how much."""
+    """Of how many cells strapdown's systems are neither first nor level, and the table of those in which
+    one is not: who is first, and by how much."""
     systems = [system.name for system in SYSTEMS if system.smoother == smoothers]
-    own, lines = OWN_SMOOTHER if smoothers else OWN, []
-    for (case, question, error, kind), cell in cells(found, systems).items():
-        best, values, same = judged(cell, kind)
-        if own in same and not same[own]:
-            unit = {"position": " m", "velocity": " m/s", "attitude": " deg"}[error]
-            show = lambda name: (
-                f"{values[name]:.3g}{unit}" if kind == ERROR else f"{np.mean(cell[name]):.2f}"
-            )
-            first = best[own]
-            lines.append((case, question, f"{kind} of {error}", first, show(first), show(own)))
-    head = ("case", "when", "cell", "first", "its figure", "strapdown's")
-    return _table(head, lines)
+    own = [system.name for system in SYSTEMS if system.name in systems and system.package == OWN]
+    lines, lost = [], []
+    for title, cell in cells(found, systems).items():
+        _, values, same = judged(cell, title[-1])
+        lost.append([name in same and not same[name] for name in own])
+        if any(lost[-1]):
+            first = min((name for name in cell if name not in own), key=values.get)
+            lines.append(_cell_behind(title, cell, values, first, same, own))
+    each = ", ".join(f"{name} in {n}" for name, n in zip(own, np.sum(lost, axis=0)))
+    told = f"Of {len(lost)} cells neither first nor level: {each}, all of them in {np.all(lost, axis=1).sum()}."
+    return f"{told}\n\n" + _table(("case", "when", "cell", "first", "its figure", *own), lines)
+
+
+def _cell_behind(title, cell, values, first, same, own):
+    """Row of the table of `behind`: an asterisk where one of our own is first or level."""
+    case, question, error, kind = title
+    unit = {"position": " m", "velocity": " m/s", "attitude": " deg"}[error]
+    show = lambda name: (
+        f"{values[name]:.3g}{unit}" if kind == ERROR else f"{np.mean(cell[name]):.2f}"
+    )
+    ours = ((show(name) + "\\*" * same[name] if name in cell else "–") for name in own)
+    return case, question, f"{kind} of {error}", first, show(first), *ours
 
 
 def recorded(found):

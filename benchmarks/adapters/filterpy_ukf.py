@@ -28,9 +28,12 @@ def _rotation(r):
     )
 
 
-def _small_rotation(R):
-    """Rotation vector of a matrix close to the identity, rad: good to the third order."""
-    return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+def _rotation_vector(R):
+    """Rotation vector of a matrix, rad, below pi."""
+    sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    size = math.sqrt(sine @ sine)
+    angle = math.atan2(size, (R[0, 0] + R[1, 1] + R[2, 2] - 1) / 2)
+    return sine if size < 1e-12 else sine * (angle / size)
 
 
 def _cross(a, b):
@@ -102,7 +105,7 @@ class _Unscented:
     def move(self, x, dt, dtheta, dv, new):
         """Sigma point after a sample; its rotation is from `new`, the attitude of the mean."""
         r, v, C = self.after(x, _rotation(x[6:9]) @ self.C, dtheta, dv)
-        return np.r_[r, v, _small_rotation(C @ new.T), x[9:]]
+        return np.r_[r, v, _rotation_vector(C @ new.T), x[9:]]
 
     def step(self, dtheta, dv, fix):
         new = self.after(self.filter.x, self.C, dtheta, dv)[2]

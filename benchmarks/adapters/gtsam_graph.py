@@ -1,4 +1,5 @@
-"""GTSAM: combined IMU factors (Galilean preintegration) between positions, in a plane tangent at the start,
+"""GTSAM: combined IMU factors (Galilean preintegration) between positions, in Cartesian axes north, east and
+down of the start that turn with the Earth, with the gravity of each state's place,
 as a smoother with fixed lag (the newest state is scored) and over all states at once.
 
 A state stands at each fix, and where fixes are missing at the times that they would have had.
@@ -8,25 +9,51 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
-from adapters import fixes_by_sample, instants, judged, local_frame
+from adapters import fixes_by_sample, instants, judged
 from strapdown.core.mathematics.earth import RATE
-from strapdown.geometry.geodesy import gravity
+from strapdown.geometry.geodesy import from_ecef, gravity, ned_axes, to_ecef
 
 LAG = 30.0
 """s of the smoother with fixed lag, longer than the outages."""
+SIZES = {"x": 6, "v": 3, "b": 6}
+"""Coordinates of a pose, a velocity, the biases."""
 
 
-def _parameters(gtsam, w):
-    p, (lat, _, alt) = w.parameters, w.start[0]
-    made = gtsam.PreintegrationCombinedParams(np.array([0.0, 0.0, gravity(lat, alt)]))
+class _Axes(NamedTuple):
+    """North, east and down of the start."""
+
+    origin: np.ndarray  # (3,) m, ECEF
+    turn: np.ndarray  # (3, 3) from ECEF to these axes
+    lat: float
+
+    def metres(self, lla):
+        """A place in these axes."""
+        return self.turn @ (to_ecef(lla) - self.origin)
+
+    def places(self, metres):
+        """(lla, turn from these axes to north, east and down there) of (n, 3) or (3,)."""
+        lla = from_ecef(self.origin + metres @ self.turn)
+        return lla, ned_axes(lla) @ self.turn.T
+
+
+def _axes(w):
+    lla = np.asarray(w.start[0], float)
+    return _Axes(to_ecef(lla), ned_axes(lla), lla[0])
+
+
+def _parameters(gtsam, w, axes, metres):
+    """Those of a preintegration that begins at a place."""
+    p, (lla, turn) = w.parameters, axes.places(metres)
+    made = gtsam.PreintegrationCombinedParams(turn.T @ [0.0, 0.0, gravity(lla[0], lla[2])])
     square = lambda value: np.eye(3) * value**2
     made.setAccelerometerCovariance(square(p["accel_noise"]))
     made.setGyroscopeCovariance(square(p["gyro_noise"]))
     made.setIntegrationCovariance(np.zeros((3, 3)))
     made.setBiasAccCovariance(square(p["accel_bias_walk"]))
     made.setBiasOmegaCovariance(square(p["gyro_bias_walk"]))
-    made.setOmegaCoriolis(RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)]))
+    made.setOmegaCoriolis(RATE * np.array([np.cos(axes.lat), 0.0, -np.sin(axes.lat)]))
     return made
 
 
@@ -68,26 +95,30 @@ class _Step(NamedTuple):
 def _steps(gtsam, w, newest):
     """The states of a workload in turn, as _Step. `newest(keys)` is what is known of the state before:
     (NavState, bias)."""
-    fixes, scale = fixes_by_sample(w), local_frame.scale(w)
+    fixes, axes = fixes_by_sample(w), _axes(w)
     stands = set(instants(w))
     model = gtsam.noiseModel.Isotropic.Sigma(3, w.parameters["gnss_std"])
-    pim = gtsam.PreintegratedCombinedMeasurementsG(_parameters(gtsam, w))
-    f, omega, i = w.dv / w.dt, w.dtheta / w.dt, 0
+    begun = lambda state, bias: gtsam.PreintegratedCombinedMeasurementsG(
+        _parameters(gtsam, w, axes, state.position()), bias
+    )
+    state, bias = newest(_keys(gtsam, 0))
+    f, omega, i, pim = w.dv / w.dt, w.dtheta / w.dt, 0, begun(state, bias)
     for k in range(1, len(w.t)):
         pim.integrateMeasurement(f[k], omega[k], w.dt)
         if k not in stands:
             continue
-        before, (state, bias) = _keys(gtsam, i), newest(_keys(gtsam, i))
+        before = _keys(gtsam, i)
         i, (x, v, b) = i + 1, _keys(gtsam, i + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.add(gtsam.GalileanCombinedImuFactor(*before[:2], x, v, before[2], b, pim))
         if k in fixes:
-            graph.add(gtsam.GPSFactor(x, (fixes[k] - w.start[0]) * scale, model))
+            graph.add(gtsam.GPSFactor(x, axes.metres(fixes[k]), model))
         ahead = pim.predict(state, bias)
         for key, value in ((x, ahead.pose()), (v, ahead.velocity()), (b, bias)):
             values.insert(key, value)
         yield _Step(k, graph, values, (x, v, b))
-        pim.resetIntegrationAndSetBias(newest((x, v, b))[1])
+        state, bias = newest((x, v, b))
+        pim = begun(state, bias)
 
 
 def _row(pose, v, of_pose, of_v):
@@ -99,7 +130,8 @@ def _row(pose, v, of_pose, of_v):
 
 def _judged(w, took, t, rows):
     metres, v, C, std = (np.array(column) for column in zip(*rows))
-    return judged(w, took, t, w.start[0] + metres / local_frame.scale(w), v, C, std)
+    lla, turn = _axes(w).places(metres)
+    return judged(w, took, t, lla, np.einsum("nij,nj->ni", turn, v), turn @ C, std)
 
 
 def _forward(gtsam, w):
@@ -136,7 +168,8 @@ def fixed_lag(workload, seconds=60.0):
 
 
 def batch(workload, seconds=60.0):
-    """GTSAM's Levenberg-Marquardt over all states at once, from those of the fixed lag."""
+    """GTSAM's Levenberg-Marquardt over all states at once, from those of the fixed lag,
+    whose time counts."""
     import gtsam
 
     w = workload.first(seconds)
@@ -153,9 +186,23 @@ def batch(workload, seconds=60.0):
     robust = gtsam.LevenbergMarquardtParams()
     robust.setLinearSolverType("MULTIFRONTAL_QR")
     best = gtsam.LevenbergMarquardtOptimizer(graph, first, robust).optimize()
-    marginals = gtsam.Marginals(graph, best)
-    rows = [
-        _row(best.atPose3(x), best.atVector(v), *map(marginals.marginalCovariance, (x, v)))
-        for x, v, _ in keys
-    ]
+    marginal = _marginal(gtsam, graph, best)
+    rows = [_row(best.atPose3(x), best.atVector(v), marginal(x), marginal(v)) for x, v, _ in keys]
     return _judged(w, time.process_time() - begin, np.array(t), rows)
+
+
+def _marginal(gtsam, graph, best):
+    """A function that finds the covariance of a key. GTSAM's Marginals know Cholesky alone in Python; where
+    that finds no factors, those of QR over the whole Jacobian."""
+    try:
+        return gtsam.Marginals(graph, best).marginalCovariance
+    except RuntimeError:
+        order = gtsam.Ordering.ColamdNonlinearFactorGraph(graph)
+        keys = [order.at(i) for i in range(order.size())]
+        R = np.linalg.qr(graph.linearize(best).jacobian(order)[0], mode="r")
+        rows = solve_triangular(R, np.eye(len(R)))
+        ends = np.cumsum([SIZES[chr(gtsam.Symbol(key).chr())] for key in keys])
+        inside = {
+            key: slice(end - n, end) for key, end, n in zip(keys, ends, np.diff(np.r_[0, ends]))
+        }
+        return lambda key: rows[inside[key]] @ rows[inside[key]].T

@@ -1,4 +1,4 @@
-"""strapdown itself: the closed loop, the invariant filter and the smoother, without a gate, as the
+"""strapdown itself: the closed loop, the invariant filter and the smoothers of both, without a gate, as the
 others have none."""
 
 import time
@@ -20,23 +20,32 @@ def invariant(workload, seconds=float("inf")):
 
 
 def _filtered(name, workload, seconds):
-    """A filter; its time is that of the compiled loop, as `make bench` takes it."""
-    w = workload.first(seconds)
-    path = subject.fuse(w, name).trajectory
-    again = subject.timed_run(w, name)
-    took = min(again() for _ in range(20))  # a loop of milliseconds, on a machine with other work
-    return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])
+    return _run(sd.fuse, name, workload, seconds)
 
 
 def smoothed(workload, seconds=float("inf")):
-    """strapdown's RTS smoother over the closed loop; its time is that of the whole call."""
+    """strapdown's RTS smoother over the closed loop."""
+    return _smoothed("closed-loop", workload, seconds)
+
+
+def smoothed_invariant(workload, seconds=float("inf")):
+    """strapdown's RTS smoother over the invariant filter."""
+    return _smoothed("iekf", workload, seconds)
+
+
+def _smoothed(name, workload, seconds):
+    return _run(sd.smooth, name, workload, seconds)
+
+
+def _run(run, name, workload, seconds):
+    """A filter or smoother; its time is that of the whole call."""
     w = workload.first(seconds)
     log, about = (
         subject.recording(w),
         dict(start=subject.start(w), noise=subject.noise(w.parameters)),
     )
-    sd.smooth(log, "closed-loop", **about)
+    run(log, name, **about)
     begin = time.process_time()
-    path = sd.smooth(log, "closed-loop", **about).trajectory
+    path = run(log, name, **about).trajectory
     took = time.process_time() - begin
     return judged(w, took, path.t, path.lla, path.v_n, path.rotation.as_matrix(), path.std[:, :9])

@@ -5,9 +5,9 @@ import time
 import warnings
 
 import numpy as np
-from workload import DEG
 
 from adapters import fixes_by_sample, judged, local_frame
+from strapdown.geometry.geodesy import gravity
 
 LONG = 1e5
 """s: time constant of its Gauss-Markov biases, long so that they walk."""
@@ -23,13 +23,16 @@ def _filter(w):
         {"N": p[s + "_noise"], "B": p[s + "_bias_walk"] * math.sqrt(LONG / 2), "tau_cb": LONG}
         for s in ("accel", "gyro")
     ]
-    quaternion = Rotation.from_euler("xyz", w.start[2]).as_quat()[[3, 0, 1, 2]]
+    start, P = Rotation.from_euler("xyz", w.start[2]), np.diag(w.std**2)
+    C = start.as_matrix()
+    P[6:9, 6:9] = C.T @ P[6:9, 6:9] @ C  # its errors of attitude are in body axes
+    (lat, _, alt), quaternion = w.start[0], start.as_quat()[[3, 0, 1, 2]]
     return smsfusion.AidedINS(
         1 / w.dt,
         np.r_[np.zeros(3), w.start[1], quaternion, np.zeros(6)],
-        np.diag(w.std**2),
+        P,
         *errors,
-        g=smsfusion.gravity(w.start[0][0] / DEG),
+        g=gravity(lat, alt),
         ignore_bias_acc=False,
         cold_start=False,
     )

@@ -1,7 +1,7 @@
 """Other packages on the samples of a BROAD trial, each as a small function: arrays in the sensor's
 axes -> its attitude in east, north, up.
 
-All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `installed_version` tells
+All run with the settings that their packages ship. `vqf`, `ahrs` and `imufusion` are optional: `installed_version` tells
 which are there.
 """
 
@@ -98,6 +98,30 @@ def _ekf_as_is(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     return product(NWU, EKF(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q)
 
 
+def _fusion(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
+    return _xio(gyr, acc, mag, fs)
+
+
+def _fusion_example(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
+    rejections = dict(acceleration_rejection=10, magnetic_rejection=10, rejection_timeout=5)
+    return _xio(gyr, acc, mag, fs, gain=0.5, gyroscope_range=2000, **rejections)
+
+
+def _xio(gyr: Array, acc: Array, mag: Array, fs: float, **settings: float) -> Array:
+    """imufusion with its correction of the gyro bias, as its examples have it."""
+    import imufusion
+
+    bias, ahrs = imufusion.Bias(), imufusion.Ahrs()
+    bias.set_settings(imufusion.BiasSettings(sample_rate=fs))
+    convention = imufusion.CONVENTION_NWU
+    ahrs.set_settings(imufusion.AhrsSettings(sample_rate=fs, convention=convention, **settings))
+    q = np.empty((len(gyr), 4))
+    for k, (rate, force, field) in enumerate(zip(np.degrees(gyr), acc / 9.80665, mag)):
+        ahrs.update(bias.update(rate), force, field)
+        q[k] = ahrs.get_quaternion()
+    return product(NWU, q)
+
+
 PEERS = (
     Peer("vqf", "vqf", _vqf, False, "VQF(Ts).updateBatch, quat9D", (1.38, 2.31, 4.08, 1.55, 3.75)),
     Peer(
@@ -141,5 +165,13 @@ PEERS = (
         True,
         "samples as the record has them, as the others get them; its equations want other axes",
         (31.9,),
+    ),
+    Peer("imufusion", "imufusion", _fusion, True, "Bias and Ahrs, default settings"),
+    Peer(
+        "imufusion, its example",
+        "imufusion",
+        _fusion_example,
+        True,
+        "with the settings of its advanced example: rejections beyond 10 deg, for 5 s at most",
     ),
 )
