@@ -88,6 +88,36 @@ def test_equal_errors_are_level_and_doubled_ones_are_not():
     assert not scores.level([1.0, 1.0], [1.0, 2.0], scores.size)
 
 
+@pytest.mark.short
+@pytest.mark.parametrize("blocks", [4, 9])
+def test_equal_packages_are_told_apart_in_few_cells(blocks):
+    """In 5 % of cells, by a fixed draw of 400."""
+    rng = np.random.default_rng(blocks)
+    common = rng.chisquare(3, (400, 1, blocks))
+    pairs = common * np.exp(0.3 * rng.standard_normal((400, 2, blocks)))
+    apart = [not scores.level(a, b, scores.size) for a, b in pairs]
+    assert 0.02 < np.mean(apart) < 0.08
+
+
+@pytest.mark.short
+def test_of_two_filters_of_one_package_each_competes():
+    found = results()
+    worse = scores.scored(trial(), estimate(ned=(30.0, 0.0, 40.0)))
+    found["thor75"]["strapdown iekf"] = {"us": 2.0, "scores": worse}
+    told, _, _, _, *rows = ranking_page.behind(found, smoothers=False).splitlines()
+    assert "closed-loop in 0, strapdown iekf in" in told and "all of them in 0." in told
+    assert rows and all(r.split("|")[6].strip().endswith("\\*") for r in rows)
+    assert ranking_page.summary(found, False).count("2 of 2 |") == 2  # both faster than GNSS_IMU
+
+
+@pytest.mark.short
+def test_with_fixes_a_reference_that_is_the_fixes_scores_no_position():
+    found = {"drive0708": results()["thor75"]}
+    cells = ranking_page.cells(found, ["strapdown closed-loop", "GNSS_IMU"])
+    questions = {question for _, question, error, _ in cells if error == "position"}
+    assert questions == {"in outages"}
+
+
 def test_a_system_that_fails_is_a_line_and_the_rest_goes_on():
     case = namedtuple("Case", ("workload", "outages"))(workload(), [(1.0, 2.0)])
     run = lambda function, **more: ranking.apart(case, ranking.System("it", function, "it"), **more)
@@ -110,7 +140,8 @@ def results():
     """Two cases: one package half as accurate as strapdown, one that stopped."""
     own = scores.scored(trial(), estimate())
     other = scores.scored(trial(), estimate(ned=(6.0, 0.0, 8.0), turned=(0.0, 0.0, 2.0)))
-    run = {ranking.OWN: {"us": 1.0, "scores": own}, "GNSS_IMU": {"us": 100.0, "scores": other}}
+    own, other = {"us": 1.0, "scores": own}, {"us": 100.0, "scores": other}
+    run = {"strapdown closed-loop": own, "strapdown iekf": own, "GNSS_IMU": other}
     return {"thor75": run | {"sidereon EKF": {"stopped": "panic"}}, "car, tactical": run}
 
 
@@ -118,12 +149,14 @@ def results():
 def test_the_tables_say_who_is_first_and_who_stopped():
     found = results()
     table = ranking_page.summary(found, smoothers=False)
-    own, peer = (line for line in table.splitlines()[2:])
+    own, _, peer = (line for line in table.splitlines()[2:])
     assert own.startswith("| strapdown closed-loop | 12 of 12 | 1.00 |") and "2 of 2 | 1 |" in own
     assert peer.startswith("| GNSS_IMU | 8 of 12 |") and "0 of 2 | 100 |" in peer
     assert "stopped: panic" in ranking_page.recorded(found)
-    assert ranking_page.behind(found, smoothers=False).count("\n") == 2
-    assert "| car, tactical | 5 | – |" in ranking_page.flown(found)
+    behind = ranking_page.behind(found, smoothers=False)
+    assert "strapdown closed-loop in 0, strapdown iekf in 0, all of them in 0." in behind
+    assert behind.count("\n") == 4
+    assert "| car, tactical | 5 | 5 | – |" in ranking_page.flown(found)
 
 
 @pytest.mark.short
