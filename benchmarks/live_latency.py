@@ -58,7 +58,23 @@ def latencies(folder: Path) -> np.ndarray:
     words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--json"]
     process = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL)
     time.sleep(10.0)  # until its kernels are loaded
-    found, begin = [], 0.0
+    try:
+        return np.array(_measured(recording, events, sender, address, output))
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _measured(
+    recording: sd.Recording,
+    events: list[sd.Sample | sd.Measurement],
+    sender: socket.socket,
+    address: tuple[str, int],
+    output: socket.socket,
+) -> list[float]:
+    """Latencies of the samples, s, each sent when it is due and its state awaited."""
+    found: list[float] = []
+    begin = 0.0
     for event in events:
         if event.t > GATHERED and isinstance(event, sd.Sample):
             begin = begin or time.perf_counter() - event.t + 0.5
@@ -73,9 +89,7 @@ def latencies(folder: Path) -> np.ndarray:
             found.append(time.perf_counter() - sent)
         elif not isinstance(event, sd.Sample) or event.t < GATHERED:
             time.sleep(0.0005)
-    process.terminate()
-    process.wait()
-    return np.array(found)
+    return found
 
 
 def main() -> None:
