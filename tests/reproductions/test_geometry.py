@@ -82,8 +82,8 @@ def test_figures_are_of_the_worst_setting_and_flight():
 def test_a_cell_compares_runs_with_the_same_random_numbers():
     (row,) = runs.cell("hand-held", "tactical", 4, 3)
     assert row["survived, closed-loop"] == row["survived, iekf"] == row["runs"] == 4
-    assert 0.5 < row["ANEES, closed-loop"] < 2 and abs(row["ratio"] - 1) < 0.01
-    assert 0 < row["std"] < 0.01
+    assert 0.5 < row["ANEES, closed-loop"] < 2 and abs(row["ratio"] - 1) < 0.1
+    assert 0 < row["std"] < 0.05
 
 
 def test_at_rest_each_filter_has_a_claim(monkeypatch):

@@ -394,7 +394,8 @@ def test_the_recorded_data(data_folder, monkeypatch):
         and flown["roll, deg"] < 1.0
         and flown["heading, deg"] < 3.0
     )
-    assert flown["others accepted"] > 60000 and flown["fixes rejected"] < 20
+    # 15 % of the magnetometer's samples contradict positions and velocities, and are left out
+    assert flown["others accepted"] > 55000 and flown["fixes rejected"] < 20
     assert (
         scores.loc[("drive0708", "attitude-mekf"), "said"]
         == "runs; the recording has nothing to score it by"
