@@ -159,10 +159,11 @@ def _platform(found: Export, tables: dict[str, FileTable]) -> Platform:
     metadata = next((each for each in found.files if each.lower() == "metadata"), None)
     if metadata:
         table = found.table(metadata).frame
-        if len(table) and "platform" in table:
-            said = lambda column: str(table[column].iloc[0]).lower()
-            standard = "standardisation" in table and said("standardisation") == "true"
-            name = "ios" if "ios" in said("platform") else "android"
+        asked = [column for column in ("platform", "standardisation") if column in table]
+        said = {column: str(table[column].iloc[0]).lower() for column in asked if len(table)}
+        if "platform" in said:
+            standard = said.get("standardisation", "false") == "true"
+            name = "ios" if "ios" in said["platform"] else "android"
             return Platform(name, standard, "from Metadata.csv")
     for name in ANDROID:
         if name in found.files:
