@@ -173,12 +173,13 @@ def test_a_receiver_by_its_arrival(tmp_path, monkeypatch):
             time.sleep(0.002)
     live.close()
     (estimate,) = live.clocks.values()
-    assert estimate.delay < 0.03 and len(taken) >= 20
+    # decoded they are 0.2 s later, on a machine with other work some ms
+    assert estimate.delay < 0.1 and len(taken) >= 20
     # on the clock of this machine, though the receiver says 2024-05-17
     unix = unix_from_gps(live.clock.epoch + taken[-1].t)
     assert abs(unix - (1.7e9 + time.monotonic())) < 1.0
     position = [event.t for event in taken if event.source == 0]
-    assert np.diff(position) == pytest.approx(0.2, abs=2e-3)
+    assert np.diff(position) == pytest.approx(0.2, abs=0.05)
 
 
 def test_a_source_without_stamps_counts_at_its_arrival(tmp_path, monkeypatch):
