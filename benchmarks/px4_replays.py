@@ -2,7 +2,7 @@
 
 The replays (test/replay_data of PX4/PX4-ECL, a simulated quadrotor of half a minute) are the samples that the
 tests of EKF2 run on, and test/change_indication holds the states that it must find: ten times a second
-attitude, velocity, position from the start, biases and their variances. Here the closed loop runs on the same
+attitude, velocity, position from the start, biases, the field and their variances. Here the closed loop runs on the same
 samples with the noise that EKF2 assumes.
 
     STRAPDOWN_PEERS=folder python benchmarks/px4_replays.py      # a folder with a clone of PX4/PX4-ECL
@@ -78,6 +78,13 @@ def published(path, last):
     return rows[(t > SETTLED) & (t <= last)]
 
 
+def _declinations(log, rows):
+    """(n, 1) that of EKF2's estimated field less that of the model, deg."""
+    (north, east, _) = next(a.parameters for a in log.sources if a.kind == "magnetic-field")
+    theirs = np.arctan2(rows[:, 18], rows[:, 17])
+    return np.rad2deg(theirs - np.arctan2(east, north))[:, None]
+
+
 def compared(name):
     """{quantity: (unit, rms of the difference, claimed by strapdown, claimed by EKF2)} of one replay."""
     from scipy.spatial.transform import Rotation
@@ -104,6 +111,7 @@ def compared(name):
         "change of position": ("m", size(moved), size(claimed[:, :3]), size(theirs[:, 7:10])),
         "roll and pitch": ("deg", size(turned[:, :2]), size(degrees[:, :2]), None),
         "heading": ("deg", size(turned[:, 2:]), size(degrees[:, 2:]), None),
+        "declination of the field": ("deg", size(_declinations(log, rows)), None, None),
     }
 
 

@@ -55,8 +55,8 @@ def fixes(flight, gps_ms):
     frames = written_ubx.pvt(
         moments, lat=degrees[:, 0], lon=degrees[:, 1], height=mm, hMSL=mm - 47_000,
         velN=v[:, 0], velE=v[:, 1], velD=v[:, 2], nano=moments % 1000 * 1_000_000,
-        hAcc=np.linalg.norm(position.std[:, :2], axis=1) * 1e3, vAcc=position.std[:, 2] * 1e3,
-        sAcc=np.linalg.norm(velocity.std, axis=1) * 1e3,
+        hAcc=position.std[:, 0] * 1e3, vAcc=position.std[:, 2] * 1e3,
+        sAcc=velocity.std[:, 0] * 1e3,
     )  # fmt: skip
     return [(t + DELAY, frame.tobytes()) for t, frame in zip(position.t, frames)]
 

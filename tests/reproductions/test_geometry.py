@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.loop.contract import ATT
 from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.common.write_docs import DOCS, mark
+from strapdown_reproductions.consistency import refused
 from strapdown_reproductions.geometry import main, runs, worlds
 
 
@@ -77,6 +78,12 @@ def test_figures_are_of_the_worst_setting_and_flight():
     found = main.figures(StudyTables(starts=made(ends), flights=flown, cells=cells))
     wanted = {"home": 27.0, "beside": 13.5, "flights": 1.1, "refused": 0.9, "cells": 1.02}
     assert found == pytest.approx(wanted)
+
+
+@pytest.mark.short
+def test_refused_cells_are_those_of_the_table_of_consistency():
+    of_loop = {cell[1:] for cell in refused.REFUSED if cell.filter == "closed-loop"}
+    assert set(main.REFUSED) == of_loop
 
 
 def test_a_cell_compares_runs_with_the_same_random_numbers():

@@ -2,6 +2,7 @@
 the last epochs are read as the log that they are, and what is new in it is taken."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
@@ -43,7 +44,7 @@ def check_moment(gps: float) -> None:
         )
 
 
-class Decoder:
+class Decoder(ABC):
     """Bytes of one input to events; `bad` counts what is none, `why` says it of the first."""
 
     def __init__(self) -> None:
@@ -51,9 +52,9 @@ class Decoder:
         # s, of time.monotonic: when the bytes came of which the events are; None: just now
         self.last: float | None = None
 
+    @abstractmethod
     def feed(self, piece: bytes) -> list[Sample | Measurement]:
         """Take bytes and return the events that they complete."""
-        raise NotImplementedError
 
     def idle(self) -> list[Sample | Measurement]:
         """Return the events that are complete because nothing came for QUIET s."""
@@ -69,7 +70,7 @@ class Decoder:
         """Values that it needs besides to go on, as JSON has them."""
         return None
 
-    def resume(self, memory: Any) -> None:
+    def resume(self, memory: Any) -> None:  # noqa: B027 (most have no memory)
         """Go on with the `memory` of before a restart."""
 
 

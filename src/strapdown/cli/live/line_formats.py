@@ -1,5 +1,6 @@
 """Samples and measurements from lines of text: JSON and CSV."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from math import nan
 from typing import Any
@@ -51,9 +52,9 @@ class _Lines(Decoder):
                     self.why = self.why or f"{brief(line)}: {_reason(error)}"
         return found
 
+    @abstractmethod
     def _table(self, line: bytes) -> dict[str, Any]:
         """Return what a line says, by name; nothing where it is a header. Raises DataError."""
-        raise NotImplementedError
 
     def _event(self, table: dict[str, Any]) -> Sample | Measurement | None:
         if not table:

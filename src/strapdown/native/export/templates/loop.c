@@ -53,12 +53,12 @@ static void read_pvt(const uint8_t *p, pvt_fix *fix)
     fix->lla[0] = number(p + 28, 4) * 1e-7 * PI / 180;
     fix->lla[2] = number(p + 32, 4) * 1e-3;
     fix->above_geoid = number(p + 36, 4) * 1e-3;
-    /* hAcc is of two axes together */
-    fix->position_std[0] = fix->position_std[1] = (uint32_t)number(p + 40, 4) * 1e-3 / sqrt(2.0);
+    /* each accuracy stands for each of its axes, as strapdown reads logs */
+    fix->position_std[0] = fix->position_std[1] = (uint32_t)number(p + 40, 4) * 1e-3;
     fix->position_std[2] = (uint32_t)number(p + 44, 4) * 1e-3;
     for (int i = 0; i < 3; i++)
         fix->v[i] = number(p + 48 + 4 * i, 4) * 1e-3;
-    fix->speed_std = (uint32_t)number(p + 68, 4) * 1e-3 / sqrt(3.0); /* and sAcc of three */
+    fix->speed_std = (uint32_t)number(p + 68, 4) * 1e-3;
 }
 
 /* One byte more; 1 where it ends a whole NAV-PVT, which is then in `fix`. */
