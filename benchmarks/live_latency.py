@@ -193,9 +193,14 @@ def run_steps() -> None:
         if not k:
             gc.freeze()  # as the command does
         started = started or (k if stream.started else 0)
-    next_of = lambda kind, begin: next(k for k in range(begin, len(events)) if type(events[k]) is kind)
-    own = [next_of(sd.Sample, started + 1), next_of(sd.Measurement, started + 1)]
-    own.append(next_of(sd.Measurement, late))
+    own = [
+        next(k for k in range(begin, len(events)) if isinstance(events[k], kind))
+        for kind, begin in (
+            (sd.Sample, started + 1),
+            (sd.Measurement, started + 1),
+            (sd.Measurement, late),
+        )
+    ]
     later = max(took[k] for k in range(started + 1, len(events)) if k not in own)
     until = max(took[1:started])
     steps = took[0], first_turn, until, took[started], *(took[k] for k in own), later

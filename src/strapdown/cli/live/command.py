@@ -38,7 +38,7 @@ def live(
     seen = terminal and is_in_place() and sys.stderr.isatty()
     program = sd.Live(config, on_event=None if seen else _complain, page=page)
     uses_output = any(part.address.kind == "-" for part in program.config.outputs)
-    # a collection of all that was loaded until now would keep samples waiting for 60 ms
+    # a collection of all that was loaded until now would keep samples waiting
     gc.freeze()
     try:
         if terminal and (uses_output or not is_shown()):

@@ -55,17 +55,17 @@ def json_line(it: Shown) -> str:
         "t": it.t,
         "utc": it.moment and it.moment.isoformat(timespec="milliseconds"),
         "status": Status(it.status).name.lower(),
-        "lat": _known(degrees(lat)),
-        "lon": _known(degrees(lon)),
-        "height": _known(height),
-        "v_n": [*map(_known, it.state.v_n.tolist())],
-        "rph": [*map(_known, angles(it.state))],
+        "lat": _number_or_null(degrees(lat)),
+        "lon": _number_or_null(degrees(lon)),
+        "height": _number_or_null(height),
+        "v_n": [*map(_number_or_null, it.state.v_n.tolist())],
+        "rph": [*map(_number_or_null, angles(it.state))],
         "std": [sqrt(variance) if variance >= 0 else None for variance in variances],
     }
     return json.dumps(table) + "\n"
 
 
-def _known(value: float) -> float | None:
+def _number_or_null(value: float) -> float | None:
     """Return a number, None for NaN, which JSON lacks."""
     return value if value == value else None
 

@@ -285,7 +285,8 @@ class _Log:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        self._tell(f"log: cannot be written ({getattr(error, 'strerror', '') or error}); it ends here")
+        why = getattr(error, "strerror", "") or error
+        self._tell(f"log: cannot be written ({why}); it ends here")
         self.close()
 
     def close(self) -> None:
@@ -484,7 +485,8 @@ class Live:
         self.stream.epoch = self.clock.epoch
         path = self.config.state
         try:
-            self._saving.begin(write_state_text, path, state_text(path, self.stream.saved_content()))
+            text = state_text(path, self.stream.saved_content())
+            self._saving.begin(write_state_text, path, text)
         except DataError as error:
             self._tell(str(error))
 
