@@ -15,7 +15,7 @@ from ...core.loop.contract import Imu
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
-from ...engine.saved_state import OtherStateError
+from ...engine.saved_state import OtherStateError, state_text, write_state_text
 from ...engine.stream import Measurement, Sample
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
@@ -25,8 +25,9 @@ from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstima
 from .config import Config, InputPart, OutputPart, config_of
 from .dashboard import Dashboard
 from .decoders import decoder
+from .disk_job import DiskJob
 from .encoders import encoder
-from .input_formats import Clock, Decoder
+from .input_formats import QUIET, Clock, Decoder
 from .line_formats import NO_CLOCK
 from .notices import Notices, Senders
 from .output_formats import state_at
@@ -44,6 +45,9 @@ IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
 MAX_HELD = 20_000
 """Events that wait until the clock of their device is known, at most."""
+CALM = 0.001
+"""s after a sample in which an epoch of a receiver is decoded, which takes longer than a sample: the
+next one comes later."""
 BATCH = 1000
 """Events of a recording that are taken at a time, at most."""
 
@@ -77,15 +81,16 @@ class _Bytes:
         """True where nothing more will come."""
         return self.port.ended
 
-    def events(self) -> list[Sample | Measurement]:
-        """Return what has come."""
+    def events(self, has_time: bool) -> list[Sample | Measurement]:
+        """Return what has come, and with `has_time` what is complete because nothing more came."""
         found: list[Sample | Measurement] = []
         for k, piece in enumerate(self.port.read()):
             events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
             found += events
             if self.port.senders and events and type(events[0]) is Sample:
                 self.senders.take(self.port.senders[k])
-        found += self.decoder.idle()
+        if has_time:
+            found += self.decoder.idle()
         if self.unstamped is not None:
             return self._at_arrival(self.unstamped, found)
         return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
@@ -157,7 +162,7 @@ class _Replayed:
         """True where nothing more will come."""
         return self._next is None
 
-    def events(self) -> list[Sample | Measurement]:
+    def events(self, _: bool) -> list[Sample | Measurement]:
         """Return what is due."""
         if self._next is not None and self._began < 0:
             self._first, self._began = self._next[0], time.monotonic()
@@ -236,7 +241,7 @@ class _Log:
         self._path, self._tell, self.written = Path(path), tell, list[Path]()
         self._file: BinaryIO | None = None
         self._start: object = None
-        self._forced = time.monotonic()
+        self._forced, self._forcing = time.monotonic(), DiskJob(self._fail)
 
     def use(self, stream: Any, config: Config, sample: Sample, fixes: list[Measurement]) -> None:
         """Write a sample and the measurements used with it."""
@@ -247,8 +252,7 @@ class _Log:
                 lines = [fix_line(int(fix.source), fix.t, fix.y, fix.std) for fix in fixes]
                 self._file.write("".join([*lines, sample_line(*sample)]).encode())
         except OSError as error:
-            self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
-            self.close()
+            self._fail(error)
 
     def _begin(self, stream: Any, config: Config) -> None:
         self.close()
@@ -269,25 +273,31 @@ class _Log:
         return path
 
     def force(self) -> None:
-        """Bring what was written to the disk once in FLUSH s."""
+        """Have what was written brought to the disk once in FLUSH s."""
         now = time.monotonic()
-        if self._file is not None and now >= self._forced + FLUSH:
-            self._forced = now
-            try:
-                self._file.flush()
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
-                self.close()
+        if not self._forcing.is_free() or self._file is None or now < self._forced + FLUSH:
+            return
+        self._forced = now
+        try:
+            self._file.flush()
+            self._forcing.begin(os.fsync, self._file.fileno())
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        why = getattr(error, "strerror", "") or error
+        self._tell(f"log: cannot be written ({why}); it ends here")
+        self.close()
 
     def close(self) -> None:
         """Close the file."""
+        self._forcing.end()
         file, self._file = self._file, None
         if file is not None:
             try:
                 file.close()
             except OSError as error:
-                self._tell(f"log: cannot be written ({error.strerror or error}); it ends here")
+                self._fail(error)
 
 
 def _not_replaced(text: str) -> DataError:
@@ -365,6 +375,7 @@ class Live:
         ]
         self.outputs = [_StatePort(part) for part in own.outputs]
         self._heard = self._saved = time.monotonic()
+        self._saving = DiskJob(lambda error: self._tell(str(error)))
         self._notices, self._looked = Notices(self._tell), -inf
         self._is_silent, self._closed = False, False
         if own.state and Path(own.state).exists():
@@ -406,7 +417,7 @@ class Live:
         """Take what has come, and write what is due; return False where nothing had come."""
         count = 0
         for each in self.inputs:
-            for event in each.events():
+            for event in each.events(not CALM < self.since_sample < QUIET):
                 count += 1
                 self.stream.step(event)
                 if isinstance(event, Sample):
@@ -428,7 +439,8 @@ class Live:
         now = time.monotonic()
         if self._log is not None:
             self._log.force()
-        if self.config.state and now >= self._saved + self.config.save_every:
+        due = self.config.state and now >= self._saved + self.config.save_every
+        if self._saving.is_free() and due:
             self._saved = now
             self._save()
         if now >= self._looked + LOOK:
@@ -471,8 +483,10 @@ class Live:
             if mark := each.mark():
                 carried[str(each.port.address)] = mark
         self.stream.epoch = self.clock.epoch
+        path = self.config.state
         try:
-            self.stream.save(self.config.state)
+            text = state_text(path, self.stream.saved_content())
+            self._saving.begin(write_state_text, path, text)
         except DataError as error:
             self._tell(str(error))
 
@@ -504,6 +518,7 @@ class Live:
         self._closed = True
         if self.config.state:
             self._save()
+        self._saving.end()
         try:
             if self.stream.started:
                 self.stream.finish()
