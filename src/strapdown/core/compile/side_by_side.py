@@ -15,10 +15,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from ...fileio.locks import part_of
 from . import compiler
@@ -206,12 +206,9 @@ class _Workers:
         self._count = count
 
     def __enter__(self) -> "_Workers":
-        path = [each for each in sys.path if isinstance(each, str)]
-        code = START.format(path=path, module=__name__)
-        command = [sys.executable, "-c", code]
         for _ in range(self._count):
             try:
-                self._begin(command)
+                self._begin()
             except OSError:
                 pass
             except BaseException:  # Ctrl-C, which leaves none of them behind
@@ -219,11 +216,9 @@ class _Workers:
                 raise
         return self
 
-    def _begin(self, command: list[str]) -> None:
+    def _begin(self) -> None:
         """Start one. Raises OSError."""
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
+        process = start_process(__name__)
         self._processes.append(process)
         thread = threading.Thread(target=self._feed, args=(process,), daemon=True)
         thread.start()
@@ -277,12 +272,31 @@ class _Workers:
         self._done.put((None, 0.0))
 
 
+def start_process(module: str) -> "subprocess.Popen[bytes]":
+    """Start the `main` of a module in a process of its own, with pipes from and to it. Raises
+    OSError."""
+    path = [each for each in sys.path if isinstance(each, str)]
+    return subprocess.Popen(
+        [sys.executable, "-c", START.format(path=path, module=module)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+@contextmanager
+def answers() -> Iterator[BinaryIO]:
+    """The pipe to the process that started this one, which alone ends it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with os.fdopen(os.dup(1), "wb") as pipe:
+        os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer
+        yield pipe
+
+
 def main() -> None:
     """Run a worker process: compile the jobs that arrive on stdin, and answer each with the seconds
     that it took, 0 where it failed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever began it ends it
-    with os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer
+    with answers() as pipe:
         compiler.warm_up()
         while True:
             try:
@@ -293,8 +307,8 @@ def main() -> None:
             with suppress(Exception):
                 if _compile_job(job):
                     seconds = time.perf_counter() - begin
-            answers.write(f"{seconds}\n".encode())
-            answers.flush()
+            pipe.write(f"{seconds}\n".encode())
+            pipe.flush()
 
 
 def _compile_job(job: Job) -> bool:
