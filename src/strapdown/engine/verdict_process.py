@@ -14,7 +14,7 @@ from contextlib import suppress
 from math import inf
 from typing import Any, BinaryIO, NamedTuple
 
-from ..core.compile.side_by_side import answers, start_process
+from ..core.compile.other_process import answers, start_process
 from ..data.verdict import Verdict
 from ..plugins import one_line
 from .live_run import solution_of

@@ -218,6 +218,7 @@ class Dashboard:
             html = verdict_block({"": newest.verdict}) if newest else ""
             self._verdicts.add(self.number + 1, html)
         self._state["verdict"] = {
+            "word": newest.verdict.word if newest else "not yet",
             "line": newest.verdict.line if newest else "not yet",
             "of": newest.span if newest else "",
             "error": verdicts.error,
@@ -226,7 +227,7 @@ class Dashboard:
     # ---- the viewers
 
     @contextmanager
-    def viewed(self) -> Iterator[None]:
+    def count_viewer(self) -> Iterator[None]:
         """Count a viewer for as long as the block lasts."""
         with self.changed:
             self.viewers += 1

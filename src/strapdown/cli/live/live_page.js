@@ -33,8 +33,8 @@ function writeNumbers(it) {
   at("status").className = `verdict ${look}`;
   put("word", it.status);
   put("reason", it.reason);
-  const {of, line, error} = it.verdict;
-  put("verdict-of", (of ? `Verdict on ${of}.` : `Verdict: ${line}.`) + (error ? ` A new one failed: ${error}. The filter goes on.` : ""));
+  const {of, word, error} = it.verdict;
+  put("verdict-of", (of ? `Verdict on ${of}.` : `Verdict: ${word}.`) + (error ? ` The last attempt failed: ${error}. The filter goes on.` : ""));
   document.querySelectorAll(".of-position").forEach(each => { each.hidden = !it.has_position; });
   const [lat, lon] = it.lat_lon || [], [north, east, up] = it.position_std || [];
   put("lat", inUnit(lat, "°", 7));

@@ -122,7 +122,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, text)
         else:
             try:
-                with self.server.dashboard.viewed():
+                with self.server.dashboard.count_viewer():
                     self._send_events()
             finally:
                 self.server.viewers.release()

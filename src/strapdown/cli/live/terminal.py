@@ -51,7 +51,7 @@ class TerminalView:
 
     def _run(self) -> None:
         # its reader may go before the program ends
-        with suppress(OSError), self._dashboard.viewed():
+        with suppress(OSError), self._dashboard.count_viewer():
             while not self._over.wait(EVERY):
                 self._show()
 
@@ -85,7 +85,7 @@ def one_line_view(shown: Mapping[str, Any]) -> str:
     if "rph" in shown:
         parts += [_position(shown), _velocity(shown).split(":")[0], _attitude(shown)]
     parts += [f"{each['name']} {uses_text(each)}" for each in shown["sources"]]
-    parts.append(_verdict(shown["verdict"]))
+    parts.append(f"verdict {shown['verdict']['word']}")
     return "; ".join(filter(None, parts))
 
 
@@ -111,7 +111,7 @@ def _head(shown: Mapping[str, Any]) -> str:
 
 def _verdict(verdict: Mapping[str, str]) -> str:
     span = f" ({verdict['of']})" if verdict["of"] else ""
-    failure = f"; a new one failed: {verdict['error']}" if verdict["error"] else ""
+    failure = f"; the last attempt failed: {verdict['error']}" if verdict["error"] else ""
     return f"verdict{span}: {verdict['line']}{failure}"
 
 

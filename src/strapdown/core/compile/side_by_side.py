@@ -10,26 +10,25 @@ import importlib
 import os
 import pickle
 import queue
-import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 from ...fileio.locks import part_of
 from . import compiler
 from .closure_values import NoWords, functions
+from .other_process import answers, start_process
 from .signatures import Signature
 
 ENOUGH = 5e5
 """Work of `work` for which a process of its own is not worth its start of a second."""
 TURN = 0.5
 """s after which a Ctrl-C is heard on systems where waiting does not hear it."""
-START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 TELLING = 0.1
 """Share of the work that tells the pace: a small kernel takes mostly what a process begins with."""
 PACE = "pace"
@@ -270,27 +269,6 @@ class _Workers:
             if seconds is None:
                 break
         self._done.put((None, 0.0))
-
-
-def start_process(module: str) -> "subprocess.Popen[bytes]":
-    """Start the `main` of a module in a process of its own, with pipes from and to it. Raises
-    OSError."""
-    path = [each for each in sys.path if isinstance(each, str)]
-    return subprocess.Popen(
-        [sys.executable, "-c", START.format(path=path, module=module)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
-
-
-@contextmanager
-def answers() -> Iterator[BinaryIO]:
-    """The pipe to the process that started this one, which alone ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with os.fdopen(os.dup(1), "wb") as pipe:
-        os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer
-        yield pipe
 
 
 def main() -> None:
