@@ -73,7 +73,8 @@ def test_a_verdict_is_that_of_the_stream(recording, process):
     newest = judged(process, stream)
     assert process.error == "" and newest.verdict == stream.verdict
     assert (newest.start, newest.stop) == (stream.start.t, stream.t)
-    assert 0 < newest.age < 2 * LATE
+    assert 0 < newest.age < 2 * LATE and newest.seconds > 0
+    assert process._due == newest.taken + newest.seconds / verdict_process.SHARE
     assert newest.span.startswith(f"{stream.start.t:.1f} to 60.0 s, ")
     # the stream goes on with the same process
     number = process._process.pid

@@ -51,12 +51,15 @@ class SpanVerdict(NamedTuple):
         Time of the last one, s.
     taken : float
         Time of `time.monotonic` when these samples were taken, s.
+    seconds : float
+        Time of a processor that it took, s; the first one with the start of the process.
     """
 
     verdict: Verdict
     start: float
     stop: float
     taken: float
+    seconds: float
 
     @property
     def age(self) -> float:
@@ -166,9 +169,9 @@ class VerdictProcess:
         if "torn" in answer:
             wait = AGAIN
         elif "verdict" in answer:
-            wait = max(self._every, answer["seconds"] / SHARE)
-            verdict = Verdict.from_dict(answer["verdict"])
-            found = SpanVerdict(verdict, job.start, job.stop, job.taken)
+            verdict, seconds = Verdict.from_dict(answer["verdict"]), float(answer["seconds"])
+            wait = max(self._every, seconds / SHARE)
+            found = SpanVerdict(verdict, job.start, job.stop, job.taken, seconds)
         with self._lock:
             if job.stream is self._stream:  # no other one has begun meanwhile
                 self.newest, self._due = found or self.newest, job.taken + wait
