@@ -17,6 +17,7 @@ from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
 from ...engine.saved_state import OtherStateError, state_text, write_state_text
 from ...engine.stream import Measurement, Sample
+from ...engine.verdict_process import SpanVerdict, VerdictProcess
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
 from ...plugins import one_line
@@ -321,6 +322,8 @@ class Live:
     ----------
     stream : LiveStream
         The filter.
+    verdicts : VerdictProcess
+        The process that judges the filter, and why it failed.
     page : str
         Address of the page; empty without one.
 
@@ -348,6 +351,7 @@ class Live:
         self.config = own = config_of(config)
         self._on_event = on_event
         self._dashboard: Dashboard | None = None
+        self.verdicts, self._wants_verdict, self._failure = VerdictProcess(), False, ""
         self.clock = Clock(own.epoch)
         self._log = _Log(own.log, self._tell) if own.log else None
         with locate_errors(own.name):
@@ -449,7 +453,16 @@ class Live:
         if now > self._heard + IMU_SILENT and not self._is_silent:
             self._is_silent = True
             self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
+        self._judge()
         self._show()
+
+    def _judge(self) -> None:
+        """Let another process make verdicts while somebody wants them."""
+        if self._wants_verdict or (self._dashboard is not None and self._dashboard.viewers):
+            self.verdicts.look(self.stream.stream)
+            before, self._failure = self._failure, self.verdicts.error
+            if self._failure and self._failure != before:
+                self._tell(f"verdict: {self._failure}; the filter goes on")
 
     def _show(self) -> None:
         """Let those who watch have the newest numbers; a fault there never ends the filter."""
@@ -524,6 +537,7 @@ class Live:
                 self.stream.finish()
         except DataError as error:
             self._tell(str(error))
+        self.verdicts.close()
         for each in self.inputs:
             each.close()
         for output in self.outputs:
@@ -562,6 +576,13 @@ class Live:
             self._dashboard.hear(t, text)
         if self._on_event is not None:
             self._on_event(t, text)
+
+    @property
+    def verdict(self) -> SpanVerdict | None:
+        """The newest verdict on what the filter has kept, with its span; None before there is one.
+        Another process makes them, while somebody watches, and from the first call of this on."""
+        self._wants_verdict = True
+        return self.verdicts.newest
 
     @property
     def bad(self) -> int:
