@@ -1008,22 +1008,25 @@ def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
     again.close()
 
 
-def test_told_to_end_it_saves_its_state(tmp_path):
+def test_told_to_end_it_saves_its_state_and_says_its_counts(tmp_path):
     """SIGTERM of the command long before the state is due."""
     sd.write_recording(flight(60.0), tmp_path / "flight.nc")
     (tmp_path / "live.toml").write_text(
         'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
         '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n'
     )
-    words = [sys.executable, "-m", "strapdown", "live", "live.toml"]
-    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--json"]
+    process = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
     while not (log.exists() and log.stat().st_size > 40_000):
         assert time.monotonic() < end and process.poll() is None
         time.sleep(0.05)
     process.terminate()
-    assert process.wait(30.0) != 0
+    told, said = process.communicate(timeout=30.0)
+    assert process.returncode == 130 and b"interrupted; files written so far are whole" in said
     assert (tmp_path / "state").stat().st_size > 1000
+    (used, _), *_ = json.loads(told)["counts"].values()
+    assert used > 5
 
 
 def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):

@@ -11,7 +11,7 @@ import typer
 
 import strapdown as sd
 
-from ..output import complain, is_shown, record, say, wrote
+from ..output import INTERRUPTED, complain, is_shown, record, say, wrote
 
 if TYPE_CHECKING:
     from .program import Live
@@ -45,6 +45,8 @@ def live(
             complain(f"page: {program.page}")
         with TerminalView(program.watch()) if terminal else nullcontext():
             program.run(inf if seconds is None else seconds)
+    except KeyboardInterrupt:  # its usual end, so that --json has the counts all the same
+        raise typer.Exit(INTERRUPTED) from None
     finally:
         program.close()
         _summarise(program, not uses_output)
