@@ -24,13 +24,17 @@ from collections.abc import Iterator
 from contextlib import suppress
 from heapq import heappop, heappush
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import workload
 
 from strapdown.cli.live.ports import Port, address_of
 from strapdown.engine.live_stream import CONFIRMED
+from strapdown_reproductions.common import markdown
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "live.md"
+MARK = "<!-- begin: day of python benchmarks/live_day.py -->"
 
 HOUR = 3600
 TICK = 0.05
@@ -39,10 +43,12 @@ STATES = 10.0
 """Hz of the states, in simulated time."""
 ROW = 250
 """Bytes of a sample in the log, at most."""
+PIECE = 1 << 24
+"""Bytes of it that are read at a time."""
 WARM = 1
 """Hours after which memory is to stay as it is."""
 SETTLED = 2.5
-"""s of rest after each hour, in which all is read, written and shown."""
+"""s without a new state after which all has been read, written and shown, after each hour."""
 READY = 60.0
 """s for the process to load its kernels."""
 CONFIG = """
@@ -110,7 +116,7 @@ class Day:
     def second(self, k: int) -> list[list[bytes]]:
         """The lines of each tick of the second from k s on."""
         if k % HOUR == 0:
-            begin = k + self._random.integers(HOUR // 4, HOUR // 2)
+            begin = float(k + self._random.integers(HOUR // 4, HOUR // 2))
             self._gap = begin, begin + float(self._random.uniform(*GAP))
             self.gaps.append(self._gap)
         ticks: list[list[bytes]] = [[] for _ in range(round(1 / TICK))]
@@ -215,7 +221,6 @@ def send(pipe, port: int, seconds: int, rate: int, speed: float) -> None:
                 behind = max(behind, -early)
                 if early > 0:
                     time.sleep(early)
-        time.sleep(SETTLED)
         pipe.send(Sent(lines, day.samples, day.fixes, day.gaps, dict(day.faults), behind))
         pipe.recv()
 
@@ -226,7 +231,6 @@ class States:
     def __init__(self, port: int) -> None:
         self._port = Port(address_of(f"udp:127.0.0.1:{port}", ""))
         self.count, self.newest = 0, -1.0
-        self.first = -1.0
         self.steps: list[tuple[float, float]] = []  # times of neighbours that are farther apart
         self._port.read()
         threading.Thread(target=self._run, daemon=True).start()
@@ -235,9 +239,7 @@ class States:
         while True:
             for line in self._port.read():
                 t = json.loads(line)["t"]
-                if not self.count:
-                    self.first = t
-                elif t > self.newest + 1.5 / STATES:
+                if self.count and t > self.newest + 1.5 / STATES:
                     self.steps.append((self.newest, t))
                 self.count, self.newest = self.count + 1, t
             time.sleep(0.01)
@@ -264,7 +266,7 @@ class Viewer:
     """A viewer of the page, in a thread of its own."""
 
     def __init__(self, url: str) -> None:
-        self._url, self.newest, self.looks = url, {}, 0
+        self._url, self.newest, self.looks = url, dict[str, Any](), 0
         threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self) -> None:
@@ -274,24 +276,35 @@ class Viewer:
                     self.newest, self.looks = json.loads(line[5:]), self.looks + 1
 
 
-class Log:
-    """Counts of what stands in the log."""
+    def settle(self) -> None:
+        """Wait until no newer state comes."""
+        t, since = None, time.monotonic()
+        while time.monotonic() < since + SETTLED:
+            if self.newest.get("t") != t:
+                t, since = self.newest["t"], time.monotonic()
+            time.sleep(0.1)
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._read, self.samples, self.fixes = path, 0, 0, 0
+
+class Logs:
+    """Counts of what stands in the logs, of which each start of the filter has one."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._read = folder, Counter[Path]()
+        self.samples = self.fixes = 0
 
     def count(self) -> None:
         """Count what was added."""
-        with self._path.open("rb") as file:
-            file.seek(self._read)
-            while piece := file.read(1 << 24):
-                whole = piece[: piece.rfind(b"\n") + 1]
-                if not whole:
-                    break
-                self._read += len(whole)
-                file.seek(self._read)
-                self.samples += whole.count(b"],[")
-                self.fixes += whole.count(b"], [")
+        for path in self._folder.glob("day*.jsonl"):
+            with path.open("rb") as file:
+                file.seek(self._read[path])
+                while piece := file.read(PIECE):
+                    whole = piece[: piece.rfind(b"\n") + 1]
+                    if not whole:
+                        break
+                    self._read[path] += len(whole)
+                    file.seek(self._read[path])
+                    self.samples += whole.count(b"],[")
+                    self.fixes += whole.count(b"], [")
 
 
 class Program:
@@ -334,58 +347,78 @@ def free_port() -> int:
         return free.getsockname()[1]
 
 
-def fates(counts: dict, log: Log, used: int) -> dict[str, int]:
-    """What became of the lines, by the counts of the program; `used` are its measurements."""
+def fates(said: dict, logs: Logs) -> dict[str, int]:
+    """Numbers of the lines by what became of them: as the logs have it, and the program says."""
+    dropped = {f"dropped {cause}": count for cause, count in said["dropped"].items()}
     return {
-        "samples used": log.samples,
-        "fixes used": used,
-        **counts["dropped"],
-        "unreadable": counts["bad"],
-        "missed by the system": sum(counts["missed"].values()),
+        "samples used": logs.samples,
+        "measurements used": logs.fixes,
+        **dropped,
+        "not readable": said["bad"],
+        "dropped by the system": sum(said["missed"].values()),
     }
 
 
-def run(seconds: int, rate: int, speed: float, folder: Path) -> None:
-    """Send it, and print a line for each hour and the sums."""
+def run(seconds: int, rate: int, speed: float, folder: Path) -> str:
+    """Send it, print a line for each hour, and return the text of the page."""
     ports = free_port(), free_port()
     states, program = States(ports[1]), Program(folder, ports)
-    viewer, log = Viewer(program.page), Log(folder / "day.jsonl")
-    own, theirs = multiprocessing.get_context("spawn").Pipe()
-    sender = multiprocessing.get_context("spawn").Process(
-        target=send, args=(theirs, ports[0], seconds, rate, speed), daemon=True
-    )
-    sender.start()
+    viewer, logs = Viewer(program.page), Logs(folder)
+    context = multiprocessing.get_context("spawn")
+    own, theirs = context.Pipe()
+    context.Process(target=send, args=(theirs, *ports[:1], seconds, rate, speed), daemon=True).start()
     own.recv()
     memory: list[float] = []
-    begin = time.monotonic()
-    for hour in range(-(-seconds // HOUR)):
+    for hour in range(1, -(-seconds // HOUR) + 1):
+        begin = time.monotonic()
         own.send("go on")
         sent: Sent = own.recv()
-        log.count()
+        took = time.monotonic() - begin
+        viewer.settle()
+        logs.count()
         memory.append(program.memory)
-        sources = viewer.newest["sources"]
-        used = sum(each["used"] + each["rejected"] for each in sources)
-        found = fates(viewer.newest, log, used)
-        rest = sent.lines - sum(found.values())
-        print(
-            f"hour {hour + 1}: {time.monotonic() - begin:.0f} s, {memory[-1]:.1f} MB; {sent.lines} sent; "
-            f"{found}; {rest} wait; {states.count} states; looks {viewer.looks}; behind {sent.behind:.2f} s",
-            flush=True,
-        )
-    took = time.monotonic() - begin
+        found = fates(viewer.newest, logs)
+        waits = sent.lines - sum(found.values())
+        shown = ", ".join(f"{count} {fate}" for fate, count in found.items())
+        print(f"hour {hour} in {took:.1f} s: {memory[-1]:.1f} MB; {sent.lines} sent: {shown}, {waits} wait", flush=True)
     own.send("end")
-    events = program.events
-    document = program.end()
-    log.count()
-    used = sum(map(sum, document["counts"].values()))
-    found = fates(document, log, used)
+    said = program.end()
+    logs.count()
+    print("\n".join(program.events[-20:]))
+    print(sent, said, f"{viewer.looks} looks of the viewer")
+    used = sum(map(sum, said["counts"].values()))
+    if used != logs.fixes:
+        print(f"{used} measurements counted as used, {logs.fixes} in the logs")
+    return text_of(seconds, rate, speed, sent, fates(said, logs), memory, states, said)
+
+
+def text_of(
+    seconds: int,
+    rate: int,
+    speed: float,
+    sent: Sent,
+    found: dict[str, int],
+    memory: list[float],
+    states: States,
+    said: dict,
+) -> str:
+    """Return the sentences on a run."""
     lost = sent.lines - sum(found.values())
-    lacking, unsent = states.lacking(sent.gaps), sum(document["unsent"].values())
-    print(sent, found, states.missed, unsent, lacking, log.fixes, took, document)
-    print("\n".join(events[-30:]))
+    unsent = sum(said["unsent"].values()) + states.missed
+    lacking = states.lacking(sent.gaps) - unsent
+    growth = max(memory[WARM:], default=memory[-1]) - memory[min(WARM, len(memory)) - 1]
+    fates = ", ".join(f"{count} {fate}" for fate, count in found.items())
+    shares = f"{100 * (sent.faults['late fixes'] + sent.faults['lost fixes']) / (sent.fixes + sent.faults['lost fixes']):.0f} %"
+    return (
+        f"{seconds / HOUR:g} simulated hours at {speed:g} times speed, {rate} Hz, with bursts, {shares} of the "
+        f"measurements lost or too late, and {len(sent.gaps)} gaps of {GAP[0]:g} to {GAP[1]:g} s: of "
+        f"{sent.lines} lines {lost} were lost uncounted ({fates}), of {states.count + unsent} states {lacking}. "
+        f"Memory grew by {growth:.1f} MB after the first hour, to {memory[-1]:.0f} MB.\n"
+    )
 
 
 def main() -> None:
+    """Run it; a whole day goes into the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--rate", type=int, default=200, help="Hz of the samples")
@@ -396,7 +429,10 @@ def main() -> None:
         needed, free = seconds * options.rate * ROW / 1e9, shutil.disk_usage(folder).free / 1e9
         if needed > 0.8 * free:
             parser.error(f"the log takes {needed:.1f} GB, {folder} has {free:.1f} GB; set TMPDIR")
-        run(seconds, options.rate, options.speed, Path(folder))
+        text = run(seconds, options.rate, options.speed, Path(folder))
+    print(text)
+    if options.hours == 24.0:
+        markdown.insert(PAGE, text, MARK)
 
 
 if __name__ == "__main__":

@@ -1234,7 +1234,7 @@ def test_a_state_of_another_configuration_is_kept(tmp_path, change, monkeypatch)
         sd.Live(asked | change)
     # of another version: of the package, or of the file
     first, rest = before.split(b"\n", 1)
-    (tmp_path / "state").write_bytes(first.replace(b"1", b"7") + b"\n" + rest)
+    (tmp_path / "state").write_bytes(first[:-1] + b"7\n" + rest)
     with pytest.raises(DataError, match="is of format 7.*name another one as `state`"):
         sd.Live(asked)
     (tmp_path / "state").write_bytes(before)
