@@ -23,6 +23,7 @@ from strapdown.checks import DataError
 from strapdown.cli.live.config import OutputPart
 from strapdown.cli.live.ports import address_of
 from strapdown.cli.live.program import _StatePort
+from strapdown.data.vehicle import find as find_vehicle
 from strapdown.engine.stream import Sample
 from strapdown.geometry.geodesy import displacement
 from strapdown.io.readers import live_log
@@ -1050,6 +1051,17 @@ def written_log(tmp_path):
     live = sd.Live(config(tmp_path, part))
     live.run()
     return live, (tmp_path / "log.jsonl").read_bytes()
+
+
+def test_the_log_holds_an_imu_and_a_vehicle_that_have_no_name(tmp_path):
+    sd.write_recording(flight(), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    own = replace(sd.imu("tactical"), name="mine"), replace(find_vehicle("aircraft"), speed=200.0)
+    live = sd.Live(config(tmp_path, part, imu=own[0], vehicle=own[1]))
+    live.run()
+    log = sd.read(live.logs[0])
+    assert sd.imu(log.meta["grade"]) == own[0] and find_vehicle(log.meta["vehicle"]) == own[1]
+    assert np.array_equal(sd.fuse(log).trajectory.lla[-1], live.stream.belief.lla)
 
 
 def test_a_cut_log_is_read_up_to_its_last_whole_line(tmp_path):
