@@ -10,6 +10,7 @@ sent: used, dropped for a reason, unreadable, dropped by the system, or waiting 
 import argparse
 import json
 import multiprocessing
+import os
 import shutil
 import signal
 import socket
@@ -335,6 +336,12 @@ class Program:
         status = Path(f"/proc/{self._process.pid}/status").read_text()
         return int(status.partition("VmRSS:")[2].split()[0]) * 1024 / 1e6
 
+    @property
+    def busy(self) -> float:
+        """s of a processor that the process took."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def end(self) -> dict:
         """What it says at its end."""
         self._process.send_signal(signal.SIGTERM)
@@ -369,18 +376,20 @@ def run(seconds: int, rate: int, speed: float, folder: Path) -> str:
     context.Process(target=send, args=(theirs, *ports[:1], seconds, rate, speed), daemon=True).start()
     own.recv()
     memory: list[float] = []
+    shares: list[float] = []
     for hour in range(1, -(-seconds // HOUR) + 1):
-        begin = time.monotonic()
+        begin, busy = time.monotonic(), program.busy
         own.send("go on")
         sent: Sent = own.recv()
         took = time.monotonic() - begin
+        shares.append((program.busy - busy) / took)
         viewer.settle()
         logs.count()
         memory.append(program.memory)
         found = fates(viewer.newest, logs)
         waits = sent.lines - sum(found.values())
         shown = ", ".join(f"{count} {fate}" for fate, count in found.items())
-        print(f"hour {hour} in {took:.1f} s: {memory[-1]:.1f} MB; {sent.lines} sent: {shown}, {waits} wait", flush=True)
+        print(f"hour {hour} in {took:.1f} s, {100 * shares[-1]:.0f} % of a core: {memory[-1]:.1f} MB; {sent.lines} sent: {shown}, {waits} wait", flush=True)
     own.send("end")
     said = program.end()
     logs.count()
