@@ -381,7 +381,7 @@ class Live:
         self._heard = self._saved = time.monotonic()
         self._saving = DiskJob(lambda error: self._tell(str(error)))
         self._notices, self._looked = Notices(self._tell), -inf
-        self._is_silent, self._closed = False, False
+        self._is_silent, self._closed, self._ends = False, False, False
         if own.state and Path(own.state).exists():
             self._restore()
         self._server = None if page is None else PageServer(self.watch(), page)
@@ -504,7 +504,7 @@ class Live:
             self._tell(str(error))
 
     def run(self, seconds: float = inf) -> None:
-        """Go on until all inputs have ended, or for so many seconds, and close all.
+        """Go on until all inputs have ended, for so many seconds, or until `end`, and close all.
 
         Parameters
         ----------
@@ -513,11 +513,17 @@ class Live:
         """
         end = time.monotonic() + seconds
         try:
-            while time.monotonic() < end and not all(each.ended for each in self.inputs):
+            while time.monotonic() < end and not self._ends:
+                if all(each.ended for each in self.inputs):
+                    break
                 if not self.turn():
                     self._wait()
         finally:
             self.close()
+
+    def end(self) -> None:
+        """Let `run` end after the turn that it is in; for a handler of signals, or another thread."""
+        self._ends = True
 
     def _wait(self) -> None:
         """Sleep until a port has bytes, at most for PAUSE s, since files are looked at."""
