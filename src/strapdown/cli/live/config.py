@@ -49,6 +49,7 @@ class InputPart(NamedTuple):
     speed: float  # of a recording, in its own seconds per second
     latency: float  # s until the fastest message arrives, where arrival counts
     columns: tuple[str, ...] = ()  # of CSV
+    pps: str = ""  # path of the file with its pulses
 
 
 class OutputPart(NamedTuple):
@@ -203,13 +204,26 @@ def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
         speed = check_number(part.get("speed", 1.0), f"{where}: speed", above=0, infinite=True)
         path = _path(_text(part.get("path"), f"{where}: path"), f"{where}: path", folder)
         return InputPart(format, None, "own", path, speed, 0.0)
-    check_keys(part, ("format", "port", "clock", "latency", "columns"), where)
+    check_keys(part, ("format", "port", "clock", "latency", "columns", "pps"), where)
     clock = check_choice(part.get("clock", SCALES[format][0]), f"{where}: clock", SCALES[format])
     latency = check_number(part.get("latency", 0.0), f"{where}: latency", "s", least=0)
     if latency and clock not in ("arrival", NO_CLOCK):
         raise DataError(f'{where}: latency is that of the clock "arrival", not of {clock!r}')
     address = _in_folder(address_of(part.get("port"), where), folder)
-    return InputPart(format, address, clock, "", 1.0, latency, _columns(part, format, where))
+    columns, pps = _columns(part, format, where), _pulses(part, format, clock, where, folder)
+    return InputPart(format, address, clock, "", 1.0, latency, columns, pps)
+
+
+def _pulses(part: dict[str, Any], format: str, clock: str, where: str, folder: Path) -> str:
+    """Return the path of the file with the pulses of a receiver; empty without any."""
+    if "pps" not in part:
+        return ""
+    if format not in ("ubx", "nmea") or clock != "arrival":
+        raise DataError(
+            f'{where}: pps is that of a receiver, ubx or nmea with the clock "arrival", not of {format} '
+            f"with {clock!r}"
+        )
+    return _path(_text(part["pps"], f"{where}: pps"), f"{where}: pps", folder)
 
 
 def _columns(part: dict[str, Any], format: str, where: str) -> tuple[str, ...]:

@@ -32,6 +32,8 @@ from .notices import Notices, Senders
 from .output_formats import state_at
 from .page_server import PageServer
 from .ports import Mark, Port
+from .pulse_clock import PulseClock, PulseEstimate
+from .pulse_file import PulseFile
 from .sinks import Sink
 
 PAUSE = 0.002
@@ -65,7 +67,8 @@ class _Bytes:
         self.port = Port(part.address)
         self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
         self._clock, self.senders = clock, Senders()
-        self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
+        self.arrivals = _arrival_clock(part, clock)
+        self.pulses = PulseFile(part.pps) if part.pps else None
         self.unstamped = Arrivals() if part.clock == NO_CLOCK else None
         self._latency = part.latency
         self._held: list[Sample | Measurement] = []  # until the clock is ready
@@ -79,6 +82,10 @@ class _Bytes:
 
     def events(self) -> list[Sample | Measurement]:
         """Return what has come."""
+        if self.pulses is not None and isinstance(self.arrivals, PulseClock):
+            if (came := self.pulses.read()) is not None:
+                self.arrivals.take_pulse(time_of_arrival(came))
+            self.arrivals.look(time_of_arrival())
         found: list[Sample | Measurement] = []
         for k, piece in enumerate(self.port.read()):
             events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
@@ -100,10 +107,11 @@ class _Bytes:
         return [each._replace(t=self._on_clock(now - self._latency)) for each in found]
 
     def _by_arrival(
-        self, arrivals: ArrivalClock, found: list[Sample | Measurement]
+        self, arrivals: ArrivalClock | PulseClock, found: list[Sample | Measurement]
     ) -> list[Sample | Measurement]:
-        """Return events with the time at which the fastest message would have arrived. Those with a
-        stamp of another clock, and those that wait in vain for the clock, are bad."""
+        """Return events with the time at which the fastest message would have arrived, less its delay where
+        that is known. Those with a stamp of another clock, and those that wait in vain for the clock, are
+        bad."""
         now, restarts = time_of_arrival(self.decoder.last), arrivals.restarts
         own = [event for event in found if arrivals.take(event.t, now)]
         self.decoder.bad += len(found) - len(own)
@@ -132,6 +140,13 @@ class _Bytes:
     def close(self) -> None:
         """Close the port."""
         self.port.close()
+
+
+def _arrival_clock(part: InputPart, clock: Clock) -> ArrivalClock | PulseClock | None:
+    """Return the clock of an input by arrival, and by pulses where it has some."""
+    if part.clock != "arrival":
+        return None
+    return PulseClock(part.latency, clock) if part.pps else ArrivalClock(part.latency)
 
 
 class _Replayed:
@@ -461,6 +476,8 @@ class Live:
             if isinstance(each, _Bytes):
                 self._notices.of_port(each.port, "")
                 self._notices.of_input(each.port, each.decoder, each.senders)
+                if each.pulses is not None and isinstance(each.arrivals, PulseClock):
+                    self._notices.of_pulses(each.pulses, each.arrivals)
         for output in self.outputs:
             lost = f"; lost: {output.sink.dropped} states"
             self._notices.of_port(output.sink, lost)
@@ -566,9 +583,11 @@ class Live:
 
     @property
     def ports(self) -> dict[str, str]:
-        """{port: why it cannot be used now, empty where it can} of inputs and outputs."""
-        inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
-        places: list[Port | Sink] = [*inputs, *(each.sink for each in self.outputs)]
+        """{port: why it cannot be used now, empty where it can} of inputs, pulses and outputs."""
+        inputs = [each for each in self.inputs if isinstance(each, _Bytes)]
+        places: list[Port | PulseFile | Sink] = [each.port for each in inputs]
+        places += [each.pulses for each in inputs if each.pulses is not None]
+        places += [each.sink for each in self.outputs]
         return {str(each.address): each.error for each in places}
 
     @property
@@ -577,9 +596,9 @@ class Live:
         return time.monotonic() - self._heard
 
     @property
-    def clocks(self) -> dict[str, ClockEstimate | ArrivalIntervals]:
+    def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:
         """{port: estimate} of the inputs with the clock "arrival" or "none"."""
-        found: dict[str, ClockEstimate | ArrivalIntervals] = {}
+        found: dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals] = {}
         for each in self.inputs:
             if isinstance(each, _Bytes) and (own := each.arrivals or each.unstamped):
                 if estimate := own.estimate:
