@@ -198,12 +198,14 @@ class ArrivalClock:
     def _fit(self) -> None:
         """Set the line to the edge of the lower hull over the mean of the stamps."""
         hull: list[tuple[float, float]] = []
-        for point in self._bins:
+        for point in sorted(self._bins):
+            if hull and point[0] == hull[-1][0]:  # position and velocity of an epoch in two bins
+                continue
             while len(hull) > 1 and _is_above(hull[-2], hull[-1], point):
                 hull.pop()
             hull.append(point)
         mean = sum(stamp for stamp, _ in self._bins) / len(self._bins)
-        newest = self._bins[-1][0]
+        newest = max(self._bins)[0]
         (s, offset), drift = hull[0], 0.0
         for (s0, o0), (s1, o1) in zip(hull, hull[1:]):
             if s0 <= mean <= s1 or s1 == newest:

@@ -59,11 +59,13 @@ class Notices:
             self._failing.remove(id(port))
             self._tell(f"{port.address}: goes on{lost}")
 
-    def of_input(self, port: Port, decoder: Decoder, senders: Senders) -> None:
-        """Tell that some of an input cannot be read or is missing, or that it has two senders."""
-        if decoder.bad:
+    def of_input(self, port: Port, decoder: Decoder, bad: int, senders: Senders) -> None:
+        """Tell that some of an input cannot be read or is missing, that it has two senders, and the news
+        of its decoder."""
+        self._all(port, decoder.news)
+        if bad:
             why = f", the first: {decoder.why}" if decoder.why else ""
-            self._once(port, "unread", f"not read: {decoder.bad} lines or pieces{why}")
+            self._once(port, "unread", f"not read: {bad} lines or pieces{why}")
         if port.missed:
             self._once(
                 port,
@@ -77,9 +79,7 @@ class Notices:
     def of_pulses(self, file: PulseFile, clock: PulseClock) -> None:
         """Tell of the pulses of a receiver."""
         self.of_port(file, "")
-        for text in clock.news:
-            self._tell(f"{file.address}: {text}")
-        clock.news.clear()
+        self._all(file, clock.news)
         if clock.left_out:
             text = f"{count_text(clock.left_out, 'pulse')} off the second are left out"
             self._once(file, "left out", text)
@@ -91,6 +91,11 @@ class Notices:
         if file.stepped:
             text = f"the system clock stepped by {file.stepped:+.4g} s; pulses count without it"
             self._once(file, "stepped", text)
+
+    def _all(self, place: _Place, news: list[str]) -> None:
+        for text in news:
+            self._tell(f"{place.address}: {text}")
+        news.clear()
 
     def _once(self, port: _Place, about: str, text: str) -> None:
         if (key := f"{about} {id(port)}") not in self._said:
