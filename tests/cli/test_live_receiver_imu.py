@@ -221,6 +221,17 @@ def test_axes_that_are_missing_are_counted(times):
     data = without_z.tobytes() + written_ubx.esf_meas(tag[100:], KINDS, values[100:]).tobytes()
     reader, samples, _ = sent(times, data, "ESF-MEAS", 64, 2.0)
     assert len(samples) == 99 and reader.bad == 100
+    reader, *_ = sent(times, without_z.tobytes(), "ESF-MEAS", 64, 2.0)
+    assert reader.bad == 84 and len(reader._imu._gyro._open) == receiver_imu.MAX_OPEN
+
+
+def test_messages_that_come_again_or_late_are_counted(times):
+    tag, values = 5_000_000 + 10 * np.arange(100), counts(100)
+    frames = written_ubx.esf_meas(tag, KINDS, values)
+    again = [*range(51), 50, 49, 30, *range(51, 100)]
+    reader, samples, _ = sent(times, frames[again].tobytes(), "ESF-MEAS", 64, 2.0)
+    _, expected, _ = sent(times, frames.tobytes(), "ESF-MEAS", 64, 2.0)
+    assert samples == expected and reader.bad == 18
 
 
 def test_a_gyro_without_an_accelerometer_is_told(times):
@@ -253,7 +264,7 @@ def test_noise_and_cut_messages_between_are_left_to_the_receiver(times):
     reader, samples, fixes = sent(times, dirty, "ESF-RAW", 50, 2.0)
     clean, expected, known = sent(times, data, "ESF-RAW", 50, 2.0)
     assert samples == expected and fixes == known
-    assert clean.bad == 0 and reader.bad >= 19 and reader.unused < receiver_imu.MAX_FRAME
+    assert clean.bad == 0 and reader.bad >= 19 and reader.unused < 1000
 
 
 def test_random_bytes_never_raise(times):

@@ -40,8 +40,6 @@ IMU_MESSAGES = {each.title: each for each in (UbxMessage.ESF_RAW, UbxMessage.ESF
 SENSORS = 0x10
 """Class of the messages of sensors, ESF."""
 BEGIN = bytes([0xB5, 0x62, SENSORS])
-MAX_FRAME = 2048
-"""Bytes of a message of sensors, at most."""
 SURE = 1.0
 """s over which the rate of the sensor's clock is compared with arrival."""
 FACTOR = 3.0
@@ -149,7 +147,7 @@ class ReceiverImu:
         for tag, kind, count in held:
             self._measure(self._whole_tag(tag), kind, count)
             if self._turns and self._forces:
-                samples += self._joined()
+                samples += self._join()
         return samples
 
     def _compare(self, tag: int, arrived: float) -> bool:
@@ -199,7 +197,7 @@ class ReceiverImu:
             self._turns.popleft()
             self._drop("the gyro has no accelerometer beside it")
 
-    def _joined(self) -> list[Sample]:
+    def _join(self) -> list[Sample]:
         """Return the samples of the gyro whose intervals the accelerometer has covered."""
         samples: list[Sample] = []
         while self._turns and self._forces[-1].t >= self._turns[0].t:
@@ -304,7 +302,7 @@ def _whole_until(data: bytes, at: int) -> int:
     begin = data.find(BEGIN, at)
     while begin >= 0:
         size = int.from_bytes(data[begin + 4 : begin + 6], "little") + 8
-        if len(data) < begin + 6 or len(data) < begin + size <= begin + MAX_FRAME:
+        if len(data) < begin + max(size, 8):
             return begin
         begin = data.find(BEGIN, begin + 1)
     few = max(k for k in range(len(BEGIN)) if data[at:].endswith(BEGIN[:k]))
