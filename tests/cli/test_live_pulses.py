@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+import written_nmea
 import written_ubx
 from test_live_program import FIRST, SOURCES, config
 
@@ -348,14 +349,14 @@ def sent_receiver(tmp_path, monkeypatch, receiver, pulses, step=0.0, **more):
     for module in (program, input_formats, ports, pulse_file):
         monkeypatch.setattr(module, "time", times)
     monkeypatch.setattr(program, "STARTED", OFFSET)
-    path, file = tmp_path / "gnss.ubx", tmp_path / "assert"
+    path, file = tmp_path / "gnss", tmp_path / "assert"
     part = {"port": f"file:{path}", "format": "ubx", "clock": "arrival", "pps": str(file)}
     asked = config(tmp_path, part | more, source=SOURCES[:1], log="")
     times.now = receiver.arrived[0] - OFFSET
     live = sd.Live(asked, on_event=lambda _, text: events.append(text))
     live.stream.step = taken.append
-    rows = written_ubx.pvt(FIRST - FIRST % 1000 + np.round(receiver.stamps * 1e3).astype(int))
-    sent = [(at, row.tobytes(), 0) for at, row in zip(receiver.arrived.tolist(), rows)]
+    rows = rows_of(np.round(receiver.stamps * 1e3).astype(int))[more.get("format", "ubx")]
+    sent = [(at, row, 0) for at, row in zip(receiver.arrived.tolist(), rows)]
     for k, (at, what, number) in enumerate(sorted([*sent, *pulses], key=lambda each: each[0])):
         if step and k > len(sent) // 2:
             times.ahead, step = times.ahead + round(step * 1e9), 0.0
@@ -372,14 +373,28 @@ def sent_receiver(tmp_path, monkeypatch, receiver, pulses, step=0.0, **more):
     return unix_from_gps([live.clock.epoch + event.t for event in taken]), events, live
 
 
+def rows_of(ms):
+    """{format: bytes of each epoch} of moments in ms since the whole second of the first one."""
+    moments = np.datetime64("2024-05-17T16:53:12", "ms") + ms.astype("m8[ms]")
+    nmea = [
+        written_nmea.rmc(each, 47.0, 8.0, 18.0, 54.0) + written_nmea.gga(each, 47.0, 8.0, 500.0)
+        for each in moments
+    ]
+    ubx = written_ubx.pvt(FIRST - FIRST % 1000 + ms)
+    return {"nmea": [each.encode() for each in nmea], "ubx": [each.tobytes() for each in ubx]}
+
+
 def shown_pulses(receiver):
     """Pulses, which the file shows 1 ms later."""
     return [(at + 1e-3, at, k) for k, at in enumerate(receiver.pulses.tolist())]
 
 
-def test_a_receiver_with_pulses_in_the_program(tmp_path, monkeypatch):
+@pytest.mark.parametrize("format", ["ubx", "nmea"])
+def test_a_receiver_with_pulses_in_the_program(tmp_path, monkeypatch, format):
+    """GPS time in UBX, UTC in NMEA: seconds begin together."""
     receiver = Receiver(40.0)
-    found, events, live = sent_receiver(tmp_path, monkeypatch, receiver, shown_pulses(receiver))
+    pulses = shown_pulses(receiver)
+    found, events, live = sent_receiver(tmp_path, monkeypatch, receiver, pulses, format=format)
     moments = receiver.moment(receiver.stamps)[: len(found)]
     assert len(found) >= len(receiver.stamps) - 1
     assert np.abs(found - moments)[75:].max() < 20e-6
