@@ -19,7 +19,7 @@ from written_ubx import GPS  # noqa: E402
 from strapdown.native.export.chosen import choose_export  # noqa: E402
 from strapdown.native.export.folder import export, find_target  # noqa: E402
 
-SECONDS = {"cortex-m7": 20.0, "cortex-m4f": 8.0}
+SECONDS = {"cortex-m7": 12.0, "cortex-m4f": 3.0}
 """s of the drive: doubles in software take the emulator long."""
 
 

@@ -55,7 +55,9 @@ def test_a_cortex_gives_what_python_gives(target, tmp_path, request):
     needed("arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size")
     made = exported(target, tmp_path)
     cpu, _, board = BOARDS[target]
-    code, said = run(*gcc(target), *STRICT, "-ffp-contract=off", "-c", "strapdown_calls.c", folder=tmp_path)
+    code, said = run(
+        *gcc(target), *STRICT, "-ffp-contract=off", "-c", "strapdown_calls.c", folder=tmp_path
+    )
     assert code == 0, said
     code, said = run("arm-none-eabi-size", "strapdown.o", folder=tmp_path)
     # which counts neither alignment nor notes
