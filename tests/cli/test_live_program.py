@@ -720,6 +720,46 @@ def test_rates_that_come_late_are_counted_until_their_clock_has_stepped_back():
     assert [t for t, _ in taken(*back)] == back[6:] and reader.bad == 9
 
 
+@pytest.mark.parametrize("format", ["json", "csv"])
+@pytest.mark.parametrize("unit, factor", [("ms", 1e3), ("us", 1e6)])
+def test_rates_with_stamps_in_another_unit_are_counted_and_said(format, unit, factor):
+    from strapdown.cli.live import decoders, input_formats
+
+    names = ["t", *(f"{name}_{axis}" for name in ("gyro", "accel") for axis in "xyz")]
+    reader = decoders.decoder(format, "own", input_formats.Clock(), [], "", names)
+    for k in range(20):
+        t, rates = factor * (5.0 + 0.01 * k), [0.0, 0.0, 0.0, 0.0, 0.0, -9.8]
+        line = ",".join(map(repr, [t, *rates]))
+        if format == "json":
+            line = json.dumps({"t": t, "gyro": rates[:3], "accel": rates[3:]})
+        assert reader.feed(line.encode() + b"\n") == []
+    assert reader.bad == 19 and "s apart, so this one's length is unknown" in reader.why
+    (text,) = reader.news
+    assert text.endswith(f"are their stamps in {unit}?")
+
+
+def test_rates_without_a_time_are_counted_and_a_dt_in_ms_is_refused_by_the_filter():
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("json", "own", input_formats.Clock(), [], "")
+    rates = '"gyro": [0, 0, 0], "accel": [0, 0, -9.8]}\n'
+    for t in (1.0, 1.01, "NaN", 1.02):
+        found = reader.feed(f'{{"t": {t}, {rates}'.encode())
+    assert reader.bad == 1 and found[0].dt == pytest.approx(0.01)
+    live = sd.LiveStream("closed-loop", imu="tactical")
+    for each in reader.feed(f'{{"t": 2.0, "dt": 10.0, {rates}'.encode()):
+        live.step(each)
+    assert live.dropped_by["invalid"] == 1 and "is it in ms?" in live.events[-1][1]
+
+
+def test_increments_with_stamps_in_ms_are_said():
+    live = sd.LiveStream("closed-loop", imu="tactical")
+    for k in range(20):
+        live.step(Sample(10.0 * k, 0.01, (0.0, 0.0, 0.0), (0.0, 0.0, -0.098)))
+    (text,) = [text for _, text in live.events]
+    assert live.dropped_by["at another time"] == 18 and text.endswith("are stamps in ms?")
+
+
 def test_two_senders_of_samples_are_said_but_not_one_that_begins_again(tmp_path, monkeypatch):
     from strapdown.cli.live import program
 

@@ -16,7 +16,7 @@ from ..data.solution import Solution, Source
 from ..data.verdict import Verdict
 from ..plugins import one_line
 from ..typing import File
-from .arrivals import Measurement, Sample, measurement_of, sample_of
+from .arrivals import Measurement, Sample, measurement_of, sample_of, unit_of_stamps
 from .notifier import OnEvent
 from .options import RunOptions, takes
 from .saved_state import contradiction, read_state, write_state
@@ -273,8 +273,9 @@ class LiveStream:
     def _suspect(self, sample: Sample) -> None:
         """Take a sample of which the time jumps; go on there once others have confirmed it."""
         suspects = self._suspects
-        if suspects and abs(sample.t - suspects[-1].t) > max(MAX_STEP, self._stream.lag):
-            self._drop_suspects()
+        apart = sample.t - suspects[-1].t if suspects else 0.0
+        if abs(apart) > max(MAX_STEP, self._stream.lag):
+            self._drop_suspects(apart)
         elif len(suspects) == MAX_SUSPECTS:
             self._drop_suspects()
         self._suspects.append(sample)
@@ -299,8 +300,9 @@ class LiveStream:
         for sample in suspects:
             self._use_sample(sample)
 
-    def _drop_suspects(self) -> None:
-        """Count the suspects; the stream uses or counts those of the last minute, which are late."""
+    def _drop_suspects(self, apart: float = 0.0) -> None:
+        """Count the suspects; the stream uses or counts those of the last minute, which are late. The
+        next sample is `apart` s after them."""
         suspects, fixes = self._suspects, self._suspect_fixes
         self._forget_suspects()
         for fix in fixes:
@@ -313,6 +315,8 @@ class LiveStream:
         if others:
             self._dropped[OTHER_TIME] += len(others)
             off = f"{others[0].t - self._stream.newest:+.6g} s away"
+            if apart > MAX_STEP and others[-1].t > self._stream.newest:
+                off += f", the next {apart:.4g} s after it: are stamps in {unit_of_stamps(apart)}?"
             self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off}")
 
     def _align_anew(self, reason: str, t: float) -> None:
