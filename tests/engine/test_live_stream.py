@@ -249,6 +249,26 @@ def test_a_filter_that_stops_aligns_anew():
     assert np.abs(off[:2] * 6.4e6).max() < 10.0
 
 
+@pytest.mark.parametrize("spikes", [1, 4])
+def test_samples_that_were_bridged_do_not_count_where_samples_are_compared_with_gravity(spikes):
+    recording = flight(75.0)
+    live, wild = live_of(recording), {30.0 + 5.0 * k for k in range(spikes)}
+    for event in events_of(recording):
+        if type(event) is Sample and round(event.t, 3) in wild:
+            event = event._replace(dtheta=(150.0, 0.0, 0.0))
+        live.step(event)
+    assert live.alignments == 0 and [text for text in texts(live, "out of range")]
+    assert np.abs(live.belief.v_n - live_of_all(recording).belief.v_n).max() < 1.0
+
+
+def live_of_all(recording):
+    """The stream after all events."""
+    live = live_of(recording)
+    for event in events_of(recording):
+        live.step(event)
+    return live
+
+
 def test_samples_that_contradict_gravity_are_said_until_they_do_not():
     recording = flight(60.0)
     wrong = [
