@@ -156,6 +156,55 @@ def test_a_connection_that_breaks_is_made_again(tmp_path):
     assert np.array_equal(live.stream.belief.P, expected(recording).P)
 
 
+@pytest.mark.parametrize("kind", ["file", "tcp", "-"])
+@pytest.mark.parametrize("cut", [1, 9])
+def test_a_last_line_without_its_end_is_used_where_it_is_whole(kind, cut, tmp_path, monkeypatch):
+    """At the end of the input, or of the program where a file grows."""
+    text, path = b"".join(json_lines(flight())[:50])[:-cut], tmp_path / "lines"
+    path.write_bytes(text)
+    address, server = f"file:{path}" if kind == "file" else "-", None
+    if kind == "tcp":
+        server = socket.create_server(("127.0.0.1", 0))
+        address = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+    with path.open("rb") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        live = sd.Live(config(tmp_path, {"port": address}))
+        live.turn()
+        if server is not None:
+            connection, _ = server.accept()
+            connection.sendall(text)
+            connection.close()
+            turn_until(live, lambda: live.inputs[0].port.lost == 1)
+        turn_until(live, lambda: not live.turn())
+        live.close()
+    if server is not None:
+        server.close()
+    assert live.bad == (cut > 1)
+    assert sum(live.stream.dropped_by.values()) == 50 - (cut > 1)
+
+
+def test_a_last_line_of_csv_without_its_end_is_counted():
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("csv", "own", input_formats.Clock(), [], "", CSV)
+    assert len(reader.feed(b"1,0.1,0,0,0,0,0,-0.98\n1.1,0.1,0,0,0,0,0,-0.9")) == 1
+    assert reader.end() == [] and reader.bad == 1 and "has no end" in reader.why
+    assert reader.end() == [] and reader.bad == 1
+
+
+def test_a_restart_reads_the_line_that_was_cut(tmp_path):
+    lines, path = json_lines(flight()), tmp_path / "lines"
+    path.write_bytes(b"".join(lines[:300])[:-9])
+    asked = config(tmp_path, {"port": f"file:{path}"}, state=str(tmp_path / "state"))
+    for text in (None, b"".join(lines)):
+        if text:
+            path.write_bytes(text)
+        with sd.Live(asked) as live:
+            turn_until(live, lambda: not live.turn())
+        assert live.bad == 0
+    assert np.allclose(live.stream.now.lla, expected(flight()).lla, rtol=0, atol=1e-9)
+
+
 def test_a_serial_line_passes_bytes_on_as_they_are(tmp_path):
     recording = flight()
     ours, theirs = os.openpty()
@@ -1325,9 +1374,10 @@ def test_a_restart_goes_on_where_the_file_was_read_up_to(tmp_path):
 
 @pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
 def test_a_restart_uses_each_epoch_of_a_receiver_once(tmp_path, format, made, monkeypatch):
-    from strapdown.cli.live import input_formats
+    from strapdown.cli.live import input_formats, program
 
-    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    for module in (input_formats, program):
+        monkeypatch.setattr(module, "QUIET", 0.0)
     path, data, times = tmp_path / "log", made(200), []
     part = {"port": f"file:{path}", "format": format}
     asked = config(tmp_path, part, state=str(tmp_path / "state"))

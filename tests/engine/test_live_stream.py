@@ -549,6 +549,23 @@ def test_all_that_came_is_used_or_counted(lag):
     assert live.dropped_by["before a new alignment"] > 100
 
 
+@pytest.mark.parametrize("change", ["g", "ms", "no fixes"])
+def test_what_waits_for_a_start_in_vain_is_counted(change):
+    live, given = live_of(flight()), 0
+    for event in events_of(flight()):
+        if change == "g" and type(event) is Sample:
+            event = event._replace(dv=tuple(v / 9.81 for v in event.dv))
+        elif change == "ms":
+            event = event._replace(t=1e3 * event.t)
+        elif change == "no fixes" and type(event) is Measurement:
+            continue
+        live.step(event)
+        given += 1
+    assert sum(live.dropped_by.values()) < given
+    live.leave()
+    assert sum(live.dropped_by.values()) == given and not live.started
+
+
 def test_copies_are_its_own_or_refused():
     recording, told = flight(), []
     live = live_of(recording, on_event=lambda t, text: told.append(text))

@@ -513,6 +513,15 @@ class LiveStream:
             self._drop_suspects()
         return self._stream.finish()
 
+    def leave(self) -> None:
+        """Count the data that wait for a start, where it ends without one."""
+        if self._suspects:
+            self._drop_suspects()
+        if not self._stream.started:
+            reason = "before the start"
+            count = self._dropped_before.get(reason, 0) + self._stream.unused
+            self._dropped_before[reason] = count
+
     # ---- copies, save and restore
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "LiveStream":

@@ -56,6 +56,10 @@ class _Lines(Decoder):
                     self.why = self.why or f"{brief(line)}: {_reason(error)}"
         return found
 
+    def end(self) -> list[Sample | Measurement]:
+        """As of Decoder: an object of JSON shows whether it is whole."""
+        return self.feed(b"\n") if self._rest else []
+
     @abstractmethod
     def _table(self, line: bytes) -> dict[str, Any]:
         """Return what a line says, by name; nothing where it is a header. Raises DataError."""
@@ -138,6 +142,14 @@ class CsvLines(_Lines):
     def resume(self, memory: Any) -> None:
         """As of Decoder."""
         self._names = [*map(str, memory)]
+
+    def end(self) -> list[Sample | Measurement]:
+        """As of Decoder: of a line without its end the last number may be cut."""
+        if self._rest.strip():
+            self.bad += 1
+            self.why = self.why or f"{brief(self._rest)}: the last line has no end"
+        self._rest = b""
+        return []
 
     def _table(self, line: bytes) -> dict[str, Any]:
         cells = [cell.strip().strip('"') for cell in line.decode().split(",")]

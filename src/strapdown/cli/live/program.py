@@ -97,6 +97,7 @@ class _Bytes:
                 self.pulse_clock.take_pulse(time_of_arrival(came))
             self.pulse_clock.look(time_of_arrival())
         found: list[Sample | Measurement] = []
+        lost = self.port.lost
         for k, piece in enumerate(self.port.read()):
             events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
             found += events
@@ -104,6 +105,16 @@ class _Bytes:
                 self.senders.take(self.port.senders[k])
         if has_time:
             found += self.decoder.idle()
+        if self.ended or self.port.lost > lost:
+            found += self.decoder.end()
+        return self._timed(found)
+
+    def rest(self) -> list[Sample | Measurement]:
+        """Return what is complete because the program ends, and count what is not."""
+        return self._timed(self.decoder.end())
+
+    def _timed(self, found: list[Sample | Measurement]) -> list[Sample | Measurement]:
+        """Return events with times by their arrival where that counts."""
         if self.unstamped is not None:
             return self._at_arrival(self.unstamped, found)
         return found if self.clocked is None else self._by_arrival(self.clocked, found)
@@ -195,6 +206,10 @@ class _Replayed:
             found.append(self._next[3])
             self._next = next(self._events, None)
         return found
+
+    def rest(self) -> list[Sample | Measurement]:
+        """Return nothing: events of a recording are whole."""
+        return []
 
     def close(self) -> None:
         """Take nothing more."""
@@ -443,14 +458,17 @@ class Live:
         for each in self.inputs:
             for event in each.events(not CALM < self.since_sample < QUIET):
                 count += 1
-                self.stream.step(event)
-                if isinstance(event, Sample):
-                    self._hear_samples()
-                    if self.stream.started:
-                        for output in self.outputs:
-                            output.show(self.stream, self.clock.epoch)
+                self._step(event)
         self._look_after()
         return count > 0
+
+    def _step(self, event: Sample | Measurement) -> None:
+        self.stream.step(event)
+        if isinstance(event, Sample):
+            self._hear_samples()
+            if self.stream.started:
+                for output in self.outputs:
+                    output.show(self.stream, self.clock.epoch)
 
     def _hear_samples(self) -> None:
         self._heard = time.monotonic()
@@ -557,14 +575,15 @@ class Live:
         if self._closed:
             return
         self._closed = True
+        # what a restart reads again is left to it
+        left = self._growing_files() if self.config.state else []
+        for each in self.inputs:
+            for event in each.rest() if each not in left else []:
+                self._step(event)
         if self.config.state:
             self._save()
         self._saving.end()
-        try:
-            if self.stream.started:
-                self.stream.finish()
-        except DataError as error:
-            self._tell(str(error))
+        self._finish()
         self.verdicts.close()
         for each in self.inputs:
             each.close()
@@ -577,6 +596,16 @@ class Live:
             self._dashboard.close()
         if self._server is not None:
             self._server.close()
+
+    def _finish(self) -> None:
+        """Use what waits, or count it where there was no start; a state on disk keeps that."""
+        try:
+            if self.stream.started:
+                self.stream.finish()
+            elif not self.config.state:
+                self.stream.leave()
+        except DataError as error:
+            self._tell(str(error))
 
     def __enter__(self) -> "Live":
         return self
