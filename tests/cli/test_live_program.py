@@ -1,6 +1,7 @@
 """`strapdown live` and `sd.Live`: what is replayed, sent or written to it gives the states of `fuse`, and its log
 read back gives them bit for bit; faults on the wire are counted."""
 
+import errno
 import json
 import os
 import signal
@@ -970,7 +971,7 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
 
 
 def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
-    """Its folder is missing at first, then the disk is full within a line."""
+    """Its folder vanishes at first, then the disk is full within a line."""
     from strapdown.cli.live import program, sinks
 
     monkeypatch.setattr(program, "LOOK", 0.0)
@@ -978,21 +979,29 @@ def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
     sd.write_recording(flight(), tmp_path / "flight.nc")
     part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
     path, said = tmp_path / "late" / "out", []
+    path.parent.mkdir()
     live = sd.Live(
         config(tmp_path, part, output=[{"port": f"file:{path}"}]),
         on_event=lambda t, text: said.append(text),
     )
+    path.parent.rmdir()
     monkeypatch.setattr(program, "BATCH", 1)
-    written, full = os.write, [False]
+    written, full = os.write, [""]
 
     def write(file, data):
-        return written(file, data[: len(data) // 3] if full[0] and len(data) > 99 else data)
+        if full[0] == "cut" and len(data) > 99:
+            full[0] = "no more"
+            return written(file, data[: len(data) // 3])
+        if full[0] == "no more" and len(data) > 99:
+            full[0] = "cut"
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+        return written(file, data)
 
     monkeypatch.setattr(os, "write", write)
     turn_until(live, lambda: live.unsent[f"file:{path}"] > 5)
     path.parent.mkdir()
     path.write_bytes(b'{"half": 1')  # by one that was killed
-    for full[0] in (False, True, False):
+    for full[0] in ("", "cut", ""):
         before = live.stream.t
         turn_until(live, lambda: live.stream.t > before + 2.0)
     live.close()
@@ -1000,7 +1009,7 @@ def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
     lost = live.unsent[f"file:{path}"]
     assert about[0] == "No such file or directory; it is tried again each 1 s"
     assert about[1].startswith("goes on; lost: ")
-    assert about[2].startswith("No space left on device") and len(about) == 4
+    assert about[2].startswith(f"{os.strerror(errno.EFBIG)}; it is") and len(about) == 4
     assert about[3] == f"goes on; lost: {lost} states" and lost > 40
     half, *lines = path.read_bytes().splitlines()
     assert half == b'{"half": 1' and len([json.loads(line) for line in lines]) > 80
@@ -1030,7 +1039,9 @@ def test_standard_output_that_nobody_reads_keeps_nothing_waiting(tmp_path):
     assert process.returncode == 0, said
     assert "-: its reader is too slow" in said
     assert len(sd.read(tmp_path / "log.jsonl").imu.t) > 500
-    assert [json.loads(line) for line in lines[:-1]]
+    assert "-: " in said and " states not written" in said
+    assert said.splitlines()[-1] == "wrote log.jsonl"
+    assert [json.loads(line) for line in lines]
 
 
 def test_standard_streams_that_are_closed_fail_as_other_ports(tmp_path, monkeypatch):
@@ -1061,15 +1072,69 @@ def test_standard_input_at_its_end_is_not_waited_for(tmp_path, monkeypatch):
         live.close()
 
 
-def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(tmp_path):
-    recording, said = flight(), []
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full device")
+@pytest.mark.parametrize("at", [0, 1])
+def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(at, tmp_path, monkeypatch):
+    """Its folder vanishes before it begins, or the disk fills later."""
+    from pathlib import Path
+
+    recording, said = flight(40.0), []
     sd.write_recording(recording, tmp_path / "flight.nc")
     part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
-    asked = config(tmp_path, part) | {"log": str(tmp_path / "none" / "log.jsonl")}
-    live = sd.Live(asked, on_event=lambda t, text: said.append(text))
+    path = tmp_path / "logs" / "log.jsonl"
+    path.parent.mkdir()
+    live = sd.Live(
+        config(tmp_path, part) | {"log": str(path)}, on_event=lambda t, text: said.append(text)
+    )
+    if at:
+        opened, full = Path.open, Path("/dev/full")
+
+        def opens(of, mode="r", **more):
+            return opened(full, "wb") if mode == "xb" else opened(of, mode, **more)
+
+        monkeypatch.setattr(Path, "open", opens)
+    else:
+        path.parent.rmdir()
     live.run()
-    assert [text for text in said if text.startswith("log: cannot be written")]
+    why = "No space left on device" if at else "No such file or directory"
+    cut = [text for text in said if text.startswith("log: ")]
+    assert cut == [f"log: {path}: cannot be written ({why}); it ends here"]
+    assert live.cut_logs == {str(path): why} and live.logs == [path] * at
     assert np.array_equal(live.stream.belief.P, expected(recording).P)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs ulimit")
+def test_the_end_says_which_log_is_cut(tmp_path):
+    """Log and output say the same where the system lets a file grow no further."""
+    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\n[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = inf\n'
+        '[[output]]\nport = "file:states"\n'
+    )
+    words = f"ulimit -f 64; exec {sys.executable} -m strapdown live live.toml"
+    done = subprocess.run(["bash", "-c", words], cwd=tmp_path, capture_output=True, text=True)
+    *_, cut, wrote = done.stdout.splitlines()
+    assert cut == "log.jsonl: ends too early: File too large" and wrote == "wrote log.jsonl"
+    said = done.stderr.splitlines()
+    assert [line for line in said if "file:states: File too large; it is tried" in line]
+    assert done.returncode == 0 and done.stderr.count("log: log.jsonl: cannot be written") == 1
+
+
+@pytest.mark.parametrize("key", ["log", "state", "output"])
+@pytest.mark.parametrize("fault", ["missing", "read-only"])
+def test_a_folder_that_cannot_be_written_is_refused_at_the_start(key, fault, tmp_path, monkeypatch):
+    folder = tmp_path / "there"
+    if fault == "read-only":
+        folder.mkdir()
+        monkeypatch.setattr(os, "access", lambda path, mode: False)
+    path = str(folder / "file")
+    with pytest.raises(DataError, match="there is no folder|cannot be written there") as error:
+        sd.Live(
+            config(tmp_path, {"port": "-"})
+            | {"log": ""}
+            | {key: [{"port": f"file:{path}"}] if key == "output" else path}
+        )
+    assert path in str(error.value) and "\n" not in str(error.value)
 
 
 def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):

@@ -275,6 +275,7 @@ class _Log:
 
     def __init__(self, path: str, tell: Callable[[str], None]) -> None:
         self._path, self._tell, self.written = Path(path), tell, list[Path]()
+        self._now, self.cut = self._path, dict[Path, str]()  # why a file ends too early
         self._file: BinaryIO | None = None
         self._start: object = None
         self._forced, self._forcing = time.monotonic(), DiskJob(self._fail)
@@ -296,6 +297,7 @@ class _Log:
         assert stream.start is not None  # it has used a sample
         setup = (stream.start, config.imu, config.vehicle, stream.estimated)
         line = head_line(config.filter, stream.used, *setup)
+        self._now = path
         self._file = path.open("xb")
         self.written.append(path)
         self._file.write(line.encode())
@@ -321,8 +323,10 @@ class _Log:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        why = getattr(error, "strerror", "") or error
-        self._tell(f"log: cannot be written ({why}); it ends here")
+        if self._now in self.cut:  # as when what was left over is written
+            return
+        self.cut[self._now] = why = getattr(error, "strerror", "") or str(error)
+        self._tell(f"log: {self._now}: cannot be written ({why}); it ends here")
         self.close()
 
     def close(self) -> None:
@@ -684,3 +688,8 @@ class Live:
     def logs(self) -> list[Path]:
         """Files of the log, one for each start."""
         return [*self._log.written] if self._log else []
+
+    @property
+    def cut_logs(self) -> dict[str, str]:
+        """{file of the log: why it ends too early}."""
+        return {str(path): why for path, why in self._log.cut.items()} if self._log else {}
