@@ -489,10 +489,11 @@ def test_mavlink_is_read_in_si(tmp_path):
     reader.feed(bytes_of(common.MAVLink_system_time_message(round(unix * 1e6), 0)))
     assert reader.feed(bytes_of(late))[0].t == pytest.approx(1.5, abs=1e-5)
     assert clock.epoch == pytest.approx(unix - 315964800 + 18)
+    assert reader.bad == 1 and reader.why == "GPS_RAW_INT has UNIX time, and no SYSTEM_TIME came"
     # what cannot be used
-    assert reader.bad == 0
+    reader.bad, reader.why = 0, ""
     assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), (0, 0, 0)))) == []
-    assert reader.bad == 1
+    assert reader.bad == 1 and reader.why == "GPS_RAW_INT has no accuracies; send MAVLink 2"
     assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), fix_type=1))) == []
     _, of_another = mavlink(system=9)
     assert reader.feed(of_another(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0)))) == []
@@ -508,6 +509,9 @@ def test_mavlink_is_read_in_si(tmp_path):
     (sample,) = reader.feed(b"".join(map(bytes_of, high)))
     assert sample.dv == pytest.approx((0.005, 0.01, -0.049)) and sample.dt == pytest.approx(0.005)
     assert reader.feed(bytes_of(scaled[1])) == []
+    reader.bad, reader.why = 0, ""
+    assert reader.feed(bytes_of(high[1])) == [] and reader.bad == 1
+    assert reader.why.startswith("HIGHRES_IMU 0 s after the one before")
 
 
 def test_an_autopilot_by_datagrams(tmp_path):
