@@ -64,9 +64,7 @@ def _check_standard_output(terminal: bool, uses_output: bool) -> None:
     }
     names = [name for name, needs in needed.items() if needs]
     if len(names) > 1:
-        raise sd.DataError(
-            f"{names[0]} and {names[1]} both need standard output; leave out one"
-        )
+        raise sd.DataError(f"{names[0]} and {names[1]} both need standard output; leave out one")
 
 
 def _complain(t: float, text: str) -> None:

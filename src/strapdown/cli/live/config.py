@@ -160,7 +160,9 @@ def _check_writable(path: str, name: str) -> None:
     """Refuse a file that is not there and cannot be made, or cannot be written. Raises DataError."""
     folder, file = Path(path).parent, Path(path)
     if not folder.is_dir():
-        raise DataError(f"{name}: {path}: there is no folder {folder}; make it, or name another one")
+        raise DataError(
+            f"{name}: {path}: there is no folder {folder}; make it, or name another one"
+        )
     # an output is appended to, and the others are made in the folder
     if not os.access(file if file.exists() and not file.is_file() else folder, os.W_OK):
         raise DataError(f"{name}: {path} cannot be written there; name another folder")
