@@ -166,7 +166,10 @@ class LiveStream:
         self._unstarted = stream(None)
         self._stream = deepcopy(self._unstarted) if start is None else stream(start)
         self._on_event, self._is_deaf = on_event, False
-        (self._limits,) = self._unstarted.limits
+        (limits,) = self._unstarted.limits
+        # as floats, since reading them from the table takes a third of a step
+        ranges = ((limits.gyro_range, "rad/s"), (limits.accel_range, "m/s^2"))
+        self._ranges = [(float(largest), unit) for largest, unit in ranges]
         self._names = [a.name or a.kind for a in sources]
         self._dropped = {INVALID_DATA: 0, OTHER_TIME: 0, LEFT: 0}
         # of streams before the present one
@@ -229,11 +232,10 @@ class LiveStream:
     def _beyond_range(self, sample: Sample) -> str:
         """Say which value no alignment can use, because no sensor measures it; empty of others. After
         the start the filter bridges them, as long as they are numbers that a sensor could send."""
-        factor, limits = 1e3 if self._stream.started else 1.0, self._limits
-        ranges = (limits.gyro_range, "rad/s"), (limits.accel_range, "m/s^2")
+        factor = 1e3 if self._stream.started else 1.0
         try:
             _, dt, *increments = sample
-            for (largest, unit), values in zip(ranges, increments):
+            for (largest, unit), values in zip(self._ranges, increments):
                 if (rate := max(map(abs, values)) / dt) > factor * largest:
                     return f"{rate:.4g} {unit} is out of range"
         except (TypeError, ValueError, ArithmeticError):  # which the stream refuses
@@ -466,6 +468,10 @@ class LiveStream:
 
     def save(self, path: File) -> None:
         """Write the state to a file, as `Stream.save`. Raises DataError."""
+        write_state(path, self.saved_content())
+
+    def saved_content(self) -> dict[str, Any]:
+        """Return what `save` writes. Raises DataError."""
         past: dict[str, Any] = {
             "past": [*self._past],
             "counted": self._counted,
@@ -478,7 +484,7 @@ class LiveStream:
             "suspects": self._suspects,
             "suspect fixes": [*self._suspect_fixes],
         }
-        write_state(path, self._stream.saved_content() | {"live": past})
+        return self._stream.saved_content() | {"live": past}
 
     def restore(self, path: File) -> FilterState:
         """Go on from a file that `save` wrote, as `Stream.restore`. Raises DataError; the stream is

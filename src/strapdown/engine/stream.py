@@ -57,6 +57,7 @@ from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
 from .plausible_limits import limits
 from .prepare import (
+    Run,
     assumed_noise,
     augmented_states,
     check_needs,
@@ -988,6 +989,16 @@ class Stream:
         """Return the Solution of the history, as from `fuse`. Raises DataError before the first
         sample is used."""
         return self._used_live().solution(self._asked["every"], {**self._meta, "notes": self.notes})
+
+    def history(self) -> tuple[Run, int, Callable[[], bool]] | None:
+        """Return the history and `every` for `solution_of`, and a function that tells whether the arrays,
+        which are views, still hold it; None before the first sample is used."""
+        live = self._live
+        if live is None or not live.cursor.state[0].row:
+            return None
+        number = live.forgotten
+        run = live.history({**self._meta, "notes": self.notes})
+        return run, self._asked["every"], lambda: live.forgotten == number
 
     def _used_live(self) -> LiveRun:
         if self._live is None or not self._live.cursor.state[0].row:

@@ -1,5 +1,6 @@
 """The command `strapdown live`."""
 
+import gc
 import signal
 import sys
 from contextlib import nullcontext
@@ -38,6 +39,8 @@ def live(
     program = sd.Live(config, on_event=None if seen else _complain, page=page)
     is_told = _end_by_signals(program)
     uses_output = any(part.address.kind == "-" for part in program.config.outputs)
+    # a collection of all that was loaded until now would keep samples waiting
+    gc.freeze()
     try:
         if terminal and (uses_output or not is_shown()):
             other = "the output `-`" if uses_output else "--json"
