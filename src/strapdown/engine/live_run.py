@@ -42,8 +42,9 @@ from .plausible_limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare, stages_of
 from .saved_state import put_array
 
-ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
-    place(LoopState, name) for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged")
+ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED, SHOWN, T = (
+    place(LoopState, name)
+    for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged", "shown", "t")
 )
 """Offsets of these in the memory of a LoopState."""
 OF_HISTORY = ("row", "stop", "fix", "fixes", "out")
@@ -127,9 +128,13 @@ class _Room:
         self.run = bind_kernel(
             loop.run, kernels, belief, self.imu, self.fixes, noise, cursor, self.out
         )
-        columns: list[Any] = [cursor.state.view(np.int64), *self.imu]
+        state: Any = cursor.state
+        columns: list[Any] = [state.view(np.int64), state.view(np.float64), *self.imu]
         views: list[Any] = [memoryview(column.reshape(-1)) for column in columns]
-        self.state, self.t, self.dt, self.dtheta, self.dv = views
+        self.state, self.numbers, self.t, self.dt, self.dtheta, self.dv = views
+        changing: list[Any] = [*belief, *cursor]
+        # the bytes of what a step changes, except the history
+        self.changing = [memoryview(column.reshape(-1).view(np.uint8)) for column in changing]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "_Room":
         own = object.__new__(type(self))
@@ -237,7 +242,8 @@ class LiveRun:
     @property
     def t(self) -> float:
         """Time of the filter state, s."""
-        return float(self.cursor.state[0].t)
+        t: float = self._room.numbers[T]
+        return t
 
     @property
     def rate(self) -> float:
@@ -247,7 +253,8 @@ class LiveRun:
     @property
     def status(self) -> int:
         """Status of the newest row."""
-        return int(self.cursor.state[0].shown)
+        status: int = self._room.state[SHOWN]
+        return status
 
     def new_events(self) -> list[LogRow]:
         """Rows of the log that began since the last call."""
@@ -443,17 +450,13 @@ class LiveRun:
 
     def snapshot(self) -> list[Any]:
         """Return copies of everything that a step changes, except the history."""
-        return [*(column.copy() for column in self._changing), self._dt]
+        return [*map(bytes, self._room.changing), self._dt]
 
-    def restore(self, arrays: Sequence[Any]) -> None:
+    def restore(self, snapshot: Sequence[Any]) -> None:
         """Go back to a `snapshot`."""
-        *columns, self._dt = arrays
-        for column, before in zip(self._changing, columns, strict=True):
-            column[...] = before
-
-    @property
-    def _changing(self) -> list[Any]:
-        return [*self.belief, *self.cursor]
+        *contents, self._dt = snapshot
+        for memory, before in zip(self._room.changing, contents, strict=True):
+            memory[:] = before
 
     def copy(self) -> FilterState:
         """Return a copy of the filter state."""
