@@ -27,6 +27,7 @@ import figures  # noqa: E402
 import house  # noqa: E402
 import lanes  # noqa: E402
 import library  # noqa: E402
+import live_latency  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
 import numpy as np  # noqa: E402
@@ -462,6 +463,11 @@ def tool_figures(book):
         book.measure([name], function)
 
 
+def live_figures(book):
+    """Of a filter on live data: from a datagram to its state, and its first step."""
+    book.measure(live_latency.FIGURES, live_latency.results)
+
+
 def peer_figures(book, full=False):
     """Times of the peers over strapdown's on the same workload, strapdown run before and after
     each."""
@@ -515,6 +521,7 @@ PARTS = {
     "recorded": ("Recorded flight and drive", recorded_figures),
     "sensors": ("Sensors and their worth", sensor_figures),
     "tools": ("Calibration and tuning of a log", tool_figures),
+    "live": ("Live data", live_figures),
     "attitude": ("Attitude alone", attitude_figures),
     "navigation": ("Other filters, smoothing", navigation_figures),
     "observers": ("Observers", exogenous_figures),

@@ -42,8 +42,9 @@ from .plausible_limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare, stages_of
 from .saved_state import put_array
 
-ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
-    place(LoopState, name) for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged")
+ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED, SHOWN, T = (
+    place(LoopState, name)
+    for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged", "shown", "t")
 )
 """Offsets of these in the memory of a LoopState."""
 OF_HISTORY = ("row", "stop", "fix", "fixes", "out")
@@ -127,9 +128,13 @@ class _Room:
         self.run = bind_kernel(
             loop.run, kernels, belief, self.imu, self.fixes, noise, cursor, self.out
         )
-        columns: list[Any] = [cursor.state.view(np.int64), *self.imu]
+        state: Any = cursor.state
+        columns: list[Any] = [state.view(np.int64), state.view(np.float64), *self.imu]
         views: list[Any] = [memoryview(column.reshape(-1)) for column in columns]
-        self.state, self.t, self.dt, self.dtheta, self.dv = views
+        self.state, self.numbers, self.t, self.dt, self.dtheta, self.dv = views
+        changing: list[Any] = [*belief, *cursor]
+        # the bytes of what a step changes, except the history
+        self.changing = [memoryview(column.reshape(-1).view(np.uint8)) for column in changing]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "_Room":
         own = object.__new__(type(self))
@@ -180,6 +185,7 @@ class LiveRun:
         self.kernels = prepare(filter, [a.kind for a in self.sources], notify, needed)
         self.events = events or Events(filter, self.sources, vehicle)
         self.seen = 0  # rows of the log that were examined
+        self.forgotten = 0  # times that the older half of the history was dropped
         self._dt = nan  # s, length of the newest sample
         # s, begin of a source's rejections that are not reported yet; the reported ones
         self._refusing: dict[int, float] = {}
@@ -236,7 +242,8 @@ class LiveRun:
     @property
     def t(self) -> float:
         """Time of the filter state, s."""
-        return float(self.cursor.state[0].t)
+        t: float = self._room.numbers[T]
+        return t
 
     @property
     def rate(self) -> float:
@@ -246,7 +253,8 @@ class LiveRun:
     @property
     def status(self) -> int:
         """Status of the newest row."""
-        return int(self.cursor.state[0].shown)
+        status: int = self._room.state[SHOWN]
+        return status
 
     def new_events(self) -> list[LogRow]:
         """Rows of the log that began since the last call."""
@@ -258,11 +266,14 @@ class LiveRun:
 
     def all_events(self) -> Events:
         """All events so far."""
-        self.events.take(self.cursor)
-        self.seen = 0
+        self._take_log()
         fix = int(self.cursor.state[0].fix)
         self.events.look_at(self._room.out.fix[:fix], self._room.fixes.std[:fix])
         return self.events
+
+    def _take_log(self) -> None:
+        self.events.take(self.cursor)
+        self.seen = 0
 
     def new_rejections(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
         """Take the `fixes` newest measurements, and return the events of rejections that began at
@@ -301,6 +312,7 @@ class LiveRun:
 
     def _forget(self) -> None:
         """Drop the older half of the history; the start moves to the beginning of the rest."""
+        self.forgotten += 1  # before anything moves
         state, room = self.cursor.state[0], self._room
         imu, fixes, std, out = room.imu, room.fixes, room.std, room.out
         row, fix = int(state.row), int(state.fix)
@@ -328,6 +340,9 @@ class LiveRun:
 
     def recording(self, meta: RecordingMeta) -> Recording:
         """Return the kept samples and fixes."""
+        return self._recording(self.samples, meta)
+
+    def _recording(self, samples: Imu, meta: RecordingMeta) -> Recording:
         fixes, stamp, std = self._room.fixes, self._room.stamp, self._room.std
         kept = slice(0, int(self.cursor.state[0].fixes))
         sources = []
@@ -336,38 +351,46 @@ class LiveRun:
             sources.append(
                 replace(a, t=stamp[mine], y=fixes.y[mine, :width], std=std[mine, : a.std.shape[1]])
             )
-        return Recording(self.samples, tuple(sources), meta=meta)
+        return Recording(samples, tuple(sources), meta=meta)
 
     def solution(self, every: int, meta: RecordingMeta) -> Solution:
         """Return the Solution of the history, each n-th row and the last."""
+        return solution_of(self.history(meta), every)
+
+    def history(self, meta: RecordingMeta) -> Run:
+        """Return the history as a run for `solution_of`. Its samples and results are views, which
+        hold as long as `forgotten` stays."""
+        self._take_log()
         state, room = self.cursor.state[0], self._room
-        rows = slice((int(state.out) - 1) % every, int(state.out), every)
-        out = room.out._replace(
-            nav=room.out.nav[rows].copy(),
-            covariance=room.out.covariance[rows].copy(),
-            fix=room.out.fix[: state.fix].copy(),
+        row, fix, out = int(state.row), int(state.fix), int(state.out)
+        samples = Imu(*(read_only(column[: row + int(state.fault)]) for column in room.imu))
+        recording = self._recording(samples, meta)
+        fixes = room.fixes._replace(
+            t=room.fixes.t[:fix],
+            source=room.fixes.source[:fix],
+            y=room.fixes.y[:fix],
+            std=room.fixes.std[:fix],
         )
-        cursor = self.cursor._replace(state=self.cursor.state.copy())
-        cursor.state[0].out = len(out.nav)
-        self.all_events()
-        recording = self.recording(meta)
-        return solution(
-            Run(
-                recording,
-                recording.imu,
-                self.filter,
-                self.kernels,
-                self.start,
-                self.noise,
-                self.spec,
-                self.belief,
-                room.fixes,
-                cursor,
-                out,
-                0,
-                self.options,
-                self.events,
-            )
+        results = room.out._replace(
+            nav=room.out.nav[:out],
+            covariance=room.out.covariance[:out],
+            fix=room.out.fix[:fix].view(np.ndarray),
+        )
+        return Run(
+            recording,
+            samples,
+            self.filter,
+            self.kernels,
+            self.start,
+            self.noise,
+            self.spec,
+            self.belief,
+            fixes,
+            self.cursor,
+            results,
+            0,
+            self.options,
+            self.events,
         )
 
     def newest(self) -> Trajectory:
@@ -427,21 +450,38 @@ class LiveRun:
 
     def snapshot(self) -> list[Any]:
         """Return copies of everything that a step changes, except the history."""
-        return [*(column.copy() for column in self._changing), self._dt]
+        return [*map(bytes, self._room.changing), self._dt]
 
-    def restore(self, arrays: Sequence[Any]) -> None:
+    def restore(self, snapshot: Sequence[Any]) -> None:
         """Go back to a `snapshot`."""
-        *columns, self._dt = arrays
-        for column, before in zip(self._changing, columns, strict=True):
-            column[...] = before
-
-    @property
-    def _changing(self) -> list[Any]:
-        return [*self.belief, *self.cursor]
+        *contents, self._dt = snapshot
+        for memory, before in zip(self._room.changing, contents, strict=True):
+            memory[:] = before
 
     def copy(self) -> FilterState:
         """Return a copy of the filter state."""
         return FilterState(*(column.copy() for column in self.belief))
+
+
+def solution_of(history: Run, every: int) -> Solution:
+    """Return the Solution of a `LiveRun.history`, each n-th row and the last, in memory of its own."""
+    out, state = history.out, history.cursor.state.copy()
+    samples = Imu(*(read_only(column.copy()) for column in history.samples))
+    rows = slice((len(out.nav) - 1) % every, None, every)
+    out = out._replace(
+        nav=out.nav[rows].copy(),
+        covariance=out.covariance[rows].copy(),
+        fix=out.fix.copy().view(np.recarray),
+    )
+    state[0].out = len(out.nav)
+    return solution(
+        history._replace(
+            recording=replace(history.recording, imu=samples),
+            samples=samples,
+            cursor=history.cursor._replace(state=state),
+            out=out,
+        )
+    )
 
 
 def start_of(saved: Any) -> InitialState:

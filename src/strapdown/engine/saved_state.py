@@ -18,7 +18,7 @@ from ..fileio.files import replacing
 from ..typing import File
 
 FIRST = b"strapdown stream, format "
-FORMAT = 1
+FORMAT = 2
 """Changes with what the file holds."""
 MAX_SIZE = 1 << 28
 """Largest number of unpacked bytes. A stream that has started takes 10 to 100 kB; one that waits
@@ -32,12 +32,22 @@ class OtherStateError(DataError):
 def write_state(path: File, state: dict[str, Any]) -> None:
     """Write a state of numbers, texts, lists, tables and arrays of float64 or int64, whole or not
     at all. Raises DataError."""
+    write_state_text(path, state_text(path, state))
+
+
+def state_text(path: File, state: dict[str, Any]) -> bytes:
+    """Return the JSON of a state for `write_state_text`. Raises DataError where it is too long."""
     text = json.dumps(state, default=_plain, separators=(",", ":")).encode()
     if len(text) > MAX_SIZE:
         raise DataError(
             f"{path}: the state has {len(text) / 1e6:.0f} MB, most of it samples that wait; give "
             "the stream a shorter history or lag"
         )
+    return text
+
+
+def write_state_text(path: File, text: bytes) -> None:
+    """Write the `state_text` of a state, whole or not at all. Raises DataError."""
     with replacing(path) as part:
         part.write_bytes(FIRST + b"%d\n" % FORMAT + zlib.compress(text))
         append_checksum(part)

@@ -6,12 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from ...checks import DataError
 from ...engine.stream import Measurement, Sample
 from ...io.reader import Log
-from ...units.time_scales import YEARS, midnight, year_of
+from ...units.time_scales import YEARS, leap_seconds, midnight, year_of
+
+if TYPE_CHECKING:
+    from .receiver_rows import ReceiverRow
 
 WINDOW = 1 << 14
 """Bytes of a receiver that are read as one log: some epochs."""
@@ -26,6 +29,7 @@ class Clock:
     it is midnight, UTC, before the first absolute time; None where there was none yet."""
 
     def __init__(self, epoch: float | None = None) -> None:
+        leap_seconds()  # reads them now, so that no sample waits for it
         self.epoch = epoch
 
     def of_gps(self, gps: float) -> float:
@@ -49,6 +53,7 @@ class Decoder(ABC):
 
     def __init__(self) -> None:
         self.bad, self.why = 0, ""
+        self.news: list[str] = []  # texts of events
         # s, of time.monotonic: when the bytes came of which the events are; None: just now
         self.last: float | None = None
 
@@ -74,16 +79,9 @@ class Decoder(ABC):
         """Go on with the `memory` of before a restart."""
 
 
-class _Row(NamedTuple):
-    """A measurement of a receiver."""
-
-    t: float
-    kind: str
-    y: tuple[float, ...]
-    std: tuple[float, ...]
-
-
-def _by_company(rows: list[_Row]) -> tuple[list[_Row], list[_Row]]:
+def _by_company(
+    rows: list["ReceiverRow"],
+) -> tuple[list["ReceiverRow"], list["ReceiverRow"]]:
     """Return the rows of epochs that have another one near by, and the others."""
     times = sorted({row.t for row in rows})
     gaps = [inf, *(b - a for a, b in zip(times, times[1:])), inf]
@@ -99,9 +97,11 @@ class Receiver(Decoder):
     def __init__(
         self, clock: Clock, log: Callable[[Path, bytes], Log], kinds: Sequence[str], name: str
     ) -> None:
+        from .receiver_rows import receiver_rows  # now, so that no sample waits for it
         from .stray_pieces import StrayPieces
 
         super().__init__()
+        self._read = receiver_rows
         self._clock, self._log, self._name = clock, log, Path(name)
         self._kinds, self._strays = kinds, StrayPieces()
         self._window, self._fresh, self._waits = b"", 0, False
@@ -149,10 +149,12 @@ class Receiver(Decoder):
             self.bad += self._strays.count(self._window[-self._fresh :])
         self._fresh, self._waits = 0, not whole
         try:
-            rows = [row for row in self._rows() if row.kind in self._kinds]
+            log = self._log(self._name, self._window)
+            rows = self._read(log, self._name, self._clock)
         except DataError:  # nothing usable in these bytes
             self.bad += 1
             return []
+        rows = [row for row in rows if row.kind in self._kinds]
         near, alone = _by_company(rows)
         last = max((row.t for row in near), default=0.0)
         taken = [
@@ -167,27 +169,3 @@ class Receiver(Decoder):
             self._used |= wrong
         fresh.sort(key=lambda row: row.t)
         return [Measurement(row.t, self._kinds.index(row.kind), row.y, row.std) for row in fresh]
-
-    def _rows(self) -> list[_Row]:
-        """Return the measurements of the window, as a description of the log would read them."""
-        from ...io.description.fix_columns import Whereabouts, read_fixes
-        from ...io.description.schema_source import SourcePart
-        from ...io.description.source_files import Files
-
-        log = self._log(self._name, self._window)
-        parts = [
-            SourcePart.model_validate({**section.keys, "file": str(self._name)})
-            for section in log.sections
-            if section.of == "source" and not section.left and not section.instance
-            if "clock" in section.keys["time"] and section.keys["time"].get("week", "") is not None
-        ]
-        if self._clock.epoch is None and parts:
-            first = Files(self._name, None, ".", {self._name: log})
-            read_fixes(parts[0], first, Whereabouts((), None), str(self._name))
-            self._clock.epoch = first.epoch
-        files, rows = Files(self._name, self._clock.epoch, ".", {self._name: log}), list[_Row]()
-        for part in parts:
-            found = read_fixes(part, files, Whereabouts((), None), str(self._name))
-            columns = found.t.tolist(), found.y.tolist(), found.std.tolist()
-            rows += [_Row(t, part.kind, tuple(y), tuple(std)) for t, y, std in zip(*columns)]
-        return rows

@@ -3,6 +3,7 @@
 import json
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
+from math import degrees, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -47,29 +48,26 @@ def state_at(
 
 def json_line(it: Shown) -> str:
     """Return the state as a JSON object on one line: angles in deg, the rest in SI."""
-    state = it.state
-    lat, lon = np.degrees(state.lla[:2]).tolist()
+    # without numpy, whose calls take longer than the numbers
+    lat, lon, height = it.state.lla.tolist()
+    variances = it.state.P.diagonal()[:9].tolist()
     table = {
         "t": it.t,
         "utc": it.moment and it.moment.isoformat(timespec="milliseconds"),
         "status": Status(it.status).name.lower(),
-        "lat": lat,
-        "lon": lon,
-        "height": float(state.lla[2]),
-        "v_n": state.v_n.tolist(),
-        "rph": [*angles(state)],
-        "std": np.sqrt(np.diag(state.P)[:9]).tolist(),
+        "lat": _number_or_null(degrees(lat)),
+        "lon": _number_or_null(degrees(lon)),
+        "height": _number_or_null(height),
+        "v_n": [*map(_number_or_null, it.state.v_n.tolist())],
+        "rph": [*map(_number_or_null, angles(it.state))],
+        "std": [sqrt(variance) if variance >= 0 else None for variance in variances],
     }
-    return json.dumps(_without_nan(table)) + "\n"
+    return json.dumps(table) + "\n"
 
 
-def _without_nan(value: object) -> object:
-    """Return a value with null for NaN, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: _without_nan(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(each) for each in value]
-    return None if isinstance(value, float) and value != value else value
+def _number_or_null(value: float) -> float | None:
+    """Return a number, None for NaN, which JSON lacks."""
+    return value if value == value else None
 
 
 def nmea_lines(it: Shown) -> str:
