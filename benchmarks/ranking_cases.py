@@ -69,14 +69,19 @@ def drive():
     return recorded("drive0708", recording, begin, scored[1], 0.01, 0.03, windows, scored, False)
 
 
-def walk(folder):
-    """walk0827 with its fixed positions, and the two outages of its authors."""
+def walked(folder):
+    """walk0827 with all its fixes; `folder` gets its description."""
     own = data_folder(DESCRIPTIONS) / "walk0827"
     sources = join(open_logs([own / "gnss_1730_sf.pos.xz"])).text(folder).partition("\n\n")[2]
     path = folder / "walk0827.toml"
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(WALK.format(own / "imu_1730_sf.csv.xz") + sources, encoding="utf-8")
-    whole = sd.read(path)
+    return sd.read(path)
+
+
+def walk(folder):
+    """walk0827 with its fixed positions, and the two outages of its authors."""
+    whole = walked(folder)
     (fixed,) = (a for a in whole.sources if a.kind == "position" and a.name.endswith("fixed"))
     reference = sd.Trajectory(fixed.t, fixed.y)
     recording = replace(whole, sources=(fixed,), reference=reference)

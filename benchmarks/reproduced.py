@@ -139,6 +139,28 @@ def farthest_from_nine(text):
     return max(abs(number(row[-1]) / 9 - 1) * 100 for row in markdown.rows(text)[1:])
 
 
+LIVE = "../../how-to/live.md"
+
+
+def after_words(words):
+    """A function that finds the number after these words."""
+    return lambda text: number(text.partition(f"{words} ")[2])
+
+
+def before_words(words):
+    """A function that finds the number before these words."""
+    return lambda text: number(text.partition(f" {words}")[0].split()[-1])
+
+
+def over_no_restart(text):
+    """Mean of the table's NEES after a restart over that without it."""
+    rows = [row[1:] for row in markdown.rows(text)[1:]]
+    restarted, alike, _ = (
+        [number(cell) for row in rows[way::3] for cell in row[1:]] for way in range(3)
+    )
+    return sum(restarted) / sum(alike)
+
+
 STUDIES = (
     Study(
         "wrong-setups",
@@ -241,6 +263,19 @@ STUDIES = (
         "filters of python docs/_site/filter_pages.py",
         {"iekf, time": of_group("iekf")},
         page="../filters.md",
+    ),
+    Study(
+        "day of python benchmarks/live_day.py",
+        {
+            "live, memory of a day": after_words("Memory grew by"),
+            "live, lines of a day lost uncounted": before_words("were lost uncounted"),
+        },
+        page=LIVE,
+    ),
+    Study(
+        "restart of python benchmarks/live_restart.py",
+        {"live, NEES after a restart": over_no_restart},
+        page=LIVE,
     ),
     Study(
         "vehicle-kit",

@@ -242,7 +242,7 @@ def score(workload, t, lla, v, C):
 
 def period(seconds=600, rate=100):
     """Arrays of a closed figure that repeats after `seconds`: ideal dtheta and dv; lla (rad, rad,
-    m) with the start; v and rph (rad) there; rate.
+    m) and v_n with the start; v and rph (rad) there; rate.
 
     Every wave fits a whole number of times, so rounds of it join smoothly; what is left of the last
     position belongs to the next round.
@@ -260,6 +260,7 @@ def period(seconds=600, rate=100):
         "dtheta": ideal[util.GYRO_COLS].to_numpy()[1:],
         "dv": ideal[util.ACCEL_COLS].to_numpy()[1:],
         "lla": truth[util.LLA_COLS].to_numpy() * [DEG, DEG, 1.0],
+        "v_n": v,
         "v": v[0],
         "rph": rph[0] * DEG,
         "rate": rate,

@@ -12,6 +12,7 @@ from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import INVALID, VALID, Status
 from strapdown.engine.prepare import has_position
+from strapdown.engine.verdict_process import VerdictProcess
 from strapdown.filters import find
 from strapdown.io.decoding.robots.ros_transforms import HERE, WORLD, Pose
 from strapdown.typing import Array
@@ -103,7 +104,7 @@ class Navigator:
         self._told: set[tuple[str, str]] = set()
         self.restarts = 0
         self._frame = None if config.origin is None else LocalFrame(np.array(config.origin))
-        self._verdict, self._verdict_due = "", -inf
+        self._verdicts = VerdictProcess(config.verdict_every)
         self._said = ""  # the last message of a NodeStatus
         # refuses and compiles before the first message comes
         self._stream({}, Mount.none(), None)
@@ -376,15 +377,20 @@ class Navigator:
         return values + self._of_verdict(live)
 
     def _of_verdict(self, live: sd.LiveStream) -> list[tuple[str, str]]:
-        """Return the verdict, made anew where it is due."""
-        every, t = self.config.verdict_every, live.stream.newest
-        if every and live.started and not self._verdict_due - every <= t < self._verdict_due:
-            self._verdict_due = t + every
-            try:
-                self._verdict = live.verdict.line
-            except DataError as error:
-                self._verdict = str(error)
-        return [("verdict", self._verdict)] if self._verdict else []
+        """Return the newest verdict, and have another one made where it is due."""
+        if not self.config.verdict_every:
+            return []
+        self._verdicts.look(live.stream)
+        found = []
+        if newest := self._verdicts.newest:
+            found += [("verdict", newest.verdict.line), ("verdict: on", newest.span)]
+        if self._verdicts.error:
+            found.append(("verdict: failed", self._verdicts.error))
+        return found
+
+    def close(self) -> None:
+        """End the process that makes verdicts."""
+        self._verdicts.close()
 
 
 REMEDIES = {

@@ -62,6 +62,11 @@ class StrapdownNode(Node):  # type: ignore[misc]
         )
         self._jumps = self.get_clock().create_jump_callback(back, post_callback=self._on_jump)
 
+    def destroy_node(self) -> None:
+        """End the process that makes verdicts, and all that ROS knows of the node."""
+        self.navigator.close()
+        super().destroy_node()
+
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 

@@ -17,7 +17,9 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.cli.live import dashboard, page_server
 from strapdown.core.mathematics.rotation import matrix_to_euler
+from strapdown.engine import verdict_process
 from strapdown.geometry.geodesy import displacement
+from strapdown.pages.verdict_block import verdict_block
 
 pytestmark = pytest.mark.short
 
@@ -279,6 +281,102 @@ def test_a_filter_without_a_position_shows_none(monkeypatch):
     assert shown.get("lat_lon", [None, None]) == [None, None]
 
 
+# ---- verdicts
+
+
+NOT_YET = {"word": "not yet", "line": "not yet", "of": "", "error": ""}
+
+
+def turn_until(live, is_so):
+    """Let the program go on until it is so."""
+    end = time.monotonic() + LATE
+    while not is_so():
+        assert time.monotonic() < end
+        live.turn()
+        time.sleep(0.005)
+
+
+def test_nobody_who_watches_no_verdict(started):
+    started.turn()
+    assert started.verdicts._thread is None and started.watch().viewers == 0
+
+
+def test_a_viewer_gets_the_verdict_with_its_span(started):
+    with asked(started, "/events") as answer:
+        shown = event_of(answer)
+        assert shown["verdict"] == NOT_YET
+        assert shown["verdicts"] == []
+        turn_until(started, lambda: started.verdicts.newest)
+        started.turn()
+        while not shown["verdicts"]:
+            shown = event_of(answer)
+        verdict = started.stream.verdict
+        (html,) = shown["verdicts"][0]
+        assert html == verdict_block({"": verdict}) and "Not judged" in html
+        assert shown["verdict"]["word"] == "not judged" and shown["verdict"]["line"] == verdict.line
+        first = started.stream.stream.start.t
+        assert shown["verdict"]["of"].startswith(f"{first:.1f} to 20.0 s, ")
+        started.turn()
+        assert event_of(answer)["verdicts"] == []
+        with asked(started, "/events") as second:
+            assert event_of(second)["verdicts"] == [[html]]
+    until(lambda: started.watch().viewers == 0)
+
+
+def test_a_new_alignment_has_no_verdict_yet(started):
+    started.watch().viewers = 1
+    turn_until(started, lambda: started.verdicts.newest)
+    started.turn()
+    _, before = started.watch().since(0)
+    started.stream._align_anew("for a test", 20.0)
+    started.turn()
+    _, shown = started.watch().since(0)
+    assert before["verdicts"] != [[""]] == shown["verdicts"]
+    assert shown["verdict"] == NOT_YET
+
+
+def test_a_verdict_that_fails_is_one_event(started, monkeypatch):
+    said = []
+    started._on_event = lambda t, text: said.append(text)
+    started.watch().viewers = 1
+
+    def none(module):
+        raise OSError
+
+    monkeypatch.setattr(verdict_process, "start_process", none)
+    for _ in range(2):
+        started.verdicts._due = -np.inf
+        started.turn()
+        turn_until(started, lambda: started.verdicts._given == np.inf)
+    started.turn()
+    assert said == ["verdict: no process could be started; the filter goes on"]
+    assert started.watch().since(0)[1]["verdict"]["error"] == "no process could be started"
+
+
+def test_in_python_a_verdict_is_made_once_asked_for(tmp_path):
+    """And that of `fuse` on the log is the same."""
+    with sd.Live(CONFIG | {"log": str(tmp_path / "log.jsonl")}) as live:
+        feed(live, events_of(flight(60.0)))
+        assert live.verdicts._thread is None
+        assert live.verdict is None
+        turn_until(live, lambda: live.verdict)
+        newest = live.verdict
+        process = live.verdicts._process
+    assert process.poll() is not None
+    assert newest.verdict == live.stream.verdict == sd.fuse(sd.read(live.logs[0])).verdict
+    assert newest.stop == live.stream.t == 60.0 and newest.verdict.trusted
+
+
+def test_the_program_may_end_while_a_verdict_is_made(started):
+    started.watch().viewers = 1
+    turn_until(started, lambda: started.verdicts._process)
+    process = started.verdicts._process
+    started.close()
+    until(lambda: process.poll() is not None)
+    started.verdicts._thread.join(LATE)
+    assert not started.verdicts._thread.is_alive()
+
+
 # ---- viewers
 
 
@@ -423,6 +521,12 @@ def test_a_browser_shows_numbers_that_change_until_the_program_ends(tmp_path):
             assert page.run(f"at('{name}').textContent").endswith(unit), name
         sources = page.run("at('sources').textContent")
         assert "GNSS position" in sources and "2 rejected" in sources and "gate 16.3" in sources
+        page.until("at('verdict').textContent.includes('Not judged')")
+        assert page.run("/^Verdict on .* to .* s, .* s ago.$/.test(at('verdict-of').textContent)")
+        # what was unfolded stays so where the next verdict comes
+        page.run("at('verdict').querySelector('details').open = true")
+        page.run("writeVerdict(at('verdict').innerHTML.replace(' open', ''))")
+        assert page.run("at('verdict').querySelector('details').open")
         painted = "getImageData(0, 0, 600, 300).data.some(each => each)"
         assert page.run(f"at('track').getContext('2d').{painted}")
         for width in (1280, 390):
@@ -441,5 +545,8 @@ def test_a_browser_shows_numbers_that_change_until_the_program_ends(tmp_path):
                 again.turn()
             assert page.run("at('word').textContent") == "invalid"
             assert page.run("track.length") == 0
+            assert page.run("at('verdict').textContent + at('verdict-of').textContent") == (
+                "Verdict: not yet."
+            )
             # a program that hangs does not look alive
             page.until("document.body.classList.contains('lost')")

@@ -23,6 +23,7 @@ from strapdown.checks import DataError
 from strapdown.cli.live.config import OutputPart
 from strapdown.cli.live.ports import address_of
 from strapdown.cli.live.program import _StatePort
+from strapdown.data.vehicle import find as find_vehicle
 from strapdown.engine.stream import Sample
 from strapdown.geometry.geodesy import displacement
 from strapdown.io.readers import live_log
@@ -1008,22 +1009,25 @@ def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
     again.close()
 
 
-def test_told_to_end_it_saves_its_state(tmp_path):
+def test_told_to_end_it_saves_its_state_and_says_its_counts(tmp_path):
     """SIGTERM of the command long before the state is due."""
     sd.write_recording(flight(60.0), tmp_path / "flight.nc")
     (tmp_path / "live.toml").write_text(
         'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
         '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n'
     )
-    words = [sys.executable, "-m", "strapdown", "live", "live.toml"]
-    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--json"]
+    process = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
     while not (log.exists() and log.stat().st_size > 40_000):
         assert time.monotonic() < end and process.poll() is None
         time.sleep(0.05)
     process.terminate()
-    assert process.wait(30.0) != 0
+    told, said = process.communicate(timeout=30.0)
+    assert process.returncode == 130 and b"interrupted; files written so far are whole" in said
     assert (tmp_path / "state").stat().st_size > 1000
+    (used, _), *_ = json.loads(told)["counts"].values()
+    assert used > 5
 
 
 def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):
@@ -1047,6 +1051,17 @@ def written_log(tmp_path):
     live = sd.Live(config(tmp_path, part))
     live.run()
     return live, (tmp_path / "log.jsonl").read_bytes()
+
+
+def test_the_log_holds_an_imu_and_a_vehicle_that_have_no_name(tmp_path):
+    sd.write_recording(flight(), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
+    own = replace(sd.imu("tactical"), name="mine"), replace(find_vehicle("aircraft"), speed=200.0)
+    live = sd.Live(config(tmp_path, part, imu=own[0], vehicle=own[1]))
+    live.run()
+    log = sd.read(live.logs[0])
+    assert sd.imu(log.meta["grade"]) == own[0] and find_vehicle(log.meta["vehicle"]) == own[1]
+    assert np.array_equal(sd.fuse(log).trajectory.lla[-1], live.stream.belief.lla)
 
 
 def test_a_cut_log_is_read_up_to_its_last_whole_line(tmp_path):
@@ -1231,7 +1246,7 @@ def test_a_state_of_another_configuration_is_kept(tmp_path, change, monkeypatch)
         sd.Live(asked | change)
     # of another version: of the package, or of the file
     first, rest = before.split(b"\n", 1)
-    (tmp_path / "state").write_bytes(first.replace(b"1", b"7") + b"\n" + rest)
+    (tmp_path / "state").write_bytes(first[:-1] + b"7\n" + rest)
     with pytest.raises(DataError, match="is of format 7.*name another one as `state`"):
         sd.Live(asked)
     (tmp_path / "state").write_bytes(before)

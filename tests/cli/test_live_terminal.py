@@ -56,6 +56,7 @@ def test_the_lines_have_all_numbers_with_units(watched):
     for part in (
         "strapdown live: configuration, filter closed-loop",
         "20.00 s: valid, computed from the samples",
+        "verdict: not yet",
         "position  4",
         "m north, ",
         " m/s: north ",
@@ -80,7 +81,29 @@ def test_before_the_start_it_says_what_is_missing():
         "no time yet: invalid, waits for the first IMU sample"
     )
     line = terminal.one_line_view(shown)
-    assert line.endswith("GNSS position 0 used, 0 rejected; baro 0 used, 0 rejected")
+    assert line.endswith("position 0 used, 0 rejected; baro 0 used, 0 rejected; verdict not yet")
+
+
+def test_the_verdict_is_a_line_with_its_span_and_why_a_new_one_failed(watched):
+    _, shown = watched.since(0)
+    verdict = {"word": "doubtful", "line": "doubtful: a reason", "of": "1.0 to 20.0 s, 3 s ago"}
+    for error, more in (("", ""), ("it ended", "; the last attempt failed: it ended")):
+        told = shown | {"verdict": verdict | {"error": error}}
+        lines = terminal.view_lines(told, [])
+        assert f"verdict (1.0 to 20.0 s, 3 s ago): doubtful: a reason{more}" in lines
+        assert terminal.one_line_view(told).endswith("; verdict doubtful")
+
+
+def test_a_terminal_is_a_viewer(watched, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    assert watched.viewers == 0
+    with terminal.TerminalView(watched) as view:
+        end = time.monotonic() + 60.0
+        while not watched.viewers:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+    view._thread.join(60.0)
+    assert watched.viewers == 0
 
 
 @pytest.mark.parametrize("kind, columns", [(Screen, 40), (Screen, 100), (io.StringIO, 100)])

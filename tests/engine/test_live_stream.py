@@ -13,6 +13,7 @@ from test_stream import WITH_POSITION, equal, eventful, events_of, play, shuffle
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data.solution import INVALID, VALID
+from strapdown.engine.arrivals import sample_of
 from strapdown.engine.live_stream import LiveStream
 from strapdown.engine.stream import Measurement, Sample
 
@@ -80,11 +81,11 @@ def test_after_a_long_gap_or_another_clock_it_aligns_anew(away):
     first, second, told = flight(), flight(seed=8), []
     live = live_of(first, on_event=lambda t, text: told.append(text))
     play(live, events_of(first))
-    used = live.counts()
+    ended = copy.deepcopy(live)
+    ended.finish()
+    used = ended.counts()
     assert live.started
-    states = []
-    for event in shifted(events_of(second), 20.0 + away):
-        states.append(live.step(event))
+    play(live, shifted(events_of(second), 20.0 + away))
     assert live.alignments == 1 and live.started
     where = "without samples" if away > 0 else "back in the time of the samples"
     assert any(where in text and text.endswith("aligning anew") for text in told)
@@ -408,6 +409,85 @@ def test_it_goes_on_from_a_file(tmp_path):
         restored.restore(tmp_path / "plain")
     assert whole.counts() == restored.counts()
     plain.restore(tmp_path / "state")  # the other way round nothing is missing
+
+
+@pytest.mark.parametrize("replays", [False, True])
+@pytest.mark.parametrize("away", [5.0, 100.0, -300.0])
+def test_a_restart_at_any_event_of_a_jump_changes_nothing(away, replays, tmp_path):
+    """Saved and restored after each event, from before the jump until the time has been confirmed."""
+    first, second = flight(), flight(seed=8)
+    events = [event for event in events_of(first) if event.t <= 16.0]
+    events += [events[-1]._replace(t=70.0)]  # a single one at another time, and a fix meanwhile
+    events += [event for event in events_of(first) if 16.0 < event.t <= 17.5]
+    begin = len(events) - 45
+    later = shifted([e for e in events_of(second) if 1.0 < e.t <= 3.5], 16.5 + away)
+    fix = next(event for event in later if type(event) is Measurement)
+    events += [*later[:8], fix._replace(source=np.int64(1), y=(0.1, 0.2, 0.3)), *later[8:]]
+    whole, parts = (live_of(first, replay=replays) for _ in range(2))
+    held = 0
+    play(parts, events[:begin])
+    play(whole, events[:begin])
+    for event in events[begin:]:
+        whole.step(event)
+        parts.step(event)
+        held = max(held, len(parts._suspects)) if parts._suspect_fixes else held
+        parts.save(tmp_path / "state")
+        parts = live_of(first, replay=replays)
+        parts.restore(tmp_path / "state")
+        for a, b in zip(parts.belief, whole.belief):
+            assert np.array_equal(a, b, equal_nan=True)
+        assert parts.counts() == whole.counts() and parts.dropped_by == whole.dropped_by
+    assert held >= 10 and whole.alignments == parts.alignments == (away != 5.0)
+    assert whole.dropped_by["at another time"] == 1
+    assert [text for _, text in parts.events] == [text for _, text in whole.events]
+
+
+def test_whatever_waits_can_be_saved(tmp_path):
+    """Of suspects, too, only numbers wait."""
+    live, again = live_of(flight()), live_of(flight())
+    play(live, events_of(flight())[:200])
+    live.step(Sample(100, np.float64(0.05), [0, 0, 0], np.zeros(3)))
+    for bad in BAD:
+        live.step(bad)
+        live.step(bad._replace(t=100.05))
+    assert live._suspects and not live._suspect_fixes == []
+    live.save(tmp_path / "state")
+    again.restore(tmp_path / "state")
+    assert again._suspects == [sample_of(each) for each in live._suspects]
+    assert again._suspect_fixes == live._suspect_fixes
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.2, 1.0])
+def test_all_that_came_is_used_or_counted(lag):
+    """With gaps, jumps, repeats, senders of two times, a start that comes late and a filter that stops."""
+    first, second, used = flight(), flight(40.0, seed=8), []
+    live = live_of(
+        first, lag=lag, on_use=lambda sample, fixes: used.append(1 + len(fixes)), history=100
+    )
+    generator, given = np.random.default_rng(3), 0
+    parts = [
+        [event for event in events_of(first) if type(event) is Sample],  # which make no start
+        shifted(events_of(first), 100.0),
+        shifted(events_of(second), 40.0),
+        shifted(events_of(first), 500.0),
+        shifted(events_of(first), 490.0),
+        shifted(events_of(second), 525.0),
+    ]
+    for number, events in enumerate(parts):
+        for k, event in enumerate(events):
+            for each in {
+                2: [event, event],
+                3: [event, event._replace(t=event.t + 30.0)],
+                5: [event, BAD[generator.integers(len(BAD))]],
+            }.get(int(generator.integers(40)), [event]):
+                live.step(each)
+                given += 1
+            if number == 3 and k == 300:
+                live.stream._live.belief.lla[0] = np.nan
+    assert live.alignments > 3 and live.started
+    live.finish()
+    assert sum(used) + sum(live.dropped_by.values()) == given
+    assert live.dropped_by["before a new alignment"] > 100
 
 
 def test_copies_are_its_own_or_refused():

@@ -310,7 +310,7 @@ def test_foreign_files_are_refused_in_one_line(saved, tmp_path):
     assert "is no saved stream" in refused(stream, bad)
     first, _, rest = path.read_bytes().partition(b"\n")
     bad.write_bytes(first[:-1] + b"99\n" + rest)
-    assert "is of format 99, this version reads 1" in refused(stream, bad)
+    assert "is of format 99, this version reads 2" in refused(stream, bad)
     for made in (b"{}", b"[1, 2]", b"nothing", b'{"set-up": 3}', b"[" * 10000):
         bad.write_bytes(first + b"\n" + zlib.compress(made))
         append_checksum(bad)

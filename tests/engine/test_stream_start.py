@@ -40,7 +40,11 @@ def test_it_starts_by_itself_and_nothing_is_lost(lag):
     batch = sd.fuse(recording, start=begin, covariance=True)
     assert np.array_equal(belief.P, batch.covariance[-1])
     assert np.array_equal(stream.solution.t, batch.t) and stream.solution.events == batch.events
-    assert stream.dropped_by["before the start"] == (recording.imu.t <= begin.t + 1e-6).sum()
+    times = [recording.imu.t, *(a.t for a in recording.sources)]
+    before = sum((t <= begin.t + 1e-6).sum() for t in times)
+    assert stream.dropped_by["before the start"] == before
+    given, used = sum(map(len, times)), len(batch.t) + sum(map(sum, stream.counts()))
+    assert sum(stream.dropped_by.values()) == given - used
 
 
 def test_the_source_of_the_heading_need_not_be_one_of_the_filter():

@@ -1,99 +1,69 @@
 """The example of firmware in an export, on this machine: UBX in, NMEA out."""
 
-import shutil
 import struct
-import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pynmeagps
 import pytest
 import written_ubx
-from exports import STRICT, run
+from loop_streams import (
+    BOOTED,
+    COMPILER,
+    arrivals,
+    drive,
+    fixes,
+    hidden,
+    restarted,
+    run_desk,
+    stream,
+)
 
-import strapdown as sd
 from strapdown.geometry.geodesy import displacement
 from strapdown.native.export.chosen import choose_export
 from strapdown.native.export.folder import export, find_target
-from strapdown.sensor_models.gnss import Gnss
 
-COMPILER = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is found")
-WEEK_END = 604_800_000
+GPS, WEEK_END = written_ubx.GPS, 604_800_000
 """ms."""
-DELAY = 0.12
-"""s between a fix and its last byte."""
 
 
 @pytest.fixture(scope="module")
 def flight():
-    world = sd.scenario("demo").replace(
-        gnss=Gnss(interval=0.2), duration=90.0, imu="industrial", magnetometer=None, barometer=None
-    )
-    return sd.simulate(world, seed=4)
+    return drive()
 
 
 @pytest.fixture(scope="module")
-def loop(tmp_path_factory, flight):
-    folder = tmp_path_factory.mktemp("loop")
+def desk(tmp_path_factory, flight):
+    folder = tmp_path_factory.mktemp("desk")
     export(
         choose_export("closed-loop", ["position", "velocity"], flight), find_target("host"), folder
     )
-    sources = "loop.c", "strapdown_delayed.c", "strapdown_calls.c", "strapdown.o"
-    code, said = run(COMPILER, *STRICT, "-DON_A_DESK", *sources, "-lm", "-o", "loop", folder=folder)
-    assert code == 0, said
-    return folder / "loop"
+    return folder
 
 
-def fixes(flight, gps_ms):
-    """[(arrival, bytes)] of a receiver whose first fix is at that GPS time, ms."""
-    position, velocity = flight.sources
-    begins = position.t[0]
-    degrees = np.rint(np.rad2deg(position.y[:, :2]) * 1e7)
-    moments = gps_ms + np.rint((position.t - begins) * 1000).astype(int)
-    mm = np.rint(position.y[:, 2] * 1000)
-    v = np.rint(velocity.y * 1000)
-    frames = written_ubx.pvt(
-        moments, lat=degrees[:, 0], lon=degrees[:, 1], height=mm, hMSL=mm - 47_000,
-        velN=v[:, 0], velE=v[:, 1], velD=v[:, 2], nano=moments % 1000 * 1_000_000,
-        hAcc=position.std[:, 0] * 1e3, vAcc=position.std[:, 2] * 1e3,
-        sAcc=velocity.std[:, 0] * 1e3,
-    )  # fmt: skip
-    return [(t + DELAY, frame.tobytes()) for t, frame in zip(position.t, frames)]
-
-
-def stream(flight, gps_ms, hidden=()):
-    """Its samples and bytes as they come; fixes that hold in a `hidden` (start, stop) are left out."""
-    offset = gps_ms % WEEK_END * 1e-3 - flight.sources[0].t[0]
-    events = [
-        (t, b"S" + struct.pack("<8d", t + offset, dt, *a, *f)) for t, dt, a, f in zip(*flight.imu)
-    ]
-    for t, frame in fixes(flight, gps_ms):
-        if not any(start < t < stop for start, stop in hidden):
-            events.append((t, b"".join(b"B" + frame[i : i + 1] for i in range(len(frame)))))
-    return b"".join(data for _, data in sorted(events, key=lambda event: event[0])), offset
-
-
-def sentences(loop, data):
+def sentences(desk, data, *words):
     """Parsed GGA and RMC of the loop; each has a right checksum."""
-    done = subprocess.run([loop], input=data, capture_output=True, timeout=100)
-    assert done.returncode == 0
-    found = [pynmeagps.NMEAReader.parse(line + b"\r\n") for line in done.stdout.splitlines()]
+    found = [pynmeagps.NMEAReader.parse(line) for line in run_desk(desk, data, *words)]
     return found[::2], found[1::2]
 
 
-def test_late_fixes_become_sentences_near_the_truth(loop, flight):
-    gps = written_ubx.GPS
-    data, offset = stream(flight, gps, hidden=[(60.0, 70.0)])
-    gga, rmc = sentences(loop, b"B\xb5B\xb5" + data)
-    assert len(gga) == len(rmc) > 400
-    assert {one.msgID for one in gga} == {"GGA"} and {one.msgID for one in rmc} == {"RMC"}
-    seconds = np.array(
+def day_seconds(gga):
+    return np.array(
         [
             o.time.hour * 3600 + o.time.minute * 60 + o.time.second + o.time.microsecond * 1e-6
             for o in gga
         ]
     )
-    t = seconds + 18 + 5 * 86400 - offset  # Friday; 18 leap seconds
+
+
+def test_late_fixes_become_sentences_near_the_truth(desk, flight):
+    messages = [(0.0, b"\xb5\xb5"), *hidden(fixes(flight, GPS), 60.0, 70.0)]
+    gga, rmc = sentences(desk, stream(arrivals(flight, GPS, messages)))
+    assert len(gga) == len(rmc) > 400
+    assert {one.msgID for one in gga} == {"GGA"} and {one.msgID for one in rmc} == {"RMC"}
+    offset = GPS % WEEK_END * 1e-3 - flight.sources[0].t[0]
+    t = day_seconds(gga) + 18 + 5 * 86400 - offset  # Friday; 18 leap seconds
     truth = flight.reference
     at = np.searchsorted(truth.t, t - 0.006)
     assert np.abs(truth.t[at] - t).max() < 0.011
@@ -110,26 +80,97 @@ def test_late_fixes_become_sentences_near_the_truth(loop, flight):
     assert gga[0].sep == 47.0
 
 
-def test_the_week_may_end_and_midnight_pass_without_fixes(loop, flight):
-    gps = written_ubx.GPS // WEEK_END * WEEK_END + WEEK_END - 20_000 - 1_000 * 4
-    data, offset = stream(flight, gps, hidden=[(40.0, 80.0)])
-    gga, rmc = sentences(loop, data)
+def test_the_week_may_end_and_midnight_pass_without_fixes(desk, flight):
+    gps = GPS // WEEK_END * WEEK_END + WEEK_END - 20_000 - 1_000 * 4
+    (usual, _), (gga, rmc) = (
+        sentences(desk, stream(arrivals(flight, begins, hidden(fixes(flight, begins), 40.0, 80.0))))
+        for begins in (GPS, gps)
+    )
+    places = [[(o.lat, o.lon, 1e-5 * o.alt) for o in found] for found in (usual, gga)]
+    np.testing.assert_allclose(*places, rtol=0, atol=1e-6)  # deg; m times 1e-5
     assert len(gga) > 400 and {o.quality for o in gga} == {1, 6}
     dates = [str(o.date) for o in rmc]
     assert dates[0] == "2024-05-18" and "" in dates and dates[-1] == "2024-05-19"
-    times = np.array([o.time.hour for o in gga])
-    assert set(times) == {23, 0}
+    assert {o.time.hour for o in gga} == {23, 0}
 
 
-def test_a_damaged_fix_is_left_out(loop, flight):
-    data, _ = stream(flight, written_ubx.GPS)
-    frames = fixes(flight, written_ubx.GPS)
-    for damaged in (2, 40, 99):
-        frame = frames[100][1]
-        bytes_in = b"".join(b"B" + frame[i : i + 1] for i in range(len(frame)))
-        broken = bytearray(bytes_in)
-        broken[2 * damaged + 1] ^= 8
-        without = data.replace(bytes_in, b"")
-        assert sentences(loop, data.replace(bytes_in, bytes(broken)))[0][-1].lat == (
-            sentences(loop, without)[0][-1].lat
-        )
+def test_damage_costs_the_message_that_it_hits(desk, flight):
+    messages = fixes(flight, GPS)
+    arrival, whole = messages[100]
+    without = run_desk(desk, stream(arrivals(flight, GPS, messages[:100] + messages[101:])))
+    assert without != run_desk(desk, stream(arrivals(flight, GPS, messages)))
+    flipped = [bytes([*whole[:at], whole[at] ^ 8, *whole[at + 1 :]]) for at in (2, 40, 99)]
+    lost = [whole[:at] + whole[at + many :] for at, many in ((0, 1), (4, 2), (50, 1), (60, 40))]
+    for damaged in (*flipped, *lost, whole[:50], b"\xb5b\x01\x07" + whole[:7]):
+        messages[100] = arrival, damaged
+        assert run_desk(desk, stream(arrivals(flight, GPS, messages))) == without, damaged
+
+
+def test_a_fix_that_comes_twice_counts_once(desk, flight):
+    messages = fixes(flight, GPS)
+    twice = [(t + by, data) for t, data in messages for by in (0.0, 0.03)]
+    assert run_desk(desk, stream(arrivals(flight, GPS, twice))) == (
+        run_desk(desk, stream(arrivals(flight, GPS, messages)))
+    )
+
+
+@pytest.mark.parametrize("after_a_fix", [False, True])
+def test_a_restart_is_a_gap_of_the_same_length(desk, flight, tmp_path, after_a_fix):
+    at = fixes(flight, GPS)[200][0] if after_a_fix else 42.257
+    first, second, both = restarted(arrivals(flight, GPS), at)
+    assert (first[-1][1][:1] == b"B") == after_a_fix
+    before = run_desk(desk, stream(first), tmp_path / "state")
+    after = run_desk(desk, stream(second), tmp_path / "state")
+    assert len(before) > 350 and len(after) > 400
+    assert before + after == run_desk(desk, stream(both))
+    (tmp_path / "state").write_bytes(b"damaged")
+    assert len(run_desk(desk, stream(second), tmp_path / "state")) > 400  # it begins anew
+
+
+def pulse(t):
+    return t, b"P" + struct.pack("<d", t + BOOTED)
+
+
+def test_a_stray_pulse_changes_nothing(desk, flight):
+    events = arrivals(flight, GPS)
+    stray = [*events, pulse(40.31), pulse(60.77)]
+    stray.sort(key=lambda event: event[0])
+    assert run_desk(desk, stream(stray)) == run_desk(desk, stream(events))
+
+
+def shifted(events, at, by):
+    """The board's clock is `by` s off from then on."""
+    moved = []
+    for t, data in events:
+        if t > at and data[:1] != b"B":
+            clock = struct.unpack("<d", data[1:9])[0] + by
+            data = data[:1] + struct.pack("<d", clock) + data[9:]
+        moved.append((t, data))
+    return moved
+
+
+@pytest.mark.parametrize("by", [-3600.0, -0.3, 0.3, 3600.0, 1e6, -1e6])
+def test_after_a_jump_of_the_clock_it_goes_on(desk, flight, by):
+    gga, _ = sentences(desk, stream(shifted(arrivals(flight, GPS), 40.0, by)))
+    t = day_seconds(gga)
+    assert t[-1] == day_seconds(sentences(desk, stream(arrivals(flight, GPS)))[0])[-1]
+    assert {o.quality for o in gga[-150:]} == {1}
+
+
+def test_samples_that_are_no_numbers_are_left_out(desk, flight):
+    events = arrivals(flight, GPS)
+    for k in (3, 900, 4000):
+        at = [i for i, (_, data) in enumerate(events) if data[:1] == b"S"][k]
+        t, data = events[at]
+        events[at] = t, data[:1] + struct.pack("<8d", *[float("nan")] * 8)
+    gga, _ = sentences(desk, stream(events))
+    assert len(gga) > 400 and {o.quality for o in gga[-200:]} == {1}
+
+
+def test_a_receiver_of_ten_hertz_starts_it_too(desk):
+    """Its fixes are closer together than the time that levelling takes; it stands at first."""
+    fast = drive(20.0, interval=0.1)
+    position, velocity = fast.sources
+    velocity = replace(velocity, y=velocity.y * (velocity.t > 10.0)[:, None])
+    data = stream(arrivals(replace(fast, sources=(position, velocity)), GPS))
+    assert 80 < len(run_desk(desk, data)) < 110

@@ -4,9 +4,22 @@ import shutil
 from functools import cache
 
 import pytest
+from boards import BOARDS, RESTART, build_firmware, gcc, run_board
 from body_speeds import recording as body_speeds
 from exports import STRICT, build_example, rough_flight, run
+from loop_streams import (
+    arrivals,
+    damaged,
+    drive,
+    fixes,
+    hidden,
+    restarted,
+    run_desk,
+    stream,
+    without_samples,
+)
 from test_export import REFUSED, SOURCES
+from written_ubx import GPS
 
 import strapdown as sd
 from strapdown import filters
@@ -18,10 +31,6 @@ pytestmark = pytest.mark.deep
 KINDS = ("position", "velocity", "altitude", "zero-velocity")
 MAX_CODE = 60_000
 """Bytes of the closed loop with four sources on a Cortex-M7."""
-BOARDS = {
-    "cortex-m7": ("cortex-m7", "fpv5-d16", "mps2-an500"),
-    "cortex-m4f": ("cortex-m4", "fpv4-sp-d16", "mps2-an386"),
-}
 EMULATED = ("-nographic", "-monitor", "none", "-serial", "none")
 SEMIHOSTING = ("-semihosting-config", "enable=on,target=native")
 
@@ -45,9 +54,10 @@ def exported(target, folder, seconds=120.0):
 def test_a_cortex_gives_what_python_gives(target, tmp_path, request):
     needed("arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size")
     made = exported(target, tmp_path)
-    cpu, fpu, board = BOARDS[target]
-    gcc = ("arm-none-eabi-gcc", f"-mcpu={cpu}", f"-mfpu={fpu}", "-mfloat-abi=hard", "-mthumb")
-    code, said = run(*gcc, *STRICT, "-ffp-contract=off", "-c", "strapdown_calls.c", folder=tmp_path)
+    cpu, _, board = BOARDS[target]
+    code, said = run(
+        *gcc(target), *STRICT, "-ffp-contract=off", "-c", "strapdown_calls.c", folder=tmp_path
+    )
     assert code == 0, said
     code, said = run("arm-none-eabi-size", "strapdown.o", folder=tmp_path)
     # which counts neither alignment nor notes
@@ -55,9 +65,9 @@ def test_a_cortex_gives_what_python_gives(target, tmp_path, request):
     if target == "cortex-m7":
         assert made.sizes.code <= MAX_CODE and made.sizes.stack < 4096
     here = request.path.parent.parent / "support" / "cortex"
-    _, start = run(*gcc, "-print-file-name=rdimon-crt0.o", folder=tmp_path)
+    _, start = run(*gcc(target), "-print-file-name=rdimon-crt0.o", folder=tmp_path)
     code, said = run(
-        *gcc,
+        *gcc(target),
         "-std=gnu99",
         "-O2",
         "-ffp-contract=off",
@@ -90,6 +100,27 @@ def test_a_cortex_gives_what_python_gives(target, tmp_path, request):
         folder=tmp_path,
     )
     assert code == 0 and "rows the same" in said, said
+
+
+@pytest.mark.parametrize("target, seconds", [("cortex-m7", 45.0), ("cortex-m4f", 15.0)])
+def test_the_loop_on_a_board_writes_what_it_writes_on_a_desk(target, seconds, tmp_path):
+    """A bad line of the receiver, a gap of its fixes and of samples, and a restart, by way of a UART."""
+    needed("cc", "arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size")
+    recording = drive(seconds)
+    of = choose_export("closed-loop", ["position", "velocity"], recording)
+    for name in ("host", target):
+        (tmp_path / name).mkdir()
+        export(of, find_target(name), tmp_path / name)
+    messages = hidden(damaged(fixes(recording, GPS)), seconds - 5.0, seconds - 2.5)
+    events = without_samples(arrivals(recording, GPS, messages), 5.0, 5.3)
+    before, after, both = restarted(events, seconds - 8.257)
+    sizes = build_firmware(tmp_path / target, target)
+    data = stream(before) + RESTART + stream(after)
+    lines, told = run_board(tmp_path / target, target, data)
+    assert lines == run_desk(tmp_path / "host", stream(both))
+    qualities = [line.split(b",")[6] for line in lines[::2]]
+    assert len(lines) > 9 * (seconds - 4.0) and {b"1", b"6"} <= set(qualities)
+    assert told["stack"] < 6144 and sizes[".text"] + sizes[".data"] < 100_000
 
 
 def test_an_aarch64_gives_what_python_gives(tmp_path):

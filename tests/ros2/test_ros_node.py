@@ -2,6 +2,7 @@
 
 import ast
 import re
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,6 +13,7 @@ from ros_made import fix, imu, odometry
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
+from strapdown.engine import verdict_process
 
 ROOT = Path(__file__).resolve().parents[2]
 SECOND = 10**9
@@ -314,7 +316,36 @@ def test_a_single_stamp_of_another_time_does_no_harm(vehicle):
 def test_the_verdict_is_in_the_diagnostics_where_it_is_asked_for(vehicle):
     it = vehicle(verdict_every=60.0)
     it.stand(12)
-    assert it.diagnosis()[2]["verdict"]
+    end = time.monotonic() + 300.0
+    while "verdict" not in it.diagnosis()[2]:
+        assert time.monotonic() < end and "verdict: failed" not in it.diagnosis()[2]
+        time.sleep(0.02)
+        it.ros.tick()
+    stream = it.navigator.live.stream
+    assert it.diagnosis()[2]["verdict"] == stream.verdict.line
+    assert it.diagnosis()[2]["verdict: on"].startswith(f"{stream.start.t:.1f} to {stream.t:.1f} s, ")
+    process = it.navigator._verdicts._process
+    it.ros.node.destroy_node()
+    assert process.wait(60.0) != 0
+
+
+def test_a_verdict_that_fails_is_in_the_diagnostics(vehicle, monkeypatch):
+    def none(module):
+        raise OSError
+
+    monkeypatch.setattr(verdict_process, "start_process", none)
+    it = vehicle(verdict_every=60.0)
+    it.stand(12)
+    it.navigator._verdicts._thread.join(0.1)
+    it.ros.tick()
+    assert it.diagnosis()[:2] == (0, "valid")
+    assert it.diagnosis()[2]["verdict: failed"] == "no process could be started"
+
+
+def test_nobody_who_asks_for_verdicts_no_process(vehicle):
+    it = vehicle()
+    it.stand(12)
+    assert it.navigator._verdicts._thread is None
 
 
 @pytest.mark.parametrize(

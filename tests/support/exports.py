@@ -75,6 +75,7 @@ class InC:
             *STRICT,
             "-shared",
             "-fPIC",
+            f"-DSTRAPDOWN_KEPT={Delayed.KEPT}",
             "strapdown_calls.c",
             "strapdown_delayed.c",
             "strapdown.o",
@@ -134,7 +135,7 @@ class Delayed:
     def __init__(self, begun):
         words = len(begun.numbers)
         self.c, self.begun = begun.c, begun
-        self.numbers = (ctypes.c_double * (2 * words + 8 * self.KEPT + 1))()
+        self.numbers = (ctypes.c_double * (2 * words + 8 * self.KEPT + 2))()
         self.newest = slice(words, 2 * words)
         self.c.strapdown_delay(self.numbers, begun.numbers)
 

@@ -206,6 +206,9 @@ class Node:
     def get_name(self):
         return self._name
 
+    def destroy_node(self):
+        self.ros.told.append("destroyed")
+
     def get_parameters_by_prefix(self, prefix):
         assert prefix == ""
         given = self.ros.parameters

@@ -31,11 +31,11 @@ from ..core.loop.contract import (
     kernel,
 )
 from ..core.mathematics.elementary import arctangent2, exponential, logarithm
-from ..core.mathematics.rotation import axis, wrap
+from ..core.mathematics.rotation import Three, axis, cross, dot, wrap
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from . import augmented
-from .augmented import Three, cross, dot, error
+from .augmented import error
 from .pressure import GAS, LAPSE, P_0, T_0, TROPOPAUSE
 
 MIN_AIRSPEED = 5.0  # m/s

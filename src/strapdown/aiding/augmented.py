@@ -10,26 +10,8 @@ is left out.
 import math
 
 from ..core.loop.contract import STATES, FilterState, SourceRow, helper
-from ..core.mathematics.rotation import axis, rotate_vector
+from ..core.mathematics.rotation import Three, axis, cross, dot, rotate_vector
 from ..typing import Array, Ints
-
-Three = tuple[float, float, float]
-
-
-@helper
-def cross(a: Three, b: Three) -> Three:
-    """a x b."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@helper
-def dot(a: Three, b: Three) -> float:
-    """a' b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @helper

@@ -16,9 +16,8 @@ from ..core.loop.contract import (
     kernel,
 )
 from ..core.mathematics.earth import vector_to
-from ..core.mathematics.rotation import rotate_vector
+from ..core.mathematics.rotation import cross, rotate_vector
 from ..typing import Array
-from .augmented import cross
 
 BESIDE = 1e-3
 """m: closer than this to the beacon, no direction is known, and u is shorter than 1."""

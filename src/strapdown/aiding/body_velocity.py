@@ -6,10 +6,9 @@ h = d' (C' v + omega x l); with true C = exp(theta) C the derivative by theta is
 """
 
 from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
-from ..core.mathematics.rotation import axis, rotate_vector
+from ..core.mathematics.rotation import Three, axis, cross, rotate_vector
 from ..typing import Array
 from . import augmented
-from .augmented import Three
 
 
 @helper
@@ -30,7 +29,7 @@ def along(
     C, v, w = belief.C_nb, belief.v_n, belief.omega
     l = source.parameters[0], source.parameters[1], source.parameters[2]
     c = rotate_vector(C, d[0], d[1], d[2])
-    by_bias = augmented.cross(d, l)
+    by_bias = cross(d, l)
     innovation[row] = (
         y[row]
         - c[0] * v[0]
@@ -39,7 +38,7 @@ def along(
         + (w[0] * by_bias[0] + w[1] * by_bias[1] + w[2] * by_bias[2])
     )
     H[row, 3], H[row, 4], H[row, 5] = c
-    H[row, 6], H[row, 7], H[row, 8] = augmented.cross(c, (v[0], v[1], v[2]))
+    H[row, 6], H[row, 7], H[row, 8] = cross(c, (v[0], v[1], v[2]))
     H[row, 12], H[row, 13], H[row, 14] = by_bias
 
 

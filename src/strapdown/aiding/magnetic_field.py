@@ -12,10 +12,9 @@ vertical by the error of the declination.
 import math
 
 from ..core.loop.contract import OBSERVE, FilterState, MeasurementModel, SourceRow, helper, kernel
-from ..core.mathematics.rotation import axis
+from ..core.mathematics.rotation import Three, axis, cross
 from ..typing import Array
 from . import augmented
-from .augmented import Three
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of the components of a symmetric matrix."""
@@ -50,12 +49,12 @@ def observe_uncalibrated(
         innovation[i] = y[i] - seen[i] - iron[i]
     for k in range(3):
         unit = axis(k)
-        turned = augmented.turned_back(C, augmented.cross(m, unit))
+        turned = augmented.turned_back(C, cross(m, unit))
         by = soft_iron_field(belief, source, turned)
         H[0, 6 + k], H[1, 6 + k], H[2, 6 + k] = by
         augmented.column(H, source.iron_state[k], unit)
         augmented.column(H, source.field_state[k], augmented.turned_back(C, unit))
-    about = augmented.turned_back(C, augmented.cross(axis(2), m))
+    about = augmented.turned_back(C, cross(axis(2), m))
     augmented.column(H, source.declination_state, soft_iron_field(belief, source, about))
     given = augmented.turned_back(C, (p[0], p[1], p[2]))
     for k in range(6):

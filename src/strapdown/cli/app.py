@@ -62,7 +62,7 @@ from .console import (
 )
 from .help import Command, Commands, ResultCommand
 from .live.command import live
-from .output import complain, note, record, say, say_verdict, spell_for, wrote
+from .output import INTERRUPTED, complain, note, record, say, say_verdict, spell_for, wrote
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
@@ -76,8 +76,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Aided inertial navigation from IMU, GNSS and other records, with uncertainties.",
 )
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 
 
 def main() -> None:

@@ -22,6 +22,8 @@ from typing import Any, TextIO
 
 import typer
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 NARROWEST = 32
 """Columns that text has at least."""
 PROSE = 24

@@ -3,6 +3,7 @@ are those of arrays and files."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan
+from operator import index
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -85,6 +86,15 @@ def sample_of(saved: Sequence[Any]) -> Sample:
     """Return the Sample of these fields, as JSON has them."""
     t, dt, dtheta, dv = saved
     return Sample(float(t), float(dt), _three(dtheta), _three(dv))
+
+
+def measurement_of(saved: Sequence[Any]) -> Measurement:
+    """Return the Measurement of these fields, as JSON has them. Raises TypeError, ValueError or
+    OverflowError."""
+    t, source, y, std = saved
+    if not isinstance(source, str):
+        source = index(source)
+    return Measurement(float(t), source, tuple(map(float, y)), tuple(map(float, std)))
 
 
 def fix_of(saved: Sequence[Any]) -> UsableFix:

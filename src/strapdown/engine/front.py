@@ -19,17 +19,17 @@ MARK_EVERY = 0.1
 
 
 class Front:
-    """The newest state of a `stream` that has started."""
+    """The newest state of a `stream` that has started. It does not keep the stream, whose it is, so that
+    the memory of both is free at once when the stream is no longer used."""
 
     def __init__(self, stream: "Stream") -> None:
-        self._stream = stream
-        self._begin()
+        self._begin(stream)
 
-    def _begin(self) -> None:
+    def _begin(self, stream: "Stream") -> None:
         """Take a run of its own for the stream, and for that of its AHRS once it has started."""
-        self._run = self._stream._run_ahead()
-        self._of = [stream._live for stream in self._stream._levels()]
-        self._pairs = [*zip(self._stream._levels(), self._run._levels())]
+        self._run = stream._run_ahead()
+        self._of = [each._live for each in stream._levels()]
+        self._runs = self._run._levels()
         # [(s, the run's levels, numbers of their data)], in time order
         self._marks: list[tuple[float, list[Any], list[int]]] = []
         self._failed = False
@@ -49,65 +49,60 @@ class Front:
         """Status of the newest state."""
         return self._run.status
 
-    def numbers(self) -> list[int]:
-        """Numbers of data that the stream, and that of its AHRS, have put in order so far."""
-        return [stream._number for stream in self._stream._levels()]
-
-    def renew(self) -> None:
+    def renew(self, stream: "Stream") -> None:
         """Begin at the state of the stream itself, and use all that waits."""
-        streams = self._stream._levels()
-        if self._of != [stream._live for stream in streams]:
-            self._begin()
-        self._go_back(-inf)
+        if self._of != [each._live for each in stream._levels()]:
+            self._begin(stream)
+        self._go_back(stream, -inf)
 
-    def take(self, event: Sample | Measurement, numbers: list[int]) -> None:
+    def take(self, stream: "Stream", event: Sample | Measurement, numbers: list[int]) -> None:
         """Use an event that the stream has just taken; `numbers` are those before."""
-        if self._failed or len(self._stream._levels()) != len(self._pairs):
-            self.renew()
+        if self._failed or len(stream._levels()) != len(self._runs):
+            self.renew(stream)
         elif isinstance(event, Sample):
-            if numbers == self.numbers():  # dropped
+            if numbers == numbers_of(stream):  # dropped
                 return
             if event.t > self._run._late:
-                self._use(event)
+                self._use(stream, event)
             elif event.t < self._run._late:
-                self._go_back(event.t)
+                self._go_back(stream, event.t)
         else:
-            self._take_fix(numbers)
-        self._forget()
+            self._take_fix(stream, numbers)
+        self._forget(stream)
 
-    def _take_fix(self, numbers: list[int]) -> None:
+    def _take_fix(self, stream: "Stream", numbers: list[int]) -> None:
         fresh = [
-            (run, [row for row in stream._waiting if row[2] > number])
-            for (stream, run), number in zip(self._pairs, numbers)
+            (run, [row for row in each._waiting if row[2] > number])
+            for each, run, number in zip(stream._levels(), self._runs, numbers)
         ]
         late = [row[0] for run, rows in fresh for row in rows if not row[0] > run._late_fix]
         if late:
-            self._go_back(min(late))
+            self._go_back(stream, min(late))
             return
         for run, rows in fresh:
             for row in rows:
                 heappush(run._waiting, row)
 
-    def _go_back(self, t: float) -> None:
+    def _go_back(self, stream: "Stream", t: float) -> None:
         """Go back to a state before `t` s and use again what came after it."""
         while self._marks and not self._marks[-1][0] + SAME_TIME < t:
             self._marks.pop()
         if self._marks:
             _, states, numbers = self._marks[-1]
         else:
-            states, numbers = [stream._mark() for stream, _ in self._pairs], self.numbers()
-        for (stream, run), state, number in zip(self._pairs, states, numbers):
+            states, numbers = [each._mark() for each in stream._levels()], numbers_of(stream)
+        for each, run, state, number in zip(stream._levels(), self._runs, states, numbers):
             run._return_to(state)
-            late = [row for row in stream._waiting if row[2] > number and row[0] > run._late_fix]
+            late = [row for row in each._waiting if row[2] > number and row[0] > run._late_fix]
             run._waiting += late
             heapify(run._waiting)
-        used = min(run._late for _, run in self._pairs)
-        for _, _, sample in sorted(row for row in self._stream._samples if row[0] > used):
-            self._use(sample)
+        used = min(run._late for run in self._runs)
+        for _, _, sample in sorted(row for row in stream._samples if row[0] > used):
+            self._use(stream, sample)
 
-    def _use(self, sample: Sample) -> None:
+    def _use(self, stream: "Stream", sample: Sample) -> None:
         """Use one sample: first the AHRS, then the filter that takes its attitude."""
-        top, *inner = [run for _, run in self._pairs]
+        top, *inner = self._runs
         for run in inner:
             if sample.t > run._late and not run._stopped:
                 try:
@@ -118,13 +113,18 @@ class Front:
             self._failed = True
             top._use_sample(sample)
             self._failed = False
-        if not self._stream._replay:
+        if not stream._replay:
             return
         if not self._marks or sample.t >= self._marks[-1][0] + MARK_EVERY:
-            states = [run._mark() for _, run in self._pairs]
-            self._marks.append((sample.t, states, self.numbers()))
+            states = [run._mark() for run in self._runs]
+            self._marks.append((sample.t, states, numbers_of(stream)))
 
-    def _forget(self) -> None:
+    def _forget(self, stream: "Stream") -> None:
         """Drop the states from before the data that still wait."""
-        while self._marks and self._marks[0][0] < self._stream._late:
+        while self._marks and self._marks[0][0] < stream._late:
             del self._marks[0]
+
+
+def numbers_of(stream: "Stream") -> list[int]:
+    """Return numbers of data that a stream, and that of its AHRS, have put in order so far."""
+    return [each._number for each in stream._levels()]

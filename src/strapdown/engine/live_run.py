@@ -185,6 +185,7 @@ class LiveRun:
         self.kernels = prepare(filter, [a.kind for a in self.sources], notify, needed)
         self.events = events or Events(filter, self.sources, vehicle)
         self.seen = 0  # rows of the log that were examined
+        self.forgotten = 0  # times that the older half of the history was dropped
         self._dt = nan  # s, length of the newest sample
         # s, begin of a source's rejections that are not reported yet; the reported ones
         self._refusing: dict[int, float] = {}
@@ -265,11 +266,14 @@ class LiveRun:
 
     def all_events(self) -> Events:
         """All events so far."""
-        self.events.take(self.cursor)
-        self.seen = 0
+        self._take_log()
         fix = int(self.cursor.state[0].fix)
         self.events.look_at(self._room.out.fix[:fix], self._room.fixes.std[:fix])
         return self.events
+
+    def _take_log(self) -> None:
+        self.events.take(self.cursor)
+        self.seen = 0
 
     def new_rejections(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
         """Take the `fixes` newest measurements, and return the events of rejections that began at
@@ -308,6 +312,7 @@ class LiveRun:
 
     def _forget(self) -> None:
         """Drop the older half of the history; the start moves to the beginning of the rest."""
+        self.forgotten += 1  # before anything moves
         state, room = self.cursor.state[0], self._room
         imu, fixes, std, out = room.imu, room.fixes, room.std, room.out
         row, fix = int(state.row), int(state.fix)
@@ -335,6 +340,9 @@ class LiveRun:
 
     def recording(self, meta: RecordingMeta) -> Recording:
         """Return the kept samples and fixes."""
+        return self._recording(self.samples, meta)
+
+    def _recording(self, samples: Imu, meta: RecordingMeta) -> Recording:
         fixes, stamp, std = self._room.fixes, self._room.stamp, self._room.std
         kept = slice(0, int(self.cursor.state[0].fixes))
         sources = []
@@ -343,38 +351,46 @@ class LiveRun:
             sources.append(
                 replace(a, t=stamp[mine], y=fixes.y[mine, :width], std=std[mine, : a.std.shape[1]])
             )
-        return Recording(self.samples, tuple(sources), meta=meta)
+        return Recording(samples, tuple(sources), meta=meta)
 
     def solution(self, every: int, meta: RecordingMeta) -> Solution:
         """Return the Solution of the history, each n-th row and the last."""
+        return solution_of(self.history(meta), every)
+
+    def history(self, meta: RecordingMeta) -> Run:
+        """Return the history as a run for `solution_of`. Its samples and results are views, which
+        hold as long as `forgotten` stays."""
+        self._take_log()
         state, room = self.cursor.state[0], self._room
-        rows = slice((int(state.out) - 1) % every, int(state.out), every)
-        out = room.out._replace(
-            nav=room.out.nav[rows].copy(),
-            covariance=room.out.covariance[rows].copy(),
-            fix=room.out.fix[: state.fix].copy(),
+        row, fix, out = int(state.row), int(state.fix), int(state.out)
+        samples = Imu(*(read_only(column[: row + int(state.fault)]) for column in room.imu))
+        recording = self._recording(samples, meta)
+        fixes = room.fixes._replace(
+            t=room.fixes.t[:fix],
+            source=room.fixes.source[:fix],
+            y=room.fixes.y[:fix],
+            std=room.fixes.std[:fix],
         )
-        cursor = self.cursor._replace(state=self.cursor.state.copy())
-        cursor.state[0].out = len(out.nav)
-        self.all_events()
-        recording = self.recording(meta)
-        return solution(
-            Run(
-                recording,
-                recording.imu,
-                self.filter,
-                self.kernels,
-                self.start,
-                self.noise,
-                self.spec,
-                self.belief,
-                room.fixes,
-                cursor,
-                out,
-                0,
-                self.options,
-                self.events,
-            )
+        results = room.out._replace(
+            nav=room.out.nav[:out],
+            covariance=room.out.covariance[:out],
+            fix=room.out.fix[:fix].view(np.ndarray),
+        )
+        return Run(
+            recording,
+            samples,
+            self.filter,
+            self.kernels,
+            self.start,
+            self.noise,
+            self.spec,
+            self.belief,
+            fixes,
+            self.cursor,
+            results,
+            0,
+            self.options,
+            self.events,
         )
 
     def newest(self) -> Trajectory:
@@ -445,6 +461,27 @@ class LiveRun:
     def copy(self) -> FilterState:
         """Return a copy of the filter state."""
         return FilterState(*(column.copy() for column in self.belief))
+
+
+def solution_of(history: Run, every: int) -> Solution:
+    """Return the Solution of a `LiveRun.history`, each n-th row and the last, in memory of its own."""
+    out, state = history.out, history.cursor.state.copy()
+    samples = Imu(*(read_only(column.copy()) for column in history.samples))
+    rows = slice((len(out.nav) - 1) % every, None, every)
+    out = out._replace(
+        nav=out.nav[rows].copy(),
+        covariance=out.covariance[rows].copy(),
+        fix=out.fix.copy().view(np.recarray),
+    )
+    state[0].out = len(out.nav)
+    return solution(
+        history._replace(
+            recording=replace(history.recording, imu=samples),
+            samples=samples,
+            cursor=history.cursor._replace(state=state),
+            out=out,
+        )
+    )
 
 
 def start_of(saved: Any) -> InitialState:

@@ -3,11 +3,12 @@ in counts, events and a new alignment, never in an exception."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import Any, NamedTuple, NoReturn, Unpack
 
-from ..checks import DataError
+from ..checks import DataError, is_number
 from ..core.loop.contract import Filter, FilterState, InitialState
 from ..core.loop.gaps import BRIDGE
 from ..core.loop.log import FOLD
@@ -15,7 +16,7 @@ from ..data.solution import Solution, Source
 from ..data.verdict import Verdict
 from ..plugins import one_line
 from ..typing import File
-from .arrivals import Measurement, Sample
+from .arrivals import Measurement, Sample, measurement_of, sample_of
 from .notifier import OnEvent
 from .options import RunOptions, takes
 from .saved_state import contradiction, read_state, write_state
@@ -42,7 +43,7 @@ NEVER_HEARD = 30.0
 """s of samples after which a source without a measurement is silent."""
 MAX_EVENTS = 1000
 """Largest number of events that are kept of alignments before the present one."""
-INVALID_DATA, OTHER_TIME = "invalid", "at another time"
+INVALID_DATA, OTHER_TIME, LEFT = "invalid", "at another time", "before a new alignment"
 """Reasons why data are dropped, beside those of a Stream."""
 
 
@@ -170,7 +171,7 @@ class LiveStream:
         ranges = ((limits.gyro_range, "rad/s"), (limits.accel_range, "m/s^2"))
         self._ranges = [(float(largest), unit) for largest, unit in ranges]
         self._names = [a.name or a.kind for a in sources]
-        self._dropped = {INVALID_DATA: 0, OTHER_TIME: 0}
+        self._dropped = {INVALID_DATA: 0, OTHER_TIME: 0, LEFT: 0}
         # of streams before the present one
         self._past: deque[tuple[float, str]] = deque(maxlen=MAX_EVENTS)
         self._counted = [(0, 0)] * len(sources)
@@ -188,10 +189,10 @@ class LiveStream:
         if isinstance(event, Sample):
             self._take_sample(event)
         elif isinstance(event, Measurement):
-            if self._suspects:
-                self._suspect_fixes.append(event)
-            if self._pass_on(event) and self._stream.newest > -inf:
-                self._watchdog.hear(self._stream.source_index(event.source), self._stream.newest)
+            if self._suspects and (fix := _plain_fix(event)):
+                self._hold_fix(fix)
+            else:
+                self._use_fix(event)
         else:
             raise TypeError(
                 f"step is given a {type(event).__name__}, neither Sample nor Measurement"
@@ -201,6 +202,8 @@ class LiveStream:
     def _take_sample(self, sample: Sample) -> None:
         try:
             away = sample.t - self._stream.newest
+            _, dt, (a, b, c), (d, e, f) = sample
+            isfinite(dt + a + b + c + d + e + f)  # they are numbers
             jumps = inf > away > SUSPICIOUS
             jumps = jumps or (-inf < away <= 0 and self._stream.has_sample_at(sample))
             is_newer = away > 0
@@ -213,6 +216,11 @@ class LiveStream:
                 self._drop_suspects()
             if self._use_sample(sample) and self._watchdog.is_due(self._stream.newest):
                 self._tell_silence()
+
+    def _use_fix(self, fix: Measurement) -> None:
+        """Give a measurement to the stream."""
+        if self._pass_on(fix) and self._stream.newest > -inf:
+            self._watchdog.hear(self._stream.source_index(fix.source), self._stream.newest)
 
     def _use_sample(self, sample: Sample) -> bool:
         """Give a sample to the stream; return False where it is refused."""
@@ -254,7 +262,13 @@ class LiveStream:
 
     def _forget_suspects(self) -> None:
         self._suspects: list[Sample] = []
-        self._suspect_fixes: deque[Measurement] = deque(maxlen=MAX_EVENTS)
+        self._suspect_fixes: deque[Measurement] = deque()
+
+    def _hold_fix(self, fix: Measurement) -> None:
+        """Let a measurement wait until it is known what the time is."""
+        if len(self._suspect_fixes) == MAX_EVENTS:
+            self._use_fix(self._suspect_fixes.popleft())
+        self._suspect_fixes.append(fix)
 
     def _suspect(self, sample: Sample) -> None:
         """Take a sample of which the time jumps; go on there once others have confirmed it."""
@@ -274,21 +288,23 @@ class LiveStream:
 
     def _follow_suspects(self) -> None:
         """Go on at the time of the suspects, after a gap or with a new alignment."""
-        suspects, fixes = self._suspects, [*self._suspect_fixes]
+        suspects, fixes = self._suspects, self._suspect_fixes
         jump = suspects[0].t - self._stream.newest
         self._forget_suspects()
         if not 0 < jump <= LONG_GAP:
             where = "without samples" if jump > 0 else "back in the time of the samples"
             self._align_anew(f"{abs(jump):.1f} s {where}", suspects[0].t)
-            for fix in fixes:
-                self._pass_on(fix)
+        for fix in fixes:
+            self._use_fix(fix)
         for sample in suspects:
             self._use_sample(sample)
 
     def _drop_suspects(self) -> None:
         """Count the suspects; the stream uses or counts those of the last minute, which are late."""
-        suspects = self._suspects
+        suspects, fixes = self._suspects, self._suspect_fixes
         self._forget_suspects()
+        for fix in fixes:
+            self._use_fix(fix)
         first, last = self._stream.newest - LONG_GAP, self._stream.newest
         others = [sample for sample in suspects if not first <= sample.t <= last]
         for sample in suspects:
@@ -300,8 +316,14 @@ class LiveStream:
             self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off}")
 
     def _align_anew(self, reason: str, t: float) -> None:
-        """Begin with a new stream that has not started."""
+        """Begin with a new stream that has not started, after the data that wait in the old one."""
         old = self._stream
+        if old.started and not old.stopped:
+            with suppress(DataError):  # then it stops now
+                old.finish()
+        if not old.started or old.stopped:
+            self._dropped[LEFT] += old.unused
+        self._dropped[LEFT] += len(self._suspects) + len(self._suspect_fixes)
         self._past.extend(old.events)
         self._counted = self.counts()
         for cause, count in old.dropped_by.items():
@@ -458,6 +480,9 @@ class LiveStream:
             "alignments": self._alignments,
             "epoch": self.epoch,
             "carried": self.carried,
+            "said": self._said,
+            "suspects": self._suspects,
+            "suspect fixes": [*self._suspect_fixes],
         }
         return self._stream.saved_content() | {"live": past}
 
@@ -474,9 +499,12 @@ class LiveStream:
             said = [(float(t), str(text)) for t, text in past["past"]]
             before = {str(cause): int(count) for cause, count in past["before"].items()}
             own = {cause: int(past["own"][cause]) for cause in self._dropped}
-            epoch = past.get("epoch")
+            epoch = past["epoch"]
             epoch = None if epoch is None else float(epoch)
-            carried = dict(past.get("carried", {}))
+            carried = dict(past["carried"])
+            told = {str(about): float(t) for about, t in past["said"].items()}
+            suspects = [sample_of(sample) for sample in past["suspects"]]
+            fixes = [measurement_of(fix) for fix in past["suspect fixes"]]
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise contradiction(path) from error
         self._counted, self._dropped_before, self._dropped = counted, before, own
@@ -484,5 +512,14 @@ class LiveStream:
         self.epoch, self.carried = epoch, carried
         self._stream, self._silent = stream, set()
         self._watchdog = Watchdog(len(self._names))
-        self._forget_suspects()
+        self._said, self._suspects, self._suspect_fixes = told, suspects, deque(fixes)
         return stream.belief
+
+
+def _plain_fix(fix: Measurement) -> Measurement | None:
+    """Return a measurement in numbers that `save` can write; None where it has others, which the
+    stream refuses."""
+    try:
+        return measurement_of(fix) if is_number(fix.t) else None
+    except (TypeError, ValueError, OverflowError):
+        return None

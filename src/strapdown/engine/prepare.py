@@ -171,7 +171,9 @@ def merge(sources: Sequence[Source], after: float = -np.inf, of_imu: OfImu | Non
             row.state_std, row.walk = sensor.state_std, sensor.state_walk
             row.first_state = shared.setdefault(sensor.shared or s, states)
             states += row.states if row.first_state == states else 0
-        row.slip, row.beside_gnss = checked_slip(a, sensor), is_beside_gnss(sensor)
+        row.slip = checked_slip(a, sensor)
+        # without a gate all fixes are used
+        row.beside_gnss = row.gate < np.inf and is_beside_gnss(sensor)
         states += place_noise(row, a, states)
     installation.place(table, installation.parameters(sources, of_imu or {}), states)
     t, order = used_in_order(sources, after, table["delay"])

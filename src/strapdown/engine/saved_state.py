@@ -18,7 +18,7 @@ from ..fileio.files import replacing
 from ..typing import File
 
 FIRST = b"strapdown stream, format "
-FORMAT = 1
+FORMAT = 2
 """Changes with what the file holds."""
 MAX_SIZE = 1 << 28
 """Largest number of unpacked bytes. A stream that has started takes 10 to 100 kB; one that waits

@@ -41,7 +41,7 @@ from .arrivals import (
     sample_of,
 )
 from .events import Events
-from .front import Front
+from .front import Front, numbers_of
 from .installation import (
     Estimate,
     OfImu,
@@ -57,6 +57,7 @@ from .notifier import BEYOND, Notifier, OnEvent
 from .options import RunOptions, run_options, takes
 from .plausible_limits import limits
 from .prepare import (
+    Run,
     assumed_noise,
     augmented_states,
     check_needs,
@@ -311,6 +312,19 @@ class Stream:
         gap = self.status == INVALID and has_position(self._filter)
         return "a position fix that ends the gap" if gap else ""
 
+    @property
+    def unused(self) -> int:
+        """Number of samples and measurements that wait, or serve to find a start."""
+        gathered = self._gathered
+        waiting = [row[-1] for row in self._waiting]
+        fixes = sum(map(self._is_own, [*gathered.fixes, *waiting]))
+        return len(self._samples) + len(gathered.samples) + fixes
+
+    def _is_own(self, fix: UsableFix) -> bool:
+        """Return True for a measurement of the caller that the filter uses; others have no effect."""
+        made = self._ahrs._source if self._ahrs else None
+        return self._places[fix.source] is not None and fix.source != made
+
     def source_index(self, source: str | int) -> int:
         """Return the index of a source, given by name or index. Raises DataError."""
         return self._sources.place(source, "stream")
@@ -359,24 +373,39 @@ class Stream:
         self.newest = max(self.newest, start.t)
         self._late = self._late_fix = start.t + SAME_TIME
         self._look_at = start.t + LOOKS[0]
+        self._count_before_start([*fixes, *(row[-1] for row in self._waiting)])
         fixes = sorted(
             (fix for fix in fixes if fix.t > self._late_fix),
             key=lambda fix: (self._due_at(fix), fix.source),
         )
         self._waiting = [row for row in self._waiting if row[-1].t > self._late_fix]
         heapify(self._waiting)
-        for sample in samples:
-            if sample.t > self._late:
-                end = sample.t + SAME_TIME
-                count = next(
-                    (k for k, fix in enumerate(fixes) if self._due_at(fix) > end), len(fixes)
-                )
-                self._advance(live, sample, fixes[:count])
-                del fixes[:count]
-            else:
-                self._notifier.drop("before the start", 0, None, sample.t)
+        self._use_gathered(live, samples, fixes)
         self._renew_front()
         return self.belief
+
+    def _use_gathered(
+        self, live: LiveRun, samples: list[Sample], fixes: list[UsableFix]
+    ) -> None:
+        """Use the samples and fixes since the start, or count them as before it."""
+        for k, sample in enumerate(samples):
+            if not sample.t > self._late:
+                self._notifier.drop("before the start", 0, None, sample.t)
+                continue
+            end = sample.t + SAME_TIME
+            count = next((k for k, fix in enumerate(fixes) if self._due_at(fix) > end), len(fixes))
+            try:
+                self._advance(live, sample, fixes[:count])
+            except DataError:
+                self._put_back(samples[k + 1 :], fixes[count:])
+                raise
+            del fixes[:count]
+
+    def _count_before_start(self, fixes: Sequence[UsableFix]) -> None:
+        """Count those of the caller's measurements that served the start alone."""
+        for fix in fixes:
+            if self._is_own(fix) and fix.t <= self._late_fix:
+                self._notifier.drop("before the start", 0, None, fix.t)
 
     def _new_run(
         self,
@@ -407,7 +436,10 @@ class Stream:
         """Buffer data before the start, and start as soon as a sufficient start is found."""
         gathered = self._gathered
         self._late, self._late_fix = sample[0], sample[0] - SAME_TIME
-        if not gathered.take(sample, fixes):
+        is_due = gathered.take(sample, fixes)
+        self._notifier.dropped_by["before the start"] += gathered.forgotten
+        gathered.forgotten = 0
+        if not is_due:
             return
         try:
             gathered.check()
@@ -434,7 +466,7 @@ class Stream:
         filter state (updated in place). Raises DataError for other objects, without any change, and
         where the stream has stopped."""
         front = self._front if self._replay else None
-        numbers: list[int] = front.numbers() if front else []
+        numbers = numbers_of(self) if front else []
         if isinstance(event, Sample):
             self._take_sample(event)
         elif isinstance(event, Measurement):
@@ -442,7 +474,7 @@ class Stream:
         else:
             refuse_event(event)
         if front:
-            front.take(event, numbers)
+            front.take(self, event, numbers)
             self.belief = front.belief
         if self._notifier.waits:
             self._notifier.tell(self._event_time(self.t))
@@ -584,6 +616,7 @@ class Stream:
 
     def _advance(self, live: LiveRun, sample: Sample, fixes: list[UsableFix]) -> None:
         """Run over a sample and fixes, and select the sources that the filter uses."""
+        given = fixes
         if fixes:
             found = [(fix, self._places[fix.source]) for fix in fixes]
             fixes = [fix._replace(source=place) for fix, place in found if place is not None]
@@ -599,6 +632,7 @@ class Stream:
             try:
                 said = live.take(sample, fixes)
             except DataError as error:
+                self._put_back([sample], given)
                 self._stop(t, str(error))
             if said:
                 self._notifier.add(live.new_events())
@@ -619,6 +653,15 @@ class Stream:
         for _, text in mistakes(live.samples, "increment", self._vehicle):
             self._stop(t, f"IMU: {text}")
 
+    def _put_back(self, samples: Sequence[Sample], fixes: Sequence[UsableFix]) -> None:
+        """Let data wait that a stream which stops has not used."""
+        for sample in samples:
+            self._number += 1
+            heappush(self._samples, (sample.t, self._number, sample))
+        for fix in fixes:
+            self._number += 1
+            heappush(self._waiting, (self._due_at(fix), fix.source, self._number, fix))
+
     def _stop(self, t: float, text: str) -> NoReturn:
         """Raise DataError, now and at all following samples."""
         self._stopped = text
@@ -634,7 +677,7 @@ class Stream:
             return self.belief
         self._front = self._front or Front(self)
         if not self._replay:
-            self._front.renew()
+            self._front.renew(self)
         return FilterState(*(column.copy() for column in self._front.belief))
 
     def _levels(self) -> list["Stream"]:
@@ -646,7 +689,7 @@ class Stream:
         """Show the newest state again after a start, a restart or the end."""
         if self._replay and self._live is not None:
             self._front = self._front or Front(self)
-            self._front.renew()
+            self._front.renew(self)
             self.belief = self._front.belief
 
     def _run_ahead(self) -> "Stream":
@@ -946,6 +989,16 @@ class Stream:
         """Return the Solution of the history, as from `fuse`. Raises DataError before the first
         sample is used."""
         return self._used_live().solution(self._asked["every"], {**self._meta, "notes": self.notes})
+
+    def history(self) -> tuple[Run, int, Callable[[], bool]] | None:
+        """Return the history and `every` for `solution_of`, and a function that tells whether the arrays,
+        which are views, still hold it; None before the first sample is used."""
+        live = self._live
+        if live is None or not live.cursor.state[0].row:
+            return None
+        number = live.forgotten
+        run = live.history({**self._meta, "notes": self.notes})
+        return run, self._asked["every"], lambda: live.forgotten == number
 
     def _used_live(self) -> LiveRun:
         if self._live is None or not self._live.cursor.state[0].row:

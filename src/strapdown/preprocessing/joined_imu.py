@@ -22,15 +22,7 @@ def join_imu(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
     averaged, a slower one divided, and neither is shifted. A single lost accelerometer sample is
     bridged; samples in longer gaps are dropped. Raises DataError where no sample remains.
     """
-    apart = np.diff(accel.t, prepend=accel.t[0] - accel.dt[0])
-    held = np.where(apart <= 2 * GAP_MEDIANS * np.median(accel.dt), apart, accel.dt)
-    gaps = np.flatnonzero(held < apart)  # the sum restarts before these samples
-    steps = np.c_[accel.dv * (held / accel.dt)[:, None], held]
-    sums = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
-    knots = np.insert(accel.t, np.r_[0, gaps], np.r_[accel.t[0] - held[0], (accel.t - held)[gaps]])
-    sums = np.insert(sums, gaps + 1, sums[gaps], axis=0)
-    over = _between(knots, sums, gyro.t) - _between(knots, sums, gyro.t - gyro.dt)
-    covered = over[:, 3] / gyro.dt
+    over, covered = forces_over(accel, gyro.t, gyro.dt)
     keep = covered >= MIN_COVERED
     if keep.sum() < 2:
         raise DataError(
@@ -47,8 +39,22 @@ def join_imu(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
             f"{count_text(int((~keep).sum()), 'sample')} of the gyro dropped, because the "
             f"accelerometer has none there"
         )
-    dv = over[keep, :3] / covered[keep, None]
+    dv = over[keep] / covered[keep, None]
     return Imu(gyro.t[keep], gyro.dt[keep], gyro.dtheta[keep], dv), notes
+
+
+def forces_over(accel: Imu, t: Array, dt: Array) -> tuple[Array, Array]:
+    """(Sums of dv of an accelerometer over the parts that it covers of the intervals of dt (n,) s that end
+    at t (n,) (n, 3), these parts of the intervals (n,))."""
+    apart = np.diff(accel.t, prepend=accel.t[0] - accel.dt[0])
+    held = np.where(apart <= 2 * GAP_MEDIANS * np.median(accel.dt), apart, accel.dt)
+    gaps = np.flatnonzero(held < apart)  # the sum restarts before these samples
+    steps = np.c_[accel.dv * (held / accel.dt)[:, None], held]
+    sums = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
+    knots = np.insert(accel.t, np.r_[0, gaps], np.r_[accel.t[0] - held[0], (accel.t - held)[gaps]])
+    sums = np.insert(sums, gaps + 1, sums[gaps], axis=0)
+    over = _between(knots, sums, t) - _between(knots, sums, t - dt)
+    return over[:, :3], over[:, 3] / dt
 
 
 def _between(knots: Array, sums: Array, t: Array) -> Array:

@@ -24,6 +24,22 @@ Found = TypeVar("Found")
 NOTHING_USED = Untested("anything", "the filter used no fix", rests=QUANTITIES)
 
 
+class _Attempts:
+    """Runs checks, none of which can cost the user the verdict: one that fails becomes a line in
+    `unknown`."""
+
+    def __init__(self, unknown: list[Untested]) -> None:
+        self._unknown = unknown
+
+    def __call__(self, what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
+        """Return the result of a check; None where it failed."""
+        try:
+            return function(*arguments)
+        except Exception as error:
+            self._unknown.append(Untested(what, f"the check failed ({one_line(error)})"))
+            return None
+
+
 def judge(solution: Solution) -> Verdict:
     """The Verdict of a Solution that `fuse` or `smooth` made of a recording."""
     recording = solution.recording
@@ -32,16 +48,7 @@ def judge(solution: Solution) -> Verdict:
     seconds = recording.span[1] - solution.meta["start"]["t"]
     little = seconds < MIN_TIME or all(len(source.t) < GATED for source in sources)
     unknown = list(untested_claims(solution, sources, seconds))
-
-    def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
-        """Return the result of a check; one that fails becomes a line and does not cost the user
-        the result."""
-        try:
-            return function(*arguments)
-        except Exception as error:
-            unknown.append(Untested(what, f"the check failed ({one_line(error)})"))
-            return None
-
+    attempt = _Attempts(unknown)
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
     installed = estimated_installation(solution)
     causes = [*evidence.gaps(solution), *evidence.heights(solution), *installed.reasons]
@@ -76,7 +83,7 @@ def _look(solution: Solution, sources: list[JudgedFixes]) -> screening.Looked:
     return looked if in_motion(solution) else screening.NOTHING._replace(reasons=looked.reasons)
 
 
-def _ask_last(attempt: Callable[..., Any], solution: Solution) -> list[Reason]:
+def _ask_last(attempt: _Attempts, solution: Solution) -> list[Reason]:
     """Return the reasons of the checks that cost a run of their own, until one alone is against the
     solution."""
     found: list[Reason] = []

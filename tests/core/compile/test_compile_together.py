@@ -159,13 +159,13 @@ def test_a_kernel_of_no_module_is_compiled_here(cold):
 
 @pytest.mark.parametrize("broken", ["no python", "dies", "babbles"])
 def test_without_other_processes_kernels_are_left_to_their_callers(cold, monkeypatch, broken):
-    from strapdown.core.compile import side_by_side
+    from strapdown.core.compile import other_process, side_by_side
 
     starts = {"dies": "raise SystemExit(1)", "babbles": "print('no number', flush=True); input()"}
     if broken == "no python":
         monkeypatch.setattr(side_by_side.sys, "executable", os.devnull)
     else:
-        monkeypatch.setattr(side_by_side, "START", starts[broken])
+        monkeypatch.setattr(other_process, "START", starts[broken])
     jit.compile_together([heading.observe, velocity.observe], "two")
     assert heading.observe.address and velocity.observe.address
 

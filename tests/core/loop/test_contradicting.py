@@ -90,3 +90,12 @@ def test_a_stream_leaves_it_out_too(drive):
     for event in events_of(wrong):
         stream.step(event)
     assert np.array_equal(stream.finish().P, solution.covariance[-1])
+
+
+def test_a_sensor_without_a_gate_is_used_all_the_same(drive):
+    """As a published filter does; `inf` switches gating off, and no stage may leave it out instead."""
+    wrong = with_log(drive, lambda t, y: 1.1 * y)
+    free = [replace(a, gate=np.inf) if a.kind == "body-velocity" else a for a in wrong.sources]
+    solution = sd.fuse(replace(wrong, sources=tuple(free)))
+    assert not any("contradicts" in text and "left out" in text for text in said(solution))
+    assert solution.counts()["body-velocity"][1] == 0

@@ -17,6 +17,8 @@ BIN = 1.0
 """s of stamps of which only the smallest delay counts."""
 SPAN = 300
 """Bins that count, at most."""
+MIN_BINS = 30
+"""Number of bins from which on a drift is estimated."""
 MAX_DRIFT = 1e-3
 """Largest drift of a clock, and largest rate at which the mapping follows its estimate."""
 RESTARTED = 1.0
@@ -97,15 +99,19 @@ class Arrivals:
 
 class ArrivalClock:
     """Maps stamps of a device to the time of this machine at which its fastest message would have
-    arrived, less `latency` s. `restarts` counts how often the clock of the device began anew."""
+    arrived, less `latency` s. `span` is the number of bins that count, and `min_bins` that from which
+    on they tell a drift. `restarts` counts how often the clock of the device began anew."""
 
-    def __init__(self, latency: float = 0.0) -> None:
+    def __init__(self, latency: float = 0.0, span: int = SPAN, min_bins: int = MIN_BINS) -> None:
         self.latency, self.restarts = latency, -1
+        self._span, self._min_bins = span, min_bins
         self._begin()
 
     def _begin(self) -> None:
         self.restarts += 1
-        self._bins: deque[tuple[float, float]] = deque(maxlen=SPAN)  # (stamp, smallest offset)
+        self._bins: deque[tuple[float, float]] = deque(
+            maxlen=self._span
+        )  # (stamp, smallest offset)
         self._open: tuple[float, float] | None = None
         self._opened = 0.0  # stamp with which the open bin began
         self._line: tuple[float, float, float] | None = None  # (stamp, offset, drift)
@@ -133,12 +139,12 @@ class ArrivalClock:
         back."""
         if self._line is None and self._open is None:
             return False
-        delay = offset - self._offset_at(stamp)
+        delay = offset - self.offset_at(stamp)
         return delay < -RESTARTED or delay > RESTARTED and stamp < self._opened - RESTARTED
 
     def _count(self, stamp: float, offset: float) -> None:
         if self._line is not None:
-            self._delays.append(max(offset - self._offset_at(stamp), 0.0))
+            self._delays.append(max(offset - self.offset_at(stamp), 0.0))
         if self._open is None:
             self._opened = stamp
         if self._open is None or offset < self._open[1]:
@@ -156,7 +162,7 @@ class ArrivalClock:
     def time(self, stamp: float) -> float:
         """Return the time of a stamp, s, once `ready`. The mapping follows the estimate by at most
         MAX_DRIFT, so that intervals keep their length."""
-        wanted = self._offset_at(stamp)
+        wanted = self.offset_at(stamp)
         if self._shown is not None and stamp > self._shown[0]:
             last, offset = self._shown
             most = MAX_DRIFT * (stamp - last)
@@ -174,36 +180,42 @@ class ArrivalClock:
         median, worst = np.quantile(delays, [0.5, 0.99]).tolist()
         return ClockEstimate(self._line[1], self._line[2], median, worst)
 
-    def _offset_at(self, stamp: float) -> float:
+    def offset_at(self, stamp: float) -> float:
+        """Return the time of this machine less that of the device at a stamp, s, with the smallest
+        delay."""
         if self._line is None:
             assert self._open is not None  # it has taken a stamp
             return self._open[1]
         at, offset, drift = self._line
         return offset + drift * (stamp - at)
 
+    def stamp_at(self, arrived: float) -> float:
+        """Return the stamp of the fastest message that arrives at a time, s, once `ready`."""
+        assert self._line is not None
+        at, offset, drift = self._line
+        return at + (arrived - offset - at) / (1 + drift)
+
     def _fit(self) -> None:
         """Set the line to the edge of the lower hull over the mean of the stamps."""
         hull: list[tuple[float, float]] = []
-        for point in self._bins:
+        for point in sorted(self._bins):
+            if hull and point[0] == hull[-1][0]:  # position and velocity of an epoch in two bins
+                continue
             while len(hull) > 1 and _is_above(hull[-2], hull[-1], point):
                 hull.pop()
             hull.append(point)
         mean = sum(stamp for stamp, _ in self._bins) / len(self._bins)
-        newest = self._bins[-1][0]
+        newest = max(self._bins)[0]
         (s, offset), drift = hull[0], 0.0
         for (s0, o0), (s1, o1) in zip(hull, hull[1:]):
             if s0 <= mean <= s1 or s1 == newest:
                 s, offset, drift = s0, o0, (o1 - o0) / (s1 - s0)
                 break
         # few bins tell no drift: the smallest delays differ by more than a clock drifts meanwhile
-        if len(self._bins) < MIN_BINS:
+        if len(self._bins) < self._min_bins:
             drift, (s, offset) = 0.0, min(self._bins, key=lambda point: point[1])
         drift = float(np.clip(drift, -MAX_DRIFT, MAX_DRIFT))
         self._line = newest, offset + drift * (newest - s), drift
-
-
-MIN_BINS = 30
-"""Number of bins from which on a drift is estimated."""
 
 
 def _is_above(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:

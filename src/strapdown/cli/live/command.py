@@ -12,7 +12,7 @@ import typer
 
 import strapdown as sd
 
-from ..output import complain, is_shown, record, say, wrote
+from ..output import INTERRUPTED, complain, is_shown, record, say, wrote
 
 if TYPE_CHECKING:
     from .program import Live
@@ -33,10 +33,11 @@ def live(
     to ports, a log and a state on disk. Ctrl-C or SIGTERM ends it."""
     from .terminal import TerminalView, is_in_place
 
-    signal.signal(signal.SIGTERM, _end)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     # events stand in the view, which lines on the same terminal would break
     seen = terminal and is_in_place() and sys.stderr.isatty()
     program = sd.Live(config, on_event=None if seen else _complain, page=page)
+    is_told = _end_by_signals(program)
     uses_output = any(part.address.kind == "-" for part in program.config.outputs)
     # a collection of all that was loaded until now would keep samples waiting
     gc.freeze()
@@ -51,6 +52,8 @@ def live(
     finally:
         program.close()
         _summarise(program, not uses_output)
+    if is_told:
+        raise typer.Exit(INTERRUPTED)
 
 
 def _complain(t: float, text: str) -> None:
@@ -75,6 +78,16 @@ def _summarise(program: "Live", says: bool) -> None:
     wrote(*program.logs)
 
 
-def _end(*_: Any) -> None:
-    """End as by Ctrl-C, so that state and log are written."""
-    raise KeyboardInterrupt
+def _end_by_signals(program: "Live") -> list[int]:
+    """Let Ctrl-C and SIGTERM end a program after its present turn, so that no sample is used by half, and a
+    second one at once. Return the list to which a signal is added that came."""
+    told: list[int] = []
+
+    def end(number: int, _: object) -> None:
+        told.append(number)
+        program.end()
+        signal.signal(number, signal.default_int_handler)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    return told

@@ -23,10 +23,12 @@ from ...core.loop.contract import MeasurementModel
 from ...data.solution import Source
 from ...fileio.files import read_toml
 from ...io import read
+from ...units.conversion import factor
 from ...units.time_scales import gps_of
 from .encoders import MESSAGES, OUTPUTS
 from .line_formats import NO_CLOCK, check_columns
 from .ports import Address, address_of
+from .receiver_imu import IMU_MESSAGES, ImuMounting
 
 SCALES = {
     "json": ("own", "unix", "gps", "arrival", NO_CLOCK),
@@ -37,6 +39,8 @@ SCALES = {
 }
 """Clocks of the formats of inputs from ports, the one that counts without any first."""
 INPUTS = (*SCALES, "recording")
+KEYS = "format port clock latency columns pps imu axes mounting"
+"""Keys of inputs from ports."""
 
 
 class InputPart(NamedTuple):
@@ -49,6 +53,9 @@ class InputPart(NamedTuple):
     speed: float  # of a recording, in its own seconds per second
     latency: float  # s until the fastest message arrives, where arrival counts
     columns: tuple[str, ...] = ()  # of CSV
+    pps: str = ""  # path of the file with its pulses
+    imu: str = ""  # the message of a receiver with the samples of its IMU
+    mounting: ImuMounting | None = None  # of that
 
 
 class OutputPart(NamedTuple):
@@ -203,13 +210,62 @@ def _input(part: dict[str, Any], where: str, folder: Path) -> InputPart:
         speed = check_number(part.get("speed", 1.0), f"{where}: speed", above=0, infinite=True)
         path = _path(_text(part.get("path"), f"{where}: path"), f"{where}: path", folder)
         return InputPart(format, None, "own", path, speed, 0.0)
-    check_keys(part, ("format", "port", "clock", "latency", "columns"), where)
+    check_keys(part, KEYS.split(), where)
     clock = check_choice(part.get("clock", SCALES[format][0]), f"{where}: clock", SCALES[format])
     latency = check_number(part.get("latency", 0.0), f"{where}: latency", "s", least=0)
     if latency and clock not in ("arrival", NO_CLOCK):
         raise DataError(f'{where}: latency is that of the clock "arrival", not of {clock!r}')
     address = _in_folder(address_of(part.get("port"), where), folder)
-    return InputPart(format, address, clock, "", 1.0, latency, _columns(part, format, where))
+    columns, pps = _columns(part, format, where), _pulses(part, format, clock, where, folder)
+    imu, mounting = _receiver_imu(part, format, clock, where)
+    return InputPart(format, address, clock, "", 1.0, latency, columns, pps, imu, mounting)
+
+
+def _pulses(part: dict[str, Any], format: str, clock: str, where: str, folder: Path) -> str:
+    """Return the path of the file with the pulses of a receiver; empty without any."""
+    if "pps" not in part:
+        return ""
+    if format not in ("ubx", "nmea") or clock != "arrival":
+        raise DataError(
+            f'{where}: pps is that of a receiver, ubx or nmea with the clock "arrival", not of {format} '
+            f"with {clock!r}"
+        )
+    return _path(_text(part["pps"], f"{where}: pps"), f"{where}: pps", folder)
+
+
+def _receiver_imu(
+    part: dict[str, Any], format: str, clock: str, where: str
+) -> tuple[str, ImuMounting | None]:
+    """Return the message with the samples of a receiver's IMU, and its mounting; empty without any."""
+    if "imu" not in part:
+        for key in ("axes", "mounting"):
+            if key in part:
+                raise DataError(f"{where}: {key} is that of the IMU of a receiver; give `imu` too")
+        return "", None
+    message = check_choice(part["imu"], f"{where}: imu", tuple(IMU_MESSAGES))
+    if format != "ubx" or clock != "arrival":
+        raise DataError(
+            f'{where}: imu is that of a receiver with its own clock, ubx with clock = "arrival", not of '
+            f"{format} with {clock!r}"
+        )
+    axes = _text(part.get("axes", "FLU"), f"{where}: axes")
+    with locate_errors(where):
+        return message, ImuMounting.of_axes(axes, _mounting(part.get("mounting")))
+
+
+def _mounting(given: object) -> tuple[float, float, float] | None:
+    """Return roll, pitch and heading of a mounting as [imu] of a recording has it, rad."""
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        raise DataError(f"mounting is {brief(given)}; it must be {{ roll, pitch, heading, unit }}")
+    check_keys(given, ("roll", "pitch", "heading", "unit"), "mounting")
+    unit = factor(given.get("unit"), "angle", "mounting")
+    roll, pitch, heading = (
+        unit * check_number(given.get(key, 0.0), f"mounting: {key}")
+        for key in ("roll", "pitch", "heading")
+    )
+    return roll, pitch, heading
 
 
 def _columns(part: dict[str, Any], format: str, where: str) -> tuple[str, ...]:

@@ -4,7 +4,8 @@ and bounded lists of what came before."""
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,9 @@ from ... import aiding, filters
 from ...core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Filter, Status
 from ...core.mathematics.belief import ATT, POS, VEL
 from ...engine.live_run import TestedMeasurement
+from ...engine.verdict_process import SpanVerdict, VerdictProcess
 from ...geometry.geodesy import displacement
+from ...pages.verdict_block import verdict_block
 from ...typing import Array
 from ...units.quantities import shown_unit
 from ..output import plain
@@ -93,12 +96,15 @@ class Dashboard:
         Notified after each look; its lock guards the rest.
     number : int
         Number of looks so far.
+    viewers : int
+        Number of those who look at it now.
     closed : bool
         True once the program has ended.
     """
 
     def __init__(self, name: str, filter: str) -> None:
         self.changed, self.number, self.closed = threading.Condition(), 0, False
+        self.viewers = 0
         self._filter: Filter = filters.find(filter)
         self._fixed: dict[str, Any] = {"name": name, "filter": filter}
         self._fixed["has_position"] = POS.start in self._filter.estimates
@@ -115,6 +121,8 @@ class Dashboard:
         self._due = self._slow_due = -inf
         self._tested_until, self._alignments = -inf, 0
         self._newest_event = ""
+        self._verdict: SpanVerdict | None = None
+        self._verdicts = NumberedEntries(1)
 
     # ---- the program
 
@@ -136,6 +144,7 @@ class Dashboard:
         with self.changed:
             self._look_at_state(live)
             self._look_at_tests(live)
+            self._look_at_verdict(live.verdicts)
             if slow:
                 self._slow = losses(live) | {"ports": live.ports}
             self._state |= {"since_sample": live.since_sample, "sources": source_rows(live)}
@@ -202,7 +211,31 @@ class Dashboard:
             north, east, _ = displacement(test.y, self._origin).tolist()
             self._fixes.add(self.number + 1, test.source, east, north, test.accepted)
 
+    def _look_at_verdict(self, verdicts: VerdictProcess) -> None:
+        newest = verdicts.newest
+        if newest is not self._verdict:
+            self._verdict = newest
+            html = verdict_block({"": newest.verdict}) if newest else ""
+            self._verdicts.add(self.number + 1, html)
+        self._state["verdict"] = {
+            "word": newest.verdict.word if newest else "not yet",
+            "line": newest.verdict.line if newest else "not yet",
+            "of": newest.span if newest else "",
+            "error": verdicts.error,
+        }
+
     # ---- the viewers
+
+    @contextmanager
+    def count_viewer(self) -> Iterator[None]:
+        """Count a viewer for as long as the block lasts."""
+        with self.changed:
+            self.viewers += 1
+        try:
+            yield
+        finally:
+            with self.changed:
+                self.viewers -= 1
 
     def since(self, look: int) -> tuple[int, dict[str, Any]]:
         """Return the number of the newest look, and its numbers with what lists have got since
@@ -217,6 +250,7 @@ class Dashboard:
                 "track": self._track.since(look),
                 "fixes": self._fixes.since(look),
                 "events": self._events.since(look),
+                "verdicts": self._verdicts.since(look),
                 "ratios": {source: each.since(look) for source, each in self._ratios.items()},
             }
             number = self.number

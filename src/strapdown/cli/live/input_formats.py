@@ -53,6 +53,7 @@ class Decoder(ABC):
 
     def __init__(self) -> None:
         self.bad, self.why = 0, ""
+        self.news: list[str] = []  # texts of events
         # s, of time.monotonic: when the bytes came of which the events are; None: just now
         self.last: float | None = None
 

@@ -33,6 +33,8 @@ function writeNumbers(it) {
   at("status").className = `verdict ${look}`;
   put("word", it.status);
   put("reason", it.reason);
+  const {of, word, error} = it.verdict;
+  put("verdict-of", (of ? `Verdict on ${of}.` : `Verdict: ${word}.`) + (error ? ` The last attempt failed: ${error}. The filter goes on.` : ""));
   document.querySelectorAll(".of-position").forEach(each => { each.hidden = !it.has_position; });
   const [lat, lon] = it.lat_lon || [], [north, east, up] = it.position_std || [];
   put("lat", inUnit(lat, "°", 7));
@@ -45,6 +47,14 @@ function writeNumbers(it) {
   ["north", "east", "down"].forEach((axis, k) => put(`v-${axis}`, withStd(v[k], std[k], "m/s")));
   ["roll", "pitch", "heading"].forEach((angle, k) => put(angle, withStd(rph[k], angles[k], "°")));
   turnHorizon(rph);
+}
+
+function writeVerdict(html) {
+  // what was unfolded stays so
+  const box = at("verdict"), folds = () => [...box.querySelectorAll("details")];
+  const open = folds().filter(each => each.open).map(each => each.firstChild.textContent);
+  box.innerHTML = html; // of the pages of `fuse`, escaped there
+  folds().forEach(each => { each.open = open.includes(each.firstChild.textContent); });
 }
 
 // ---- attitude
@@ -275,6 +285,7 @@ function take(it) {
   heardAt = new Date().toLocaleTimeString();
   setLost(false);
   if (it.events.length || it.whole) writeEvents();
+  if (it.verdicts.length || it.whole) writeVerdict((it.verdicts.at(-1) || [""])[0]);
   if (!due) { due = true; requestAnimationFrame(draw); }
 }
 function draw() {

@@ -1,5 +1,5 @@
 """Events on ports: one where a port fails, one where it goes on again, one where an input cannot be
-read."""
+read, and those of pulses."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,6 +8,8 @@ from typing import Any, Protocol
 from ...units.wording import count_text
 from .input_formats import Decoder
 from .ports import RETRY, Address, Port
+from .pulse_clock import PulseClock
+from .pulse_file import PulseFile
 
 FORMER = 8
 """Number of former senders that are remembered."""
@@ -57,11 +59,13 @@ class Notices:
             self._failing.remove(id(port))
             self._tell(f"{port.address}: goes on{lost}")
 
-    def of_input(self, port: Port, decoder: Decoder, senders: Senders) -> None:
-        """Tell that some of an input cannot be read or is missing, or that it has two senders."""
-        if decoder.bad:
+    def of_input(self, port: Port, decoder: Decoder, bad: int, senders: Senders) -> None:
+        """Tell that some of an input cannot be read or is missing, that it has two senders, and the news
+        of its decoder."""
+        self._all(port, decoder.news)
+        if bad:
             why = f", the first: {decoder.why}" if decoder.why else ""
-            self._once(port, "unread", f"not read: {decoder.bad} lines or pieces{why}")
+            self._once(port, "unread", f"not read: {bad} lines or pieces{why}")
         if port.missed:
             self._once(
                 port,
@@ -72,7 +76,28 @@ class Notices:
             first, second = (":".join(map(str, each)) for each in senders.two)
             self._once(port, "senders", f"samples come from {first} and from {second}; stop one")
 
-    def _once(self, port: Port, about: str, text: str) -> None:
+    def of_pulses(self, file: PulseFile, clock: PulseClock) -> None:
+        """Tell of the pulses of a receiver."""
+        self.of_port(file, "")
+        self._all(file, clock.news)
+        if clock.left_out:
+            text = f"{count_text(clock.left_out, 'pulse')} off the second are left out"
+            self._once(file, "left out", text)
+        if file.missed or file.bad:
+            text = (
+                f"{file.missed} pulses came between two looks, and {file.bad} with an unknown time"
+            )
+            self._once(file, "missed", text)
+        if file.stepped:
+            text = f"the system clock stepped by {file.stepped:+.4g} s; pulses count without it"
+            self._once(file, "stepped", text)
+
+    def _all(self, place: _Place, news: list[str]) -> None:
+        for text in news:
+            self._tell(f"{place.address}: {text}")
+        news.clear()
+
+    def _once(self, port: _Place, about: str, text: str) -> None:
         if (key := f"{about} {id(port)}") not in self._said:
             self._said.add(key)
             self._tell(f"{port.address}: {text}")

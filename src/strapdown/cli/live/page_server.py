@@ -122,7 +122,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, text)
         else:
             try:
-                self._send_events()
+                with self.server.dashboard.count_viewer():
+                    self._send_events()
             finally:
                 self.server.viewers.release()
 

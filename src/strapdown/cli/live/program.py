@@ -17,11 +17,13 @@ from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
 from ...engine.saved_state import OtherStateError, state_text, write_state_text
 from ...engine.stream import Measurement, Sample
+from ...engine.verdict_process import SpanVerdict, VerdictProcess
 from ...io import read
 from ...io.readers.live_log import fix_line, head_line, sample_line
 from ...plugins import one_line
 from ...units.time_scales import gps_from_unix
 from .arrival_clock import ArrivalClock, ArrivalIntervals, Arrivals, ClockEstimate
+from .clocked_events import ClockedEvents
 from .config import Config, InputPart, OutputPart, config_of
 from .dashboard import Dashboard
 from .decoders import decoder
@@ -33,6 +35,9 @@ from .notices import Notices, Senders
 from .output_formats import state_at
 from .page_server import PageServer
 from .ports import Mark, Port
+from .pulse_clock import PulseClock, PulseEstimate
+from .pulse_file import PulseFile
+from .receiver_imu import ReceiverWithImu
 from .sinks import Sink
 
 PAUSE = 0.002
@@ -43,8 +48,6 @@ LOOK = 1.0
 """s between two looks at ports for what is to be reported."""
 IMU_SILENT = 5.0
 """s without a sample after which that is reported."""
-MAX_HELD = 20_000
-"""Events that wait until the clock of their device is known, at most."""
 CALM = 0.001
 """s after a sample in which an epoch of a receiver is decoded, which takes longer than a sample: the
 next one comes later."""
@@ -69,12 +72,18 @@ class _Bytes:
         self.port = Port(part.address)
         self.ends_lines = part.address.kind == "udp" and part.format in ("json", "nmea")
         self._clock, self.senders = clock, Senders()
-        self.arrivals = ArrivalClock(part.latency) if part.clock == "arrival" else None
+        self.pulse_clock = PulseClock(part.latency, clock) if part.pps else None
+        self.pulses = PulseFile(part.pps) if part.pps else None
+        self.clocked: ClockedEvents | None = None
+        if part.clock == "arrival":
+            self.clocked = ClockedEvents(self.pulse_clock or ArrivalClock(part.latency), clock)
+        self.clocked_imu = ClockedEvents(ArrivalClock(), clock) if part.imu else None
         self.unstamped = Arrivals() if part.clock == NO_CLOCK else None
         self._latency = part.latency
-        self._held: list[Sample | Measurement] = []  # until the clock is ready
         name = f"{part.format} of {part.address}".replace("/", "_")
         self.decoder: Decoder = decoder(part.format, part.clock, clock, kinds, name, part.columns)
+        if part.mounting is not None:
+            self.decoder = ReceiverWithImu(self.decoder, part.imu, part.mounting)
 
     @property
     def ended(self) -> bool:
@@ -83,6 +92,10 @@ class _Bytes:
 
     def events(self, has_time: bool) -> list[Sample | Measurement]:
         """Return what has come, and with `has_time` what is complete because nothing more came."""
+        if self.pulses is not None and self.pulse_clock is not None:
+            if (came := self.pulses.read()) is not None:
+                self.pulse_clock.take_pulse(time_of_arrival(came))
+            self.pulse_clock.look(time_of_arrival())
         found: list[Sample | Measurement] = []
         for k, piece in enumerate(self.port.read()):
             events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
@@ -93,7 +106,7 @@ class _Bytes:
             found += self.decoder.idle()
         if self.unstamped is not None:
             return self._at_arrival(self.unstamped, found)
-        return found if self.arrivals is None else self._by_arrival(self.arrivals, found)
+        return found if self.clocked is None else self._by_arrival(self.clocked, found)
 
     def _at_arrival(
         self, unstamped: Arrivals, found: list[Sample | Measurement]
@@ -102,27 +115,35 @@ class _Bytes:
         now = time_of_arrival(self.decoder.last)
         for _ in found:
             unstamped.take(now)
-        return [each._replace(t=self._on_clock(now - self._latency)) for each in found]
+        t = self._clock.of_gps(float(gps_from_unix(now - self._latency))) if found else 0.0
+        return [each._replace(t=t) for each in found]
 
     def _by_arrival(
-        self, arrivals: ArrivalClock, found: list[Sample | Measurement]
+        self, clocked: ClockedEvents, found: list[Sample | Measurement]
     ) -> list[Sample | Measurement]:
-        """Return events with the time at which the fastest message would have arrived. Those with a
-        stamp of another clock, and those that wait in vain for the clock, are bad."""
-        now, restarts = time_of_arrival(self.decoder.last), arrivals.restarts
-        own = [event for event in found if arrivals.take(event.t, now)]
-        self.decoder.bad += len(found) - len(own)
-        if arrivals.restarts > restarts or len(self._held) > MAX_HELD:
-            self.decoder.bad += len(self._held)
-            self._held.clear()
-        self._held += own
-        if not arrivals.ready:
-            return []
-        ready, self._held = self._held, []
-        return [each._replace(t=self._on_clock(arrivals.time(each.t))) for each in ready]
+        """Return events with times by their arrival, those of a receiver's IMU by its own clock."""
+        samples: list[Sample | Measurement] = []
+        if self.clocked_imu is not None:
+            samples = [each for each in found if type(each) is Sample]
+            found = [each for each in found if type(each) is not Sample]
+            samples = self.clocked_imu.take(samples, time_of_arrival())
+        known = clocked.take(found, time_of_arrival(self.decoder.last))
+        return known + samples
 
-    def _on_clock(self, unix: float) -> float:
-        return self._clock.of_gps(float(gps_from_unix(unix)))
+    @property
+    def bad(self) -> int:
+        """Number of lines or pieces that could not be read, and of events with a stamp of no use."""
+        clocked = [each.bad for each in (self.clocked, self.clocked_imu) if each is not None]
+        return self.decoder.bad + sum(clocked)
+
+    @property
+    def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:
+        """{port: estimate} of its clocks, that of a receiver's IMU with "IMU" behind the port."""
+        own = self.unstamped if self.clocked is None else self.clocked.arrivals
+        imu = None if self.clocked_imu is None else self.clocked_imu.arrivals
+        names = str(self.port.address), f"{self.port.address} IMU"
+        found = [(name, each.estimate) for name, each in zip(names, (own, imu)) if each is not None]
+        return {name: estimate for name, estimate in found if estimate is not None}
 
     def mark(self) -> list[Any] | None:
         """Return where a growing file goes on, for `resume`; None of other ports."""
@@ -321,6 +342,8 @@ class Live:
     ----------
     stream : LiveStream
         The filter.
+    verdicts : VerdictProcess
+        The process that judges the filter, and why it failed.
     page : str
         Address of the page; empty without one.
 
@@ -348,6 +371,7 @@ class Live:
         self.config = own = config_of(config)
         self._on_event = on_event
         self._dashboard: Dashboard | None = None
+        self.verdicts, self._wants_verdict, self._failure = VerdictProcess(), False, ""
         self.clock = Clock(own.epoch)
         self._log = _Log(own.log, self._tell) if own.log else None
         with locate_errors(own.name):
@@ -377,7 +401,7 @@ class Live:
         self._heard = self._saved = time.monotonic()
         self._saving = DiskJob(lambda error: self._tell(str(error)))
         self._notices, self._looked = Notices(self._tell), -inf
-        self._is_silent, self._closed = False, False
+        self._is_silent, self._closed, self._ends = False, False, False
         if own.state and Path(own.state).exists():
             self._restore()
         self._server = None if page is None else PageServer(self.watch(), page)
@@ -449,7 +473,16 @@ class Live:
         if now > self._heard + IMU_SILENT and not self._is_silent:
             self._is_silent = True
             self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
+        self._judge()
         self._show()
+
+    def _judge(self) -> None:
+        """Let another process make verdicts while somebody wants them."""
+        if self._wants_verdict or (self._dashboard is not None and self._dashboard.viewers):
+            self.verdicts.look(self.stream.stream)
+            before, self._failure = self._failure, self.verdicts.error
+            if self._failure and self._failure != before:
+                self._tell(f"verdict: {self._failure}; the filter goes on")
 
     def _show(self) -> None:
         """Let those who watch have the newest numbers; a fault there never ends the filter."""
@@ -472,7 +505,9 @@ class Live:
         for each in self.inputs:
             if isinstance(each, _Bytes):
                 self._notices.of_port(each.port, "")
-                self._notices.of_input(each.port, each.decoder, each.senders)
+                self._notices.of_input(each.port, each.decoder, each.bad, each.senders)
+                if each.pulses is not None and each.pulse_clock is not None:
+                    self._notices.of_pulses(each.pulses, each.pulse_clock)
         for output in self.outputs:
             lost = f"; lost: {output.sink.dropped} states"
             self._notices.of_port(output.sink, lost)
@@ -491,7 +526,7 @@ class Live:
             self._tell(str(error))
 
     def run(self, seconds: float = inf) -> None:
-        """Go on until all inputs have ended, or for so many seconds, and close all.
+        """Go on until all inputs have ended, for so many seconds, or until `end`, and close all.
 
         Parameters
         ----------
@@ -500,11 +535,17 @@ class Live:
         """
         end = time.monotonic() + seconds
         try:
-            while time.monotonic() < end and not all(each.ended for each in self.inputs):
+            while time.monotonic() < end and not self._ends:
+                if all(each.ended for each in self.inputs):
+                    break
                 if not self.turn():
                     self._wait()
         finally:
             self.close()
+
+    def end(self) -> None:
+        """Let `run` end after the turn that it is in; for a handler of signals, or another thread."""
+        self._ends = True
 
     def _wait(self) -> None:
         """Sleep until a port has bytes, at most for PAUSE s, since files are looked at."""
@@ -524,6 +565,7 @@ class Live:
                 self.stream.finish()
         except DataError as error:
             self._tell(str(error))
+        self.verdicts.close()
         for each in self.inputs:
             each.close()
         for output in self.outputs:
@@ -564,9 +606,16 @@ class Live:
             self._on_event(t, text)
 
     @property
+    def verdict(self) -> SpanVerdict | None:
+        """The newest verdict on what the filter has kept, with its span; None before there is one.
+        Another process makes them, while somebody watches, and from the first call of this on."""
+        self._wants_verdict = True
+        return self.verdicts.newest
+
+    @property
     def bad(self) -> int:
         """Number of lines, and of pieces of a receiver, that could not be read."""
-        return sum(each.decoder.bad for each in self.inputs if isinstance(each, _Bytes))
+        return sum(each.bad for each in self.inputs if isinstance(each, _Bytes))
 
     @property
     def missed(self) -> dict[str, int]:
@@ -581,9 +630,11 @@ class Live:
 
     @property
     def ports(self) -> dict[str, str]:
-        """{port: why it cannot be used now, empty where it can} of inputs and outputs."""
-        inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
-        places: list[Port | Sink] = [*inputs, *(each.sink for each in self.outputs)]
+        """{port: why it cannot be used now, empty where it can} of inputs, pulses and outputs."""
+        inputs = [each for each in self.inputs if isinstance(each, _Bytes)]
+        places: list[Port | PulseFile | Sink] = [each.port for each in inputs]
+        places += [each.pulses for each in inputs if each.pulses is not None]
+        places += [each.sink for each in self.outputs]
         return {str(each.address): each.error for each in places}
 
     @property
@@ -592,13 +643,12 @@ class Live:
         return time.monotonic() - self._heard
 
     @property
-    def clocks(self) -> dict[str, ClockEstimate | ArrivalIntervals]:
+    def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:
         """{port: estimate} of the inputs with the clock "arrival" or "none"."""
-        found: dict[str, ClockEstimate | ArrivalIntervals] = {}
+        found: dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals] = {}
         for each in self.inputs:
-            if isinstance(each, _Bytes) and (own := each.arrivals or each.unstamped):
-                if estimate := own.estimate:
-                    found[str(each.port.address)] = estimate
+            if isinstance(each, _Bytes):
+                found |= each.clocks
         return found
 
     @property

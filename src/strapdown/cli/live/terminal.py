@@ -51,7 +51,7 @@ class TerminalView:
 
     def _run(self) -> None:
         # its reader may go before the program ends
-        with suppress(OSError):
+        with suppress(OSError), self._dashboard.count_viewer():
             while not self._over.wait(EVERY):
                 self._show()
 
@@ -85,6 +85,7 @@ def one_line_view(shown: Mapping[str, Any]) -> str:
     if "rph" in shown:
         parts += [_position(shown), _velocity(shown).split(":")[0], _attitude(shown)]
     parts += [f"{each['name']} {uses_text(each)}" for each in shown["sources"]]
+    parts.append(f"verdict {shown['verdict']['word']}")
     return "; ".join(filter(None, parts))
 
 
@@ -92,6 +93,7 @@ def view_lines(shown: Mapping[str, Any], events: Sequence[Sequence[Any]]) -> lis
     """Return the numbers in lines, with the newest of the events."""
     lines = [f"strapdown live: {shown['name']}, filter {shown['filter']}", _head(shown)]
     lines.append(f"newest sample {shown['since_sample']:.1f} s ago")
+    lines.append(_verdict(shown["verdict"]))
     if "rph" in shown:
         named = {"position": _position(shown), "velocity": _velocity(shown)}
         named["attitude"] = _attitude(shown)
@@ -105,6 +107,12 @@ def _head(shown: Mapping[str, Any]) -> str:
     t = "no time yet" if shown["t"] is None else f"{shown['t']:.2f} s"
     utc = f" ({shown['utc']})" if shown["utc"] else ""
     return f"{t}{utc}: {shown['status']}, {shown['reason']}"
+
+
+def _verdict(verdict: Mapping[str, str]) -> str:
+    span = f" ({verdict['of']})" if verdict["of"] else ""
+    failure = f"; the last attempt failed: {verdict['error']}" if verdict["error"] else ""
+    return f"verdict{span}: {verdict['line']}{failure}"
 
 
 def _position(shown: Mapping[str, Any]) -> str:

@@ -10,7 +10,6 @@ import importlib
 import os
 import pickle
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -23,13 +22,13 @@ from typing import Any, NamedTuple
 from ...fileio.locks import part_of
 from . import compiler
 from .closure_values import NoWords, functions
+from .other_process import answers, start_process
 from .signatures import Signature
 
 ENOUGH = 5e5
 """Work of `work` for which a process of its own is not worth its start of a second."""
 TURN = 0.5
 """s after which a Ctrl-C is heard on systems where waiting does not hear it."""
-START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 TELLING = 0.1
 """Share of the work that tells the pace: a small kernel takes mostly what a process begins with."""
 PACE = "pace"
@@ -206,12 +205,9 @@ class _Workers:
         self._count = count
 
     def __enter__(self) -> "_Workers":
-        path = [each for each in sys.path if isinstance(each, str)]
-        code = START.format(path=path, module=__name__)
-        command = [sys.executable, "-c", code]
         for _ in range(self._count):
             try:
-                self._begin(command)
+                self._begin()
             except OSError:
                 pass
             except BaseException:  # Ctrl-C, which leaves none of them behind
@@ -219,11 +215,9 @@ class _Workers:
                 raise
         return self
 
-    def _begin(self, command: list[str]) -> None:
+    def _begin(self) -> None:
         """Start one. Raises OSError."""
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
+        process = start_process(__name__)
         self._processes.append(process)
         thread = threading.Thread(target=self._feed, args=(process,), daemon=True)
         thread.start()
@@ -280,9 +274,7 @@ class _Workers:
 def main() -> None:
     """Run a worker process: compile the jobs that arrive on stdin, and answer each with the seconds
     that it took, 0 where it failed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever began it ends it
-    with os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer
+    with answers() as pipe:
         compiler.warm_up()
         while True:
             try:
@@ -293,8 +285,8 @@ def main() -> None:
             with suppress(Exception):
                 if _compile_job(job):
                     seconds = time.perf_counter() - begin
-            answers.write(f"{seconds}\n".encode())
-            answers.flush()
+            pipe.write(f"{seconds}\n".encode())
+            pipe.flush()
 
 
 def _compile_job(job: Job) -> bool:

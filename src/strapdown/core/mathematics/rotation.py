@@ -28,6 +28,18 @@ def wrap(angle: float) -> float:
 
 
 @helper
+def cross(a: Three | Array, b: Three | Array) -> Three:
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@helper
+def dot(a: Three, b: Three) -> float:
+    """a' b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
 def rotate_vector(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """C times the vector (x, y, z)."""
     return (

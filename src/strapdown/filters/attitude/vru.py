@@ -259,6 +259,15 @@ def _tether(belief: FilterState, variance: float) -> None:
         h[k] = 0.0
 
 
+@helper
+def _unmeasured_variance(belief: FilterState, H: Array) -> float:
+    """Variance of a height, m^2, before one was measured, with that of the states of its source."""
+    known = belief.workspace[VARIANCE]
+    for k in range(STATES, belief.P.shape[0]):
+        known += H[0, k] * H[0, k] * belief.P[k, k]
+    return known
+
+
 @kernel(CORRECT)
 def correct(
     belief: FilterState,
@@ -287,9 +296,7 @@ def correct(
     H[0, 6] = H[0, 7] = 0.0
     waves = kind == Kind.ZERO_SEA_LEVEL and seconds < workspace[INDEPENDENT]
     if workspace[MEASURED] == 0:
-        known = workspace[VARIANCE]
-        for k in range(STATES, n):
-            known += H[0, k] * H[0, k] * P[k, k]
+        known = _unmeasured_variance(belief, H)
     gated = waves or workspace[MEASURED] == 0
     if gated:  # one height errs by all the heave, and is gated so; many in a row know better
         nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf

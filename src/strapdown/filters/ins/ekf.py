@@ -179,35 +179,11 @@ def correct(
         workspace[VARIANCE],
     )
     rows = observe_innovation(belief, y, observe, source, innovation, H)
-    used, measured = 0, 0.0
-    for i in range(rows):
-        missing = math.isnan(innovation[i])
-        if not all_of(missing):
-            terms = 0.0
-            for j in range(n):
-                H[used, j] = where(missing, 0.0, H[i, j])
-                terms += H[used, j] * H[used, j] * P[j, j]
-            e[used] = where(missing, 0.0, innovation[i])
-            variance[used] = where(missing, 1.0, max(std[i] * std[i], MIN_NOISE * terms))
-            measured = where(missing, measured, 1.0)
-            used += 1
+    used, measured = _gather(P, H, rows, std, innovation, e, variance)
     for j in range(n):
         dx[j] = 0.0
     nis = where(measured > 0, _gain(P, H, used, e, variance, U, L, K, dx), math.nan)
-    used = 0
-    for i in range(rows):
-        missing = math.isnan(innovation[i])
-        if not all_of(missing):
-            if innovation.size > 3:
-                innovation[3 + i] = where(missing, math.nan, e[used])
-            if innovation.size > 6:
-                root, b = 6 + i * (i + 1) // 2, 0
-                for k in range(i + 1):
-                    nowhere = all_of(math.isnan(innovation[k]))
-                    factor = 0.0 if nowhere else L[used, b]
-                    innovation[root + k] = where(missing, math.nan, factor)
-                    b += not nowhere
-            used += 1
+    _write_whitened(rows, L, e, innovation)
     taken = nis <= gate
     if any_of(taken):
         for a in range(used):  # nothing where it was not
@@ -220,6 +196,59 @@ def correct(
         theta = dx[ATT]
         turn_half(P, theta[0], theta[1], theta[2])
     return nis
+
+
+@helper
+def _gather(
+    P: Array, H: Array, rows: int, std: Array, innovation: Array, e: Array, variance: Array
+) -> tuple[int, float]:
+    """Bring the measured rows to the front: of H, of the innovations in e and of their noise in
+    `variance`. Returns how many they are, and 1.0 where there is one, else 0.0."""
+    n, used, measured = P.shape[0], 0, 0.0
+    for i in range(rows):
+        missing = math.isnan(innovation[i])
+        if not all_of(missing):
+            terms = 0.0
+            for j in range(n):
+                H[used, j] = where(missing, 0.0, H[i, j])
+                terms += H[used, j] * H[used, j] * P[j, j]
+            e[used] = where(missing, 0.0, innovation[i])
+            variance[used] = where(missing, 1.0, max(std[i] * std[i], MIN_NOISE * terms))
+            measured = where(missing, measured, 1.0)
+            used += 1
+    return used, measured
+
+
+@helper
+def _write_whitened(rows: int, L: Array, e: Array, innovation: Array) -> None:
+    """The whitened innovations e and the rows of L behind the innovations, each at the place of its
+    measured row."""
+    a = 0
+    for i in range(rows):
+        missing = math.isnan(innovation[i])
+        if not all_of(missing):
+            if innovation.size > 3:
+                innovation[3 + i] = where(missing, math.nan, e[a])
+            if innovation.size > 6:
+                root, b = 6 + i * (i + 1) // 2, 0
+                for k in range(i + 1):
+                    nowhere = all_of(math.isnan(innovation[k]))
+                    factor = 0.0 if nowhere else L[a, b]
+                    innovation[root + k] = where(missing, math.nan, factor)
+                    b += not nowhere
+            a += 1
+
+
+@helper
+def _project_row(P: Array, h: Array, u: Array) -> None:
+    """u = h P."""
+    n = P.shape[0]
+    for j in range(n):
+        u[j] = 0.0
+    for k in range(n):
+        if any_of(h[k] != 0):
+            for j in range(n):
+                u[j] += h[k] * P[k, j]
 
 
 @helper
@@ -238,12 +267,7 @@ def _gain(
     no Cholesky; e becomes L^-1 e."""
     n, nis = P.shape[0], 0.0
     for a in range(used):
-        for j in range(n):
-            U[a, j] = 0.0
-        for k in range(n):
-            if any_of(H[a, k] != 0):
-                for j in range(n):
-                    U[a, j] += H[a, k] * P[k, j]
+        _project_row(P, H[a], U[a])
         for b in range(a + 1):
             total = variance[a] if a == b else 0.0
             for j in range(n):

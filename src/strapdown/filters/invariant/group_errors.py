@@ -19,7 +19,7 @@ import math
 from ...core.compile.jit import helper, matrix
 from ...core.mathematics.belief import ATT, BA, BG, POS, STATES, VEL, FilterState
 from ...core.mathematics.elementary import cosine, sine
-from ...core.mathematics.rotation import Three, rotate_vector
+from ...core.mathematics.rotation import Three, cross, rotate_vector
 from ...typing import Array
 
 LEFT, RIGHT = 0.0, 1.0
@@ -42,12 +42,6 @@ def keep_estimate(belief: FilterState, estimate: Array) -> None:
             C[i, j] = belief.C_nb[i, j]
         estimate[9 + i], estimate[12 + i] = belief.v_n[i], 0.0
         estimate[15 + i], estimate[18 + i] = belief.b_a[i], belief.b_g[i]
-
-
-@helper
-def cross(a: Array, b: Array) -> Three:
-    """a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @helper

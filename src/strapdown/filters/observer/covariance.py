@@ -15,8 +15,6 @@ xi, and tells of biases. The square of the accelerometer bias (theta0) counts as
 installation have no gain in the observer: theirs is that of least variance.
 """
 
-from typing import TypeAlias
-
 from ...core.compile.jit import helper, inline, matrix
 from ...core.compile.selection import any_of, where
 from ...core.compile.workspace import MAX_STATES
@@ -35,7 +33,7 @@ from ...core.mathematics.joseph import (
     learn_beyond,
 )
 from ...core.mathematics.kalman import decay, update
-from ...core.mathematics.rotation import rotate_vector
+from ...core.mathematics.rotation import Three, cross, dot, rotate_vector
 from ...typing import Array
 from . import adaptive_law
 from .equations import (
@@ -78,7 +76,6 @@ DX = SLOTS.array("DX", MAX_STATES)
 OWN = SLOTS.part("OWN", JOSEPH)
 MIN_SPEED = 0.1  # m/s, at which a velocity has a course
 CRAB_TIME = 30.0  # s: time constant of that angle, that of turns in the wind
-Three: TypeAlias = tuple[float, float, float]
 
 
 @helper
@@ -386,18 +383,6 @@ def _field_errors(belief: FilterState, u: Three, row: Array) -> None:
     for k in range(STATES, row.size):
         x, y, z = rotate_vector(C, h[0, k], h[1, k], h[2, k])
         row[k] -= u[0] * x + u[1] * y + u[2] * z
-
-
-@helper
-def cross(a: Three, b: Three) -> Three:
-    """a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@helper
-def dot(a: Three, b: Three) -> float:
-    """a' b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @helper

@@ -357,11 +357,7 @@ def take(
     workspace, e = bar.workspace, innovation
     free = (not outage(workspace)) | (kind == Kind.POSITION or kind == Kind.VELOCITY)
     free = free & wanted
-    workspace[SHARE] = workspace[ADAPTIVE][adaptive_law.WEIGHT] = 0.0
-    for i in range(9):
-        workspace[GAIN][i] = 0.0
-    for i in range(adaptive_law.COUNT):
-        workspace[ADAPTIVE][adaptive_law.COURSE][i] = 0.0
+    _clear_gains(workspace)
     if kind == Kind.HEADING:
         measured = (e[0] == e[0]) & wanted
         since = min(workspace[SINCE_HEADING], MAX_GAP)
@@ -386,6 +382,16 @@ def take(
         _answer_heading(bar, 0.0)
     _assess(workspace)
     orthonormalise(bar.C_nb, free)
+
+
+@inline
+def _clear_gains(workspace: Array) -> None:
+    """Forget the gains of the measurement before."""
+    workspace[SHARE] = workspace[ADAPTIVE][adaptive_law.WEIGHT] = 0.0
+    for i in range(9):
+        workspace[GAIN][i] = 0.0
+    for i in range(adaptive_law.COUNT):
+        workspace[ADAPTIVE][adaptive_law.COURSE][i] = 0.0
 
 
 @inline
@@ -514,19 +520,11 @@ def _course(bar: FilterState, north: float, east: float, std: float, wanted: boo
         return
     course, since = arctangent2(east, north), workspace[SINCE_COURSE]
     own_std = where(speed > 0, std / where(speed > 0, speed, 1.0), math.inf)
-    workspace[COURSE_STD] = where(fast, own_std, workspace[COURSE_STD])
-    workspace[COURSE] = where(fast, course, workspace[COURSE])
-    workspace[SINCE_COURSE] = where(fast, 0.0, since)
+    _keep_course(workspace, course, own_std, fast)
     seconds = min(since, MAX_GAP)
     by_wind = 1 / where(fast, speed, 1.0)
     if by_xi:
-        own, slip = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive_law.SLIP]
-        z = wrap(course - arctangent2(bar.C_nb[1, 0], bar.C_nb[0, 0]))
-        weight = (
-            (1 - min(workspace[FADE], 1.0)) * seconds / (slip * slip + own_std * own_std * seconds)
-        )
-        fast_z = where(fast, z, 0.0)
-        adaptive_law.see_course(own, bar.C_nb, fast_z, by_wind, where(fast, weight, 0.0))
+        _see_course(bar, course, own_std, seconds, by_wind, fast)
     if mode == PRINTED:
         C, speed = bar.C_nb, where(speed > 0, speed, 1.0)
         _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds, fast)
@@ -534,6 +532,26 @@ def _course(bar: FilterState, north: float, east: float, std: float, wanted: boo
         _towards_heading(bar, course, seconds, fast)
     if by_xi:
         _answer_heading(bar, by_wind)
+
+
+@helper
+def _keep_course(workspace: Array, course: float, std: float, fast: bool) -> None:
+    """Keep a course (rad) with its std for later, where it is `fast` enough."""
+    workspace[COURSE_STD] = where(fast, std, workspace[COURSE_STD])
+    workspace[COURSE] = where(fast, course, workspace[COURSE])
+    workspace[SINCE_COURSE] = where(fast, 0.0, workspace[SINCE_COURSE])
+
+
+@helper
+def _see_course(
+    bar: FilterState, course: float, std: float, seconds: float, by_wind: float, fast: bool
+) -> None:
+    """Give the adaptive law what a course (rad) differs from the heading, where it is `fast` enough."""
+    own, slip = bar.workspace[ADAPTIVE], bar.workspace[ADAPTIVE][adaptive_law.SLIP]
+    z = wrap(course - arctangent2(bar.C_nb[1, 0], bar.C_nb[0, 0]))
+    weight = (1 - min(bar.workspace[FADE], 1.0)) * seconds / (slip * slip + std * std * seconds)
+    fast_z = where(fast, z, 0.0)
+    adaptive_law.see_course(own, bar.C_nb, fast_z, by_wind, where(fast, weight, 0.0))
 
 
 @helper

@@ -404,6 +404,16 @@ def _foresee_eight(
 
 
 @helper
+def _remaining_covariance(s: Array, i: int, r: int, total: float, innovation: Array) -> float:
+    """Covariance of the innovations i and r, less what the factors of the rows before r tell of it."""
+    value = s[3 * i + r] / total - s[9 + i] * s[9 + r]
+    for k in range(r):
+        if not math.isnan(innovation[k]):
+            value -= s[3 * i + k] * s[3 * r + k]
+    return value
+
+
+@helper
 def _surprise(s: Array, total: float, std: Array, innovation: Array) -> float:
     """NIS from these moments, whose weights add up to `total`; adds the mean to the innovation.
     Infinite where they are no covariance."""
@@ -422,10 +432,7 @@ def _surprise(s: Array, total: float, std: Array, innovation: Array) -> float:
                 if innovation.size > 6:
                     innovation[6 + i * (i + 1) // 2 + r] = 0.0
                 continue
-            value = s[3 * i + r] / total - s[9 + i] * s[9 + r]
-            for k in range(r):
-                if not math.isnan(innovation[k]):
-                    value -= s[3 * i + k] * s[3 * r + k]
+            value = _remaining_covariance(s, i, r, total, innovation)
             if r < i:
                 s[3 * i + r] = value / s[3 * r + r]
                 e -= s[3 * i + r] * s[12 + r]

@@ -257,41 +257,56 @@ def correct_root(
     taken off that could be too much. Where rest < 0 leaves no covariance of that noise, its second
     order is left out and 1 returned as `repaired`.
     """
-    own, repaired = rows * n + rows * rows, 0
-    share, c = own + rows, own + 2 * rows
+    repaired = 0
     used = _innovation_statistics(n, E, rows, spread, innovation, work)
     if not _whiten_rows(n, E, rows, used, spread, rest, variance, work):
         repaired = 1
         _whiten_rows(n, E, rows, used, spread, math.nan, variance, work)
     nis = _gains(n, rows, used, work)
-    for a in range(used):
-        if innovation.size > 3:
-            i = int(work[own + 4 * rows + a])
-            innovation[3 + i] = work[own + a]
-            for k in range(i if innovation.size > 6 else 0):
-                innovation[6 + i * (i + 1) // 2 + k] = 0.0
-            for b in range(a + 1 if innovation.size > 6 else 0):
-                k = int(work[own + 4 * rows + b])
-                innovation[6 + i * (i + 1) // 2 + k] = work[rows * n + rows * a + b]
+    _write_whitened(n, rows, used, work, innovation)
     for j in range(n):
         dx[j] = 0.0
     if nis <= gate:
-        last = lanes * n
         for a in range(used):
-            for lane in range(lanes):
-                A[last + lane] = 0.0
-            for k in range(n):
-                phi = work[n * a + k]
-                for lane in range(lanes):
-                    A[last + lane] += phi * A[lanes * k + lane]
-            for j in range(n):
-                dx[j] += work[share + a] * A[last + j]
-            for k in range(n):
-                phi = work[c + a] * work[n * a + k]
-                for lane in range(lanes):
-                    A[lanes * k + lane] -= phi * A[last + lane]
+            _take_off(A, n, lanes, rows, a, work, dx)
         triangle(A, n, n, lanes)
     return nis, repaired
+
+
+@helper
+def _write_whitened(n: int, rows: int, used: int, work: Array, innovation: Array) -> None:
+    """The whitened innovations and the square root of their covariance behind the innovations, each
+    at the place of its measured row."""
+    if innovation.size <= 3:
+        return
+    e, order = rows * n + rows * rows, rows * n + rows * rows + 4 * rows
+    for a in range(used):
+        i = int(work[order + a])
+        innovation[3 + i] = work[e + a]
+        root = 6 + i * (i + 1) // 2
+        for k in range(i if innovation.size > 6 else 0):
+            innovation[root + k] = 0.0
+        for b in range(a + 1 if innovation.size > 6 else 0):
+            innovation[root + int(work[order + b])] = work[rows * n + rows * a + b]
+
+
+@helper
+def _take_off(A: Array, n: int, lanes: int, rows: int, a: int, work: Array, dx: Array) -> None:
+    """A <- (I - c phi phi') A and the share of the correction dx, for row a of G whitened; the row
+    behind A is workspace."""
+    share, last = rows * n + rows * rows + rows, lanes * n
+    for lane in range(lanes):
+        A[last + lane] = 0.0
+    for k in range(n):
+        phi = work[n * a + k]
+        for lane in range(lanes):
+            A[last + lane] += phi * A[lanes * k + lane]
+    for j in range(n):
+        dx[j] += work[share + a] * A[last + j]
+    for k in range(n):
+        phi = work[share + rows + a] * work[n * a + k]
+        for lane in range(lanes):
+            A[lanes * k + lane] -= phi * A[last + lane]
 
 
 @helper

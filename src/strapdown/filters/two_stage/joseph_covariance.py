@@ -37,9 +37,9 @@ from ...core.mathematics.joseph import (
     learn_beyond,
 )
 from ...core.mathematics.kalman import decay, update
-from ...core.mathematics.rotation import Three, rotate_vector
+from ...core.mathematics.rotation import Three, cross, dot, rotate_vector
 from ...typing import Array
-from ..observer.covariance import CRAB_TIME, copy_leading, cross, dot
+from ..observer.covariance import CRAB_TIME, copy_leading
 from .model import (
     ACCELERATION,
     COURSE_GAIN,

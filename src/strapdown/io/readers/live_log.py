@@ -4,7 +4,7 @@ reproduces the run bit for bit. A last line that was cut short is left out."""
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,14 @@ def head_line(
             for a in sources
         ],
     }
-    return json.dumps(head, default=dict) + "\n"
+    return json.dumps(head, default=_plain) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """Return an IMU, a vehicle or a path as JSON has it."""
+    if isinstance(value, Path):
+        return str(value)
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else dict(value)
 
 
 def sample_line(t: float, dt: float, dtheta: Sequence[float], dv: Sequence[float]) -> str:

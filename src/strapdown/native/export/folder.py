@@ -43,8 +43,8 @@ OWN = 4
 """Count of numbers of strapdown_filter after those of the loop."""
 COPIED = ("strapdown_delayed.h", "strapdown_delayed.c", "main.c")
 """Files that are the same in every export."""
-LOOP, LOOP_NEEDS = "loop.c", {"position", "velocity"}
-"""The example of a loop, and the sources that it calls by name."""
+LOOP, LOOP_NEEDS = ("loop.h", "loop.c", "desk.c"), {"position", "velocity"}
+"""The example of firmware, and the sources that it calls by name."""
 EVERY = 10
 """Samples between rows of the replay."""
 
@@ -123,7 +123,7 @@ def export(
 
 
 def _files_to_copy(of: Chosen) -> tuple[str, ...]:
-    return (*COPIED, LOOP) if set(of.names) >= LOOP_NEEDS else COPIED
+    return (*COPIED, *LOOP) if set(of.names) >= LOOP_NEEDS else COPIED
 
 
 def _refuse_plugins(of: Chosen) -> None:

@@ -11,7 +11,7 @@ from .image import Image
 
 CORTEX = (
     "arm-none-eabi-gcc -std=c99 -O2 -ffp-contract=off -mthumb -mfloat-abi=hard -mcpu={cpu} -mfpu={fpu} "
-    "-c strapdown_calls.c"
+    "-c {{sources}}"
 )
 COMPILE = {
     "wasm32": "clang --target=wasm32 -std=c99 -O2 -mbulk-memory -nostdlib -Wl,--no-entry \\\n"
@@ -31,7 +31,9 @@ ABOUT = {
     "strapdown_delayed.h": "a filter that takes late fixes into the past",
     "strapdown_delayed.c": "its functions",
     "main.c": "an example that replays replay.bin and compares",
-    "loop.c": "an example of firmware: UBX of a receiver in, NMEA out",
+    "loop.h": "a navigation system on a microcontroller: what your board calls, and what it has",
+    "loop.c": "its functions: UBX of a receiver in, NMEA out",
+    "desk.c": "its board on a desk, which reads a recorded stream",
     "main.mjs": "the same for node, with strapdown.wasm",
     "strapdown.wasm": "strapdown_calls.c and strapdown.o, linked",
     "replay.bin": "samples and fixes of a recording, and the results in Python",
@@ -61,6 +63,11 @@ class Sizes(NamedTuple):
         )
 
 
+def _firmware_sources(files: Sequence[str]) -> list[str]:
+    """The files of C that firmware compiles as they are."""
+    return [name for name in files if name.endswith(".c") and name not in ("main.c", "desk.c")]
+
+
 def readme(
     of: Chosen, made: Image, target: TargetMachine, sizes: Sizes, files: Sequence[str]
 ) -> str:
@@ -79,7 +86,7 @@ def readme(
         reference=of.filter.reference,
         target=target.name,
         about=target.about,
-        compile=COMPILE.get(target.name, USUAL),
+        compile=COMPILE.get(target.name, USUAL).format(sources=" ".join(_firmware_sources(files))),
         files="\n".join(f"| `{name}` | {ABOUT[name]} |" for name in ABOUT if name in files),
         sources=sources,
         first=identifier(of.names[0]),

@@ -30,7 +30,7 @@ def imu_sections(
     left: list[str],
 ) -> list[Section]:
     """Return the sections of the IMU, those of the fastest message first."""
-    mounting = _mounting(frames)
+    mounting = mounting_angles(frames)
     read = {
         key: sensors(frames, key, by.place, by.gps)
         for key in (UbxMessage.ESF_RAW, UbxMessage.ESF_MEAS)
@@ -109,7 +109,7 @@ def _signal(
     return {"columns": names, **unit}, values
 
 
-def _mounting(frames: UbxFrames) -> tuple[dict[str, Any], str]:
+def mounting_angles(frames: UbxFrames) -> tuple[dict[str, Any], str]:
     """(the mounting of the receiver's IMU, its source), from ESF-ALG where the receiver has found
     the angles (status 3 and 4) or uses angles that a user has set (status 0). The angles rotate the
     installation frame (forward, left, up) to the IMU, yaw first; in forward, right, down yaw and

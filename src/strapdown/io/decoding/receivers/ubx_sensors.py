@@ -119,7 +119,9 @@ class UbxSensors(NamedTuple):
     lost: int  # samples whose time no epoch gives
 
 
-class _Measurements(NamedTuple):
+class SensorMeasurements(NamedTuple):
+    """Measurements of the sensors (n,), in the order of the file."""
+
     place: Ints  # of the message in the file
     tag: Ints
     kind: Ints
@@ -129,9 +131,9 @@ class _Measurements(NamedTuple):
 def sensors(frames: UbxFrames, key: UbxMessage, place: Ints, gps: Array) -> UbxSensors | None:
     """Return the IMU from the messages of one kind; `place` and `gps` (s) are the epochs of the
     file that set its clock. None without a gyro and an accelerometer, or without a time."""
-    found = _measurements(frames, key)
+    found = measurements(frames, key)
     ours = np.isin(found.kind, (*GYRO, *ACCEL))
-    found = _Measurements(*(each[ours] for each in found))
+    found = SensorMeasurements(*(each[ours] for each in found))
     if not all((found.kind == kind).any() for kind in (*GYRO, *ACCEL)):
         return None
     tag, piece = unwrap_tags(found.tag)
@@ -150,8 +152,8 @@ def sensors(frames: UbxFrames, key: UbxMessage, place: Ints, gps: Array) -> UbxS
     return UbxSensors(key.title, timed[0], timed[1], True, scatter, lost)
 
 
-def _measurements(frames: UbxFrames, key: UbxMessage) -> _Measurements:
-    """All measurements of the messages of one kind, in the order of the file."""
+def measurements(frames: UbxFrames, key: UbxMessage) -> SensorMeasurements:
+    """Return all measurements of the messages of one kind."""
     ours = frames.key == key
     parts = []
     for length in np.unique(frames.length[ours]):
@@ -172,16 +174,16 @@ def _measurements(frames: UbxFrames, key: UbxMessage) -> _Measurements:
         place = np.broadcast_to(start[:, None], data.shape)
         parts.append((place[some], tag[some], data[some] >> 24 & 63, data[some] & 0xFFFFFF))
     if not parts:
-        return _Measurements(*(np.zeros(0, np.int64) for _ in range(4)))
+        return SensorMeasurements(*(np.zeros(0, np.int64) for _ in range(4)))
     place, tag, kind, value = (np.concatenate(each) for each in zip(*parts))
     value = (value ^ 0x800000) - 0x800000
     if len(parts) > 1:  # frames of one length are in file order
         order = np.argsort(place, kind="stable")
         place, tag, kind, value = (each[order] for each in (place, tag, kind, value))
-    return _Measurements(place, tag, kind, value)
+    return SensorMeasurements(place, tag, kind, value)
 
 
-def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Samples:
+def _together(found: SensorMeasurements, tag: Ints, types: tuple[int, ...]) -> Samples:
     """Return the samples at the tags, in order, with all three axes."""
     each = {}
     for kind in types:

@@ -22,12 +22,23 @@ static void settle(strapdown_delayed *delayed)
 void strapdown_delay(strapdown_delayed *delayed, const strapdown_filter *filter)
 {
     delayed->settled = delayed->newest = *filter;
-    delayed->first = delayed->count = 0;
+    delayed->first = delayed->count = delayed->behind = 0;
+}
+
+void strapdown_delayed_catch_up(strapdown_delayed *delayed)
+{
+    if (!delayed->behind)
+        return;
+    delayed->newest = delayed->settled;
+    for (int i = 0; i < delayed->count; i++)
+        take(&delayed->newest, kept(delayed, i));
+    delayed->behind = 0;
 }
 
 int strapdown_delayed_sample(
     strapdown_delayed *delayed, double t, double dt, const double dtheta[3], const double dv[3])
 {
+    strapdown_delayed_catch_up(delayed);
     int status = strapdown_sample(&delayed->newest, t, dt, dtheta, dv);
     if (status < 0)
         return status;
@@ -56,8 +67,6 @@ int strapdown_delayed_fix(
         return result;
     if (!late)
         return strapdown_fix(&delayed->newest, source, t, y, std);
-    delayed->newest = delayed->settled;
-    for (int i = 0; i < delayed->count; i++)
-        take(&delayed->newest, kept(delayed, i));
+    delayed->behind = 1;
     return result;
 }

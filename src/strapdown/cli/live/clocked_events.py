@@ -1,0 +1,42 @@
+"""Events of a device on the clock of this machine."""
+
+from collections.abc import Sequence
+
+from ...engine.stream import Measurement, Sample
+from ...units.time_scales import gps_from_unix
+from .arrival_clock import ArrivalClock
+from .input_formats import Clock
+from .pulse_clock import PulseClock
+
+MAX_HELD = 20_000
+"""Events that wait until the clock of their device is known, at most."""
+
+
+class ClockedEvents:
+    """Gives events with stamps of a device times by its arrival, or pulses; they wait until its clock is
+    known. `bad` counts those with a stamp of another clock, and those that wait in vain."""
+
+    def __init__(self, arrivals: ArrivalClock | PulseClock, clock: Clock) -> None:
+        self.arrivals, self.bad = arrivals, 0
+        self._clock, self._held = clock, list[Sample | Measurement]()
+
+    def take(
+        self, events: Sequence[Sample | Measurement], arrived: float
+    ) -> list[Sample | Measurement]:
+        """Take events that arrived at a time of this machine, UNIX s, and return those whose times are
+        known: when the fastest message would have arrived, less its delay where that is known."""
+        restarts = self.arrivals.restarts
+        own = [event for event in events if self.arrivals.take(event.t, arrived)]
+        self.bad += len(events) - len(own)
+        if self.arrivals.restarts > restarts or len(self._held) > MAX_HELD:
+            self.bad += len(self._held)
+            self._held.clear()
+        self._held += own
+        if not self.arrivals.ready:
+            return []
+        ready, self._held = self._held, []
+        return [each._replace(t=self.time(self.arrivals.time(each.t))) for each in ready]
+
+    def time(self, unix: float) -> float:
+        """Return the time of the stream at a time of this machine, UNIX s."""
+        return self._clock.of_gps(float(gps_from_unix(unix)))
