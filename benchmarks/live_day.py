@@ -276,7 +276,6 @@ class Viewer:
                 if line.startswith(b"data:"):
                     self.newest, self.looks = json.loads(line[5:]), self.looks + 1
 
-
     def settle(self) -> None:
         """Wait until no newer state comes."""
         t, since = None, time.monotonic()
@@ -373,7 +372,9 @@ def run(seconds: int, rate: int, speed: float, folder: Path) -> str:
     viewer, logs = Viewer(program.page), Logs(folder)
     context = multiprocessing.get_context("spawn")
     own, theirs = context.Pipe()
-    context.Process(target=send, args=(theirs, *ports[:1], seconds, rate, speed), daemon=True).start()
+    context.Process(
+        target=send, args=(theirs, *ports[:1], seconds, rate, speed), daemon=True
+    ).start()
     own.recv()
     memory: list[float] = []
     shares: list[float] = []
@@ -389,7 +390,10 @@ def run(seconds: int, rate: int, speed: float, folder: Path) -> str:
         found = fates(viewer.newest, logs)
         waits = sent.lines - sum(found.values())
         shown = ", ".join(f"{count} {fate}" for fate, count in found.items())
-        print(f"hour {hour} in {took:.1f} s, {100 * shares[-1]:.0f} % of a core: {memory[-1]:.1f} MB; {sent.lines} sent: {shown}, {waits} wait", flush=True)
+        print(
+            f"hour {hour} in {took:.1f} s, {100 * shares[-1]:.0f} % of a core: {memory[-1]:.1f} MB; {sent.lines} sent: {shown}, {waits} wait",
+            flush=True,
+        )
     own.send("end")
     said = program.end()
     logs.count()

@@ -179,7 +179,12 @@ def equal(a, b):
 def ends_alike(solution, belief):
     """True where a solution ends with the bits of a belief, in what its filter estimates."""
     path = solution.trajectory
-    pairs = (path.lla, belief.lla), (path.v_n, belief.v_n), (solution.b_a, belief.b_a), (solution.b_g, belief.b_g)
+    pairs = (
+        (path.lla, belief.lla),
+        (path.v_n, belief.v_n),
+        (solution.b_a, belief.b_a),
+        (solution.b_g, belief.b_g),
+    )
     return all(np.isnan(rows[-1]).all() or np.array_equal(rows[-1], now) for rows, now in pairs)
 
 
@@ -216,7 +221,10 @@ def replayed(name, recording):
             log = sd.read(live.logs[0])
         again, end = sd.fuse(log, config["filter"]), live.stream.belief
         batch = sd.fuse(
-            recording, config["filter"], start=start_of(log.meta["start"].values()), imu=config["imu"]
+            recording,
+            config["filter"],
+            start=start_of(log.meta["start"].values()),
+            imu=config["imu"],
         )
         print(
             f"{name}, {config['filter']}, through {way.__name__[1:].lower()}: {len(events)} samples and fixes; "

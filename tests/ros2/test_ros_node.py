@@ -323,7 +323,9 @@ def test_the_verdict_is_in_the_diagnostics_where_it_is_asked_for(vehicle):
         it.ros.tick()
     stream = it.navigator.live.stream
     assert it.diagnosis()[2]["verdict"] == stream.verdict.line
-    assert it.diagnosis()[2]["verdict: on"].startswith(f"{stream.start.t:.1f} to {stream.t:.1f} s, ")
+    assert it.diagnosis()[2]["verdict: on"].startswith(
+        f"{stream.start.t:.1f} to {stream.t:.1f} s, "
+    )
     process = it.navigator._verdicts._process
     it.ros.node.destroy_node()
     assert process.wait(60.0) != 0

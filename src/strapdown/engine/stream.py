@@ -384,9 +384,7 @@ class Stream:
         self._renew_front()
         return self.belief
 
-    def _use_gathered(
-        self, live: LiveRun, samples: list[Sample], fixes: list[UsableFix]
-    ) -> None:
+    def _use_gathered(self, live: LiveRun, samples: list[Sample], fixes: list[UsableFix]) -> None:
         """Use the samples and fixes since the start, or count them as before it."""
         for k, sample in enumerate(samples):
             if not sample.t > self._late:
