@@ -310,6 +310,8 @@ def test_invalid_data_are_counted_and_change_nothing():
         live.step("nothing")
 
 
+# without the compiler, numpy tells of what compiled code takes as infinite
+@pytest.mark.filterwarnings("ignore:.* encountered in scalar:RuntimeWarning")
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("replays", [False, True])
 def test_whatever_comes_it_does_not_raise(seed, replays):
