@@ -508,6 +508,8 @@ class Live:
                 self._notices.of_input(each.port, each.decoder, each.bad, each.senders)
                 if each.pulses is not None and each.pulse_clock is not None:
                     self._notices.of_pulses(each.pulses, each.pulse_clock)
+                for clocked in filter(None, (each.clocked, each.clocked_imu)):
+                    self._notices.of_clock(each.port, clocked.arrivals.news)
         for output in self.outputs:
             lost = f"; lost: {output.sink.dropped} states"
             self._notices.of_port(output.sink, lost)
