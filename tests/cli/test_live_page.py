@@ -15,7 +15,8 @@ from recordings import events_of, flight
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.cli.live import dashboard, page_server
+from strapdown.cli.live import dashboard, page_server, terminal
+from strapdown.core.loop.contract import Status
 from strapdown.core.mathematics.rotation import matrix_to_euler
 from strapdown.engine import verdict_process
 from strapdown.geometry.geodesy import displacement
@@ -53,6 +54,7 @@ def feed(live, events):
     """Give events to the filter, with a look after every tenth."""
     for k, event in enumerate(events):
         live.stream.step(event)
+        live._hear_samples()
         if k % 10 == 0:
             live.turn()
     live.turn()
@@ -186,6 +188,20 @@ def test_before_the_start_the_page_says_what_is_missing(idle):
     assert shown["status"] == "invalid" and shown["reason"] == "waits for the first IMU sample"
     assert shown["whole"] and shown["t"] is None and "lat_lon" not in shown
     assert shown["track"] == [] and [each["used"] for each in shown["sources"]] == [0, 0]
+
+
+def test_a_state_without_samples_is_invalid(started, monkeypatch):
+    """After as long as a filter bridges, in the line of a terminal and for those who ask, too."""
+    for since, expected in ((0.9, "valid"), (1.1, "invalid"), (24.2, "invalid")):
+        monkeypatch.setattr(sd.Live, "since_sample", since)
+        started.turn()
+        _, shown = started.watch().since(0)
+        assert shown["status"] == expected == Status(started.status).name.lower()
+        if since > 1:
+            assert shown["reason"] == f"no sample for {since:.0f} s"
+            line = terminal.one_line_view(shown)
+            assert f"20.00 s ({shown['utc']}): invalid, no sample for {since:.0f} s; " in line
+    assert Status(started.stream.status).name == "VALID"  # at its own time
 
 
 def test_events_are_the_numbers_of_the_filter(started):
@@ -501,6 +517,7 @@ def test_a_browser_shows_numbers_that_change_until_the_program_ends(tmp_path):
     def go_on():
         for event in events[-100:]:
             live.stream.step(event)
+            live._hear_samples()
             live.turn()
             time.sleep(0.02)
         while not over.is_set():
@@ -517,6 +534,11 @@ def test_a_browser_shows_numbers_that_change_until_the_program_ends(tmp_path):
         page.until(f"at('t').textContent !== '{first}'")
         assert not page.run("document.body.classList.contains('lost')")
         page.until("at('t').textContent === '20.00 s'")
+        # the samples have ended
+        page.until("at('word').textContent === 'invalid'")
+        page.until("document.title === 'invalid – strapdown live'")
+        assert page.run("at('status').className") == "verdict wrong"
+        assert page.run("/^no sample for [0-9]+ s$/.test(at('reason').textContent)")
         for name, unit in {"height": "m", "speed": "km/h)", "lat": "°", "heading": "°"}.items():
             assert page.run(f"at('{name}').textContent").endswith(unit), name
         sources = page.run("at('sources').textContent")

@@ -161,16 +161,12 @@ class Dashboard:
         stream = live.stream
         t = stream.t if stream.started else stream.stream.newest
         epoch = live.clock.epoch if isfinite(t) else None
-        it = state_at(t, epoch, stream.status, stream.belief, stream.alignments)
-        waits = stream.waits_for
-        reason = f"waits for {waits}" if waits else REASONS[it.status]
-        if it.status == DOUBTFUL and self._newest_event:
-            reason += f"; the newest event: {self._newest_event}"
+        it = state_at(t, epoch, live.status, stream.belief, stream.alignments)
         self._state = {
             "t": it.t,
             "utc": it.moment and it.moment.isoformat(timespec="milliseconds"),
             "status": Status(it.status).name.lower(),
-            "reason": reason,
+            "reason": self._reason(live),
             "alignments": it.alignments,
         }
         if not stream.started:
@@ -183,6 +179,15 @@ class Dashboard:
         north, east, _ = displacement(it.state.lla, self._origin).tolist()
         self._state["place"] = [east, north]
         self._track.add_point(self.number + 1, it.t, east, north)
+
+    def _reason(self, live: "Live") -> str:
+        """Say why the status is what it is."""
+        if live.is_stale:
+            return f"no sample for {live.since_sample:.0f} s"
+        if waits := live.stream.waits_for:
+            return f"waits for {waits}"
+        event = live.status == DOUBTFUL and self._newest_event
+        return REASONS[live.status] + (f"; the newest event: {event}" if event else "")
 
     def _look_at_tests(self, live: "Live") -> None:
         if live.stream.alignments != self._alignments:

@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from ...checks import DataError, locate_errors
-from ...core.loop.contract import Imu
+from ...core.loop.contract import INVALID, Imu
+from ...core.loop.gaps import BRIDGE
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
@@ -643,6 +644,16 @@ class Live:
     def since_sample(self) -> float:
         """s since the newest sample came, or the program began."""
         return time.monotonic() - self._heard
+
+    @property
+    def is_stale(self) -> bool:
+        """True where no sample came for so long that a filter would not bridge it."""
+        return self.stream.stream.newest > -inf and self.since_sample > BRIDGE
+
+    @property
+    def status(self) -> int:
+        """Status of the state now: that of the stream, INVALID where it `is_stale`."""
+        return INVALID if self.is_stale else self.stream.status
 
     @property
     def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:
