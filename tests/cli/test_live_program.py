@@ -1009,25 +1009,92 @@ def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
     again.close()
 
 
-def test_told_to_end_it_saves_its_state_and_says_its_counts(tmp_path):
-    """SIGTERM of the command long before the state is due."""
-    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
-    (tmp_path / "live.toml").write_text(
-        'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
-        '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n'
-    )
-    words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--json"]
-    process = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
-    while not (log.exists() and log.stat().st_size > 40_000):
-        assert time.monotonic() < end and process.poll() is None
-        time.sleep(0.05)
-    process.terminate()
+@pytest.fixture
+def replays(tmp_path):
+    """Function that starts the command on a replayed flight with a log and a state that is due late, and
+    returns it once the filter runs."""
+    started = []
+
+    def start(*words, more="", before=(), **streams):
+        sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+        (tmp_path / "live.toml").write_text(
+            'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
+            '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n' + more
+        )
+        run = [*before, sys.executable, "-m", "strapdown", "live", "live.toml", *words]
+        started.append(subprocess.Popen(run, cwd=tmp_path, **streams))
+        end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
+        while not (log.exists() and log.stat().st_size > 40_000):
+            assert time.monotonic() < end and started[-1].poll() is None
+            time.sleep(0.05)
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.kill()
+        each.communicate()
+
+
+@pytest.mark.parametrize("name, code", [("SIGTERM", 0), ("SIGHUP", 0), ("SIGINT", 130)])
+def test_told_to_end_it_saves_its_state_and_says_its_counts(name, code, replays, tmp_path):
+    process = replays("--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.send_signal(getattr(signal, name))
+    if name != "SIGINT":  # a second one, as of a service, spoils nothing
+        process.send_signal(signal.SIGTERM)
     told, said = process.communicate(timeout=30.0)
-    assert process.returncode == 130 and b"interrupted; files written so far are whole" in said
+    assert process.returncode == code
+    assert (b"interrupted; files written so far are whole" in said) == (name == "SIGINT")
     assert (tmp_path / "state").stat().st_size > 1000
     (used, _), *_ = json.loads(told)["counts"].values()
     assert used > 5
+
+
+def test_a_terminal_that_goes_ends_it_in_order(replays, tmp_path):
+    """Neither its events nor its counts can be said any more."""
+    ours, theirs = os.openpty()
+    process = replays("--terminal", stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    os.close(ours)
+    time.sleep(1.2)
+    assert process.poll() is None
+    process.send_signal(signal.SIGHUP)
+    assert process.wait(30.0) == 0
+    assert (tmp_path / "state").stat().st_size > 1000
+
+
+def test_a_signal_that_is_ignored_stays_so(replays):
+    """As with nohup."""
+    process = replays(before=["sh", "-c", 'trap "" HUP; exec "$@"', "sh"], stderr=subprocess.PIPE)
+    process.send_signal(signal.SIGHUP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(1.0)
+
+
+@pytest.mark.parametrize("more", ["", '[[output]]\nport = "-"\n'])
+@pytest.mark.parametrize("numbers", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_standard_streams_that_are_closed_are_no_failure(numbers, more, replays, tmp_path):
+    before = ["sh", "-c", f'exec "$@" {numbers}', "sh"]
+    process = replays(
+        more=more, before=before, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.terminate()
+    _, said = process.communicate(timeout=30.0)
+    assert process.returncode == 0 and b"Traceback" not in said
+    assert (b"-: it is closed" in said) == (bool(more) and numbers == ">&-")
+    assert (tmp_path / "state").stat().st_size > 1000
+
+
+def test_standard_output_whose_reader_goes_is_no_failure(replays, tmp_path):
+    process = replays(
+        more='[[output]]\nport = "-"\n', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.stdout.readline()
+    process.stdout.close()
+    time.sleep(0.5)
+    process.terminate()
+    said = process.stderr.read()
+    assert process.wait(30.0) == 0 and b"-: Broken pipe" in said and b"Traceback" not in said
+    assert (tmp_path / "state").stat().st_size > 1000
 
 
 def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):
