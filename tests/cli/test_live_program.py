@@ -1242,12 +1242,34 @@ def test_what_was_not_measured_is_kept():
             "has lever_arm and parameters",
         ),
         ({"filter": "none"}, "none"),
+        (
+            {"source": [{"kind": "position"}, {"kind": "altitude"}, {"kind": "position"}]},
+            "source.. 1 and 3 are both named 'position'; give each a `name`",
+        ),
+        (
+            {"source": [{"kind": "position", "name": "a"}, {"kind": "altitude", "name": "a"}]},
+            "source.. 1 and 2 are both named 'a'",
+        ),
+        (
+            {"input": [{"port": "serial:/dev/x:123"}]},
+            "1: port 'serial:/dev/x:123': 123 bit/s is no rate of this system; the nearest are 1",
+        ),
+        ({"output": [{"port": "serial:/dev/x:9601"}]}, "9601 bit/s is no rate .* 9600"),
     ],
 )
 def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, change, said):
     with pytest.raises(DataError, match=said) as error:
         sd.Live(config(tmp_path, {"port": "udp:7001"}) | change)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan")])
+def test_a_wrong_time_to_run_is_refused(tmp_path, seconds, command):
+    (tmp_path / "live.toml").write_text('imu = "tactical"\n[[input]]\nport = "udp:7001"\n')
+    code, _, err = command("live", tmp_path / "live.toml", "--seconds", seconds)
+    assert code == 2 and len(err) == 1 and "--seconds is" in err[0]
+    with sd.Live(tmp_path / "live.toml") as live, pytest.raises(DataError, match="^seconds is"):
+        live.run(seconds)
 
 
 @pytest.mark.parametrize("given", [5, None, ["live.toml"], "a\0b.toml", b"live.toml"])

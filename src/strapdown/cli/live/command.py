@@ -13,6 +13,7 @@ import typer
 
 import strapdown as sd
 
+from ...checks import check_number
 from ..output import INTERRUPTED, complain, give_up_output, is_shown, record, say, wrote
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ def live(
     SIGHUP or Ctrl-C, always with its log and state written."""
     from .terminal import TerminalView, is_in_place
 
+    if seconds is not None:
+        check_number(seconds, "--seconds", "s", least=0, infinite=True)
     _set_signals(ENDS, _leave)
     # events stand in the view, which lines on the same terminal would break
     seen = terminal and is_in_place() and sys.stderr.isatty()

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from ...checks import DataError, locate_errors
+from ...checks import DataError, check_number, locate_errors
 from ...core.loop.contract import INVALID, Imu
 from ...core.loop.gaps import BRIDGE
 from ...data.solution import Source
@@ -535,7 +535,13 @@ class Live:
         ----------
         seconds : float
             Longest time, s.
+
+        Raises
+        ------
+        DataError
+            If `seconds` is negative or NaN.
         """
+        check_number(seconds, "seconds", "s", least=0, infinite=True)
         end = time.monotonic() + seconds
         try:
             while time.monotonic() < end and not self._ends:
