@@ -880,6 +880,21 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     live.close()
 
 
+def test_it_says_once_which_ports_are_open(tmp_path):
+    """From then on no datagram is lost."""
+    ports, said = [f"udp:127.0.0.1:{free_port()}" for _ in range(2)], []
+    inputs = [{"port": port} for port in (*ports, f"file:{tmp_path}/none")]
+    live = sd.Live(config(tmp_path, *inputs), on_event=lambda t, text: said.append(text))
+    assert said == []
+    live.turn()
+    assert said[0] == f"ports open: {', '.join(ports)}"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(json_lines(flight())[0], ("127.0.0.1", int(ports[0].split(":")[2])))
+    turn_until(live, lambda: live.stream.stream.newest > 0)
+    live.close()
+    assert sum("open" in text for text in said) == 1
+
+
 def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
     """Its folder is missing at first, then the disk is full within a line."""
     from strapdown.cli.live import program, sinks

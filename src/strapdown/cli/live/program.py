@@ -469,6 +469,8 @@ class Live:
             self._saved = now
             self._save()
         if now >= self._looked + LOOK:
+            if self._looked == -inf:
+                self._tell_open_ports()
             self._looked = now
             self._look_at_ports()
         if now > self._heard + IMU_SILENT and not self._is_silent:
@@ -500,6 +502,12 @@ class Live:
         """Return the inputs from files that grow."""
         found = [each for each in self.inputs if isinstance(each, _Bytes)]
         return [each for each in found if each.port.address.kind == "file"]
+
+    def _tell_open_ports(self) -> None:
+        """Report that what is sent from now on is read."""
+        inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
+        if names := [str(port.address) for port in inputs if not port.error]:
+            self._tell(f"ports open: {', '.join(names)}")
 
     def _look_at_ports(self) -> None:
         """Report ports that fail or go on again, and inputs that cannot be read."""
