@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from contextlib import ExitStack, contextmanager, suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -486,6 +487,32 @@ def test_a_fault_of_the_page_never_ends_the_filter(started, monkeypatch):
         while answer.readline():
             pass
     assert said == ["page: ZeroDivisionError: division by zero; it shows nothing more"]
+
+
+@pytest.mark.parametrize("speed", [20.0, np.inf])
+def test_a_replay_at_a_high_speed_has_a_round_track(speed, tmp_path):
+    """Between two looks, 0.1 s apart, it goes far."""
+    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": speed}
+    live = sd.Live({"imu": "tactical", "input": [part], "lag": 0.0})
+    watched = live.watch()
+    live.run()
+    _, shown = watched.since(0)
+    track = np.array(shown["track"])
+    steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
+    # at 30 m/s a point in 0.2 s; without those between looks 60 m
+    assert len(track) > 5
+    assert speed == np.inf or (len(track) > 150 and np.median(steps) < 8.0)
+    assert shown["ports"] == {f"recording:{tmp_path / 'flight.nc'}": ""}
+
+
+def test_places_between_looks_are_bounded_and_even(idle):
+    watched, belief = idle.watch(), SimpleNamespace(lla=np.zeros(3))
+    for k in range(10_000):
+        watched.pass_by(SimpleNamespace(t=0.01 * k, belief=belief))
+    times = [t for t, _ in watched._passed]
+    assert 10 <= len(times) <= dashboard.MAX_PASSED and times[0] == 0.0 and times[-1] > 90.0
+    assert np.diff(times) == pytest.approx(6.4, abs=0.2)
 
 
 def test_a_long_track_keeps_its_beginning_and_end(monkeypatch):

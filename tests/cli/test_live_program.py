@@ -880,6 +880,28 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     live.close()
 
 
+def test_a_state_of_before_the_first_sample_goes_on(tmp_path):
+    said, asked = [], config(tmp_path, {"port": f"udp:{free_port()}"}, state=str(tmp_path / "state"))
+    sd.Live(asked).close()
+    sd.Live(asked, on_event=lambda t, text: said.append(text)).close()
+    assert said == [f"{tmp_path / 'state'}: goes on before its first state"]
+
+
+def test_the_command_says_clocks_as_the_page_does(tmp_path, command):
+    (tmp_path / "lines").write_bytes(
+        b"".join(line for line in json_lines(flight(3.0)) if b"velocity" not in line)
+    )
+    (tmp_path / "live.toml").write_text(
+        'imu = "tactical"\n[[source]]\nkind = "position"\nname = "GNSS position"\n[[input]]\n'
+        f'port = "file:{tmp_path}/lines"\nclock = "arrival"\n'
+    )
+    code, said, _ = command("live", tmp_path / "live.toml", "--seconds", 0.2)
+    assert code == 0 and f"file:{tmp_path}/lines: clock: offset " in said and " ppm, delays beyond" in said
+    _, said, _ = command("live", tmp_path / "live.toml", "--seconds", 0.2, "--json")
+    told = json.loads(said)
+    assert {*told["clocks"][f"file:{tmp_path}/lines"]} >= {"offset", "drift", "delay"}
+
+
 def test_it_says_once_which_ports_are_open(tmp_path):
     """From then on no datagram is lost."""
     ports, said = [f"udp:127.0.0.1:{free_port()}" for _ in range(2)], []

@@ -94,8 +94,8 @@ def _summarise(program: "Live", says: bool) -> None:
     rows, lost = source_rows(program), losses(program)
     record(t=program.stream.t)
     record(counts={each["name"]: (each["used"], each["rejected"]) for each in rows})
-    record(**lost)
-    record(clocks={port: clock._asdict() for port, clock in program.clocks.items()})
+    clocks = {port: clock._asdict() for port, clock in program.clocks.items()}
+    record(**lost | {"clocks": clocks})
     if says:
         for each in rows:
             say(f"{each['name']}: {uses_text(each)}")

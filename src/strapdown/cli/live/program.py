@@ -174,6 +174,7 @@ class _Replayed:
                 tell(f"{part.recording}: {a.name or a.kind} is no [[source]]; it is left out")
             else:
                 fixes.append(_fix_rows(place, a))
+        self.name = f"recording:{part.recording}"
         rows = heapq.merge(_sample_rows(recording.imu), *fixes, key=lambda row: row[:3])
         self._events: Iterator[_Row] = iter(rows)
         self._next = next(self._events, None)
@@ -434,7 +435,8 @@ class Live:
             for each in self._growing_files():
                 if str(each.port.address) == name:
                     each.resume(mark)
-        self._tell(f"{path}: goes on from {self.stream.t:.2f} s")
+        where = f"from {self.stream.t:.2f} s" if self.stream.started else "before its first state"
+        self._tell(f"{path}: goes on {where}")
 
     # ---- the loop
 
@@ -450,6 +452,8 @@ class Live:
                     if self.stream.started:
                         for output in self.outputs:
                             output.show(self.stream, self.clock.epoch)
+                        if self._dashboard is not None:
+                            self._dashboard.pass_by(self.stream)
         self._look_after()
         return count > 0
 
@@ -648,11 +652,12 @@ class Live:
     @property
     def ports(self) -> dict[str, str]:
         """{port: why it cannot be used now, empty where it can} of inputs, pulses and outputs."""
+        replayed = [each.name for each in self.inputs if isinstance(each, _Replayed)]
         inputs = [each for each in self.inputs if isinstance(each, _Bytes)]
         places: list[Port | PulseFile | Sink] = [each.port for each in inputs]
         places += [each.pulses for each in inputs if each.pulses is not None]
         places += [each.sink for each in self.outputs]
-        return {str(each.address): each.error for each in places}
+        return dict.fromkeys(replayed, "") | {str(each.address): each.error for each in places}
 
     @property
     def since_sample(self) -> float:
