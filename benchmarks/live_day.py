@@ -402,31 +402,31 @@ def run(seconds: int, rate: int, speed: float, folder: Path) -> str:
     used = sum(map(sum, said["counts"].values()))
     if used != logs.fixes:
         print(f"{used} measurements counted as used, {logs.fixes} in the logs")
-    return text_of(seconds, rate, speed, sent, fates(said, logs), memory, states, said)
+    about = Run(seconds, rate, speed, memory, float(np.median(shares)))
+    return text_of(about, sent, fates(said, logs), states, sum(said["unsent"].values()))
 
 
-def text_of(
-    seconds: int,
-    rate: int,
-    speed: float,
-    sent: Sent,
-    found: dict[str, int],
-    memory: list[float],
-    states: States,
-    said: dict,
-) -> str:
+class Run(NamedTuple):
+    """What was asked, and what it took."""
+
+    seconds: int
+    rate: int
+    speed: float
+    memory: list[float]  # MB after each hour
+    share: float  # of a core
+
+
+def text_of(about: Run, sent: Sent, found: dict[str, int], states: States, unsent: int) -> str:
     """Return the sentences on a run."""
-    lost = sent.lines - sum(found.values())
-    unsent = sum(said["unsent"].values()) + states.missed
-    lacking = states.lacking(sent.gaps) - unsent
-    growth = max(memory[WARM:], default=memory[-1]) - memory[min(WARM, len(memory)) - 1]
-    fates = ", ".join(f"{count} {fate}" for fate, count in found.items())
-    shares = f"{100 * (sent.faults['late fixes'] + sent.faults['lost fixes']) / (sent.fixes + sent.faults['lost fixes']):.0f} %"
+    lost, untaken = sent.lines - sum(found.values()), unsent + states.missed
+    before, after = about.memory[:WARM], about.memory[WARM:]
+    growth = max(after, default=before[-1]) - before[-1]
+    shown = ", ".join(f"{count} {fate}" for fate, count in found.items())
     return (
-        f"{seconds / HOUR:g} simulated hours at {speed:g} times speed, {rate} Hz, with bursts, {shares} of the "
-        f"measurements lost or too late, and {len(sent.gaps)} gaps of {GAP[0]:g} to {GAP[1]:g} s: of "
-        f"{sent.lines} lines {lost} were lost uncounted ({fates}), of {states.count + unsent} states {lacking}. "
-        f"Memory grew by {growth:.1f} MB after the first hour, to {memory[-1]:.0f} MB.\n"
+        f"{about.seconds / HOUR:g} simulated hours at {about.speed:g} times speed, {about.rate} Hz, take "
+        f"{100 * about.share:.0f} % of a core. Of {sent.lines} lines {lost} were lost uncounted ({shown}); of "
+        f"{states.count + untaken} states {untaken} were not taken and {states.lacking(sent.gaps) - untaken} are "
+        f"missing outside gaps. Memory grew by {growth:.1f} MB after the first hour, to {about.memory[-1]:.0f} MB.\n"
     )
 
 

@@ -49,8 +49,8 @@ FILTERS = ("closed-loop", "attitude-mekf", "vru")
 """The first one that starts on a recording is used."""
 SECONDS, SHORTER = 240.0, 60.0
 """s of the RECORDINGS, and of the others."""
-BURST = 20
-"""Lines that are sent before the program reads."""
+BURST = 10
+"""Lines that are sent before the program reads, fewer than the 4 kB that a serial line keeps."""
 DELAY = 0.1
 """s by which fixes come late."""
 PATIENCE = 2.0
@@ -201,9 +201,13 @@ def recordings(folder):
 
 
 def part(recording, seconds):
-    """The beginning of a recording, with a name for each source."""
+    """The beginning of a recording, with a name for each source and without what a configuration cannot say
+    of it: lasting errors, and which sources are of one receiver."""
     own = recording.between(recording.span[0], recording.span[0] + seconds)
-    sources = (replace(a, name=f"{k} {a.name or a.kind}") for k, a in enumerate(own.sources))
+    sources = (
+        replace(a, name=f"{k} {a.name or a.kind}", correlated=None, estimate={}, receiver="")
+        for k, a in enumerate(own.sources)
+    )
     return replace(own, sources=tuple(sources))
 
 

@@ -310,6 +310,8 @@ def test_invalid_data_are_counted_and_change_nothing():
         live.step("nothing")
 
 
+# without the compiler, numpy tells of what compiled code takes as infinite
+@pytest.mark.filterwarnings("ignore:.* encountered in scalar:RuntimeWarning")
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("replays", [False, True])
 def test_whatever_comes_it_does_not_raise(seed, replays):
@@ -440,6 +442,26 @@ def test_a_restart_at_any_event_of_a_jump_changes_nothing(away, replays, tmp_pat
     assert held >= 10 and whole.alignments == parts.alignments == (away != 5.0)
     assert whole.dropped_by["at another time"] == 1
     assert [text for _, text in parts.events] == [text for _, text in whole.events]
+
+
+def test_a_restart_costs_what_the_missing_data_cost(tmp_path):
+    """Bits, counts and events after 10 s without the program are those of a stream that ran on without data."""
+    for seed in range(30, 33):
+        recording = flight(40.0, seed=seed)
+        events = shuffled(events_of(recording), 0.19)
+        times = np.maximum.accumulate([event.t for event in events])
+        first, last = np.searchsorted(times, (17.0, 27.0)).tolist()
+        gapped, restarted = (live_of(recording, replay=True) for _ in range(2))
+        play(gapped, events[:first])
+        gapped.save(tmp_path / "state")
+        restarted.restore(tmp_path / "state")
+        for stream in (gapped, restarted):
+            play(stream, events[last:])
+            stream.finish()
+        assert np.array_equal(gapped.belief.P, restarted.belief.P)
+        for name in ("events", "status", "dropped_by", "alignments", "t"):
+            assert getattr(gapped, name) == getattr(restarted, name), name
+        assert gapped.counts() == restarted.counts()
 
 
 def test_whatever_waits_can_be_saved(tmp_path):

@@ -114,7 +114,7 @@ from strapdown.fileio.files import replacing, together
 with together(), replacing(sys.argv[1]) as part:
     part.write_text("half")
     print("writing", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 
 

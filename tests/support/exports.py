@@ -152,6 +152,7 @@ class Delayed:
 
     def read(self, place):
         """The numbers of a place of the newest state."""
+        self.c.strapdown_delayed_catch_up(self.numbers)
         whole = np.frombuffer(self.numbers, float)[self.newest]
         self.begun.numbers = type(self.begun.numbers)(*whole)
         return self.begun.read(place)

@@ -150,7 +150,7 @@ class Receiver(Decoder):
         self._fresh, self._waits = 0, not whole
         try:
             log = self._log(self._name, self._window)
-            rows = self._read(log, self._name, self._clock)
+            self._clock.epoch, rows = self._read(log, self._name, self._clock.epoch)
         except DataError:  # nothing usable in these bytes
             self.bad += 1
             return []

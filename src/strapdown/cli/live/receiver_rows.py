@@ -8,7 +8,6 @@ from ...io.description.fix_columns import Whereabouts, read_fixes
 from ...io.description.schema_source import SourcePart
 from ...io.description.source_files import Files
 from ...io.reader import Log
-from .input_formats import Clock
 
 
 class ReceiverRow(NamedTuple):
@@ -20,22 +19,24 @@ class ReceiverRow(NamedTuple):
     std: tuple[float, ...]
 
 
-def receiver_rows(log: Log, name: Path, clock: Clock) -> list[ReceiverRow]:
-    """Return the measurements of a log, as a description of it would read them. A clock without an
-    epoch gets that of the log."""
+def receiver_rows(
+    log: Log, name: Path, epoch: float | None
+) -> tuple[float | None, list[ReceiverRow]]:
+    """Return the epoch, that of the log where it is None, and the measurements of a log, as a
+    description of it would read them."""
     parts = [
         SourcePart.model_validate({**section.keys, "file": str(name)})
         for section in log.sections
         if section.of == "source" and not section.left and not section.instance
         if "clock" in section.keys["time"] and section.keys["time"].get("week", "") is not None
     ]
-    if clock.epoch is None and parts:
+    if epoch is None and parts:
         first = Files(name, None, ".", {name: log})
         read_fixes(parts[0], first, Whereabouts((), None), str(name))
-        clock.epoch = first.epoch
-    files, rows = Files(name, clock.epoch, ".", {name: log}), list[ReceiverRow]()
+        epoch = first.epoch
+    files, rows = Files(name, epoch, ".", {name: log}), list[ReceiverRow]()
     for part in parts:
         found = read_fixes(part, files, Whereabouts((), None), str(name))
         columns = found.t.tolist(), found.y.tolist(), found.std.tolist()
         rows += [ReceiverRow(t, part.kind, tuple(y), tuple(std)) for t, y, std in zip(*columns)]
-    return rows
+    return epoch, rows
