@@ -82,7 +82,7 @@ def test_messages_that_come_late_together_move_nothing():
 @pytest.mark.parametrize("late, first", [(1.5, 0.4), (20.0, 0.4), (80.0, 0.9), (80.0, 0.03)])
 def test_a_smaller_delay_counts_at_once(late, first, drift):
     """Delays are longer until `late` s."""
-    clock, news = ArrivalClock(), []
+    clock = ArrivalClock()
     stamps, arrived, best = stamped(200.0, drift=drift)
     behind = stamps - stamps[0]
     found = []
