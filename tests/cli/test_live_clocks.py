@@ -11,8 +11,10 @@ from test_live_program import config, free_port, ubx_bytes
 
 import strapdown as sd
 from strapdown.cli.live.arrival_clock import BIN, MAX_DRIFT, ArrivalClock
+from strapdown.cli.live.clocked_events import ClockedEvents
+from strapdown.cli.live.input_formats import Clock
 from strapdown.engine.stream import Sample
-from strapdown.units.time_scales import unix_from_gps
+from strapdown.units.time_scales import gps_from_unix, unix_from_gps
 
 pytestmark = pytest.mark.short
 
@@ -29,12 +31,12 @@ def stamped(seconds, rate=100.0, offset=5000.0, drift=40e-6, jitter=0.004, seed=
     return stamps, np.maximum.accumulate(arrived), true + LEAST
 
 
-def mapped(clock, stamps, arrived):
+def mapped(clock, stamps, arrived, steady=False):
     """Times that the clock gives, NaN before it is ready."""
     found = []
     for stamp, at in zip(stamps.tolist(), arrived.tolist()):
         taken = clock.take(stamp, at)
-        found.append(clock.time(stamp) if taken and clock.ready else np.nan)
+        found.append(clock.time(stamp, steady) if taken and clock.ready else np.nan)
     return np.array(found)
 
 
@@ -53,8 +55,8 @@ def test_offset_and_drift_come_from_the_smallest_delays(drift, seed):
 
 def test_intervals_keep_their_length():
     clock = ArrivalClock()
-    stamps, arrived, _ = stamped(120.0, jitter=0.05)
-    steps = np.diff(mapped(clock, stamps, arrived)[110:])
+    stamps, arrived, _ = stamped(120.0, jitter=0.01)
+    steps = np.diff(mapped(clock, stamps, arrived, steady=True)[110:])
     assert np.abs(steps / np.diff(stamps[110:]) - 1).max() <= MAX_DRIFT * 1.05
 
 
@@ -74,6 +76,87 @@ def test_messages_that_come_late_together_move_nothing():
     late = np.where((stamps > stamps[5000]) & (stamps < stamps[5150]), arrived[5150], arrived)
     a, b = mapped(clock, stamps, arrived), mapped(other, stamps, late)
     assert np.nanmax(np.abs(a - b)) < 0.2e-3
+
+
+@pytest.mark.parametrize("drift", [0.0, 40e-6])
+@pytest.mark.parametrize("late, first", [(1.5, 0.4), (20.0, 0.4), (80.0, 0.9), (80.0, 0.03)])
+def test_a_smaller_delay_counts_at_once(late, first, drift):
+    """Delays are longer until `late` s."""
+    clock = ArrivalClock()
+    stamps, arrived, best = stamped(200.0, drift=drift)
+    behind = stamps - stamps[0]
+    found = []
+    for stamp, at in zip(stamps.tolist(), (arrived + first * (behind < late)).tolist()):
+        assert clock.take(stamp, at)
+        found.append(clock.time(stamp) if clock.ready else np.nan)
+        if clock.ready:
+            assert clock.estimate.offset == pytest.approx(found[-1] - stamp, abs=1e-3)
+    off = np.abs(np.array(found) - best)
+    assert np.nanmax(off[behind > late + 0.2]) < 5e-3
+    assert np.nanmax(off[behind > late + 60.0]) < 1.5e-3
+    assert len(clock.news) == (first > 0.1)
+
+
+def test_samples_catch_up_and_no_motion_is_lost():
+    """The first 1.5 s come 0.4 s late, the others as they should; the stream ends in the same attitude and
+    velocity."""
+    recording = flight(20.0)
+    begin = sd.align(recording, "tactical")
+    samples = [each for each in events_of(recording) if type(each) is Sample and each.t > begin.t]
+    said, states, off = [], [], []
+    for delay in (0.4, 0.0):
+        clock = ArrivalClock()
+        events = ClockedEvents(clock, Clock(gps_from_unix(1.7e9)))
+        start = begin._replace(t=begin.t + LEAST + delay)
+        live = sd.LiveStream(
+            "closed-loop", imu="tactical", start=start, on_event=lambda *told: said.append(told)
+        )
+        stamps = iter(samples)
+        for each in samples:
+            late = LEAST + delay * (each.t < samples[0].t + 1.5)
+            for event in events.take([each], 1.7e9 + each.t + late):
+                live.step(event)
+                off.append(event.t - next(stamps).t - LEAST)
+            if clock.ready:
+                assert clock.estimate.offset == pytest.approx(1.7e9 + off[-1] + LEAST, abs=1e-5)
+        states.append(live.belief)
+        assert not sum(live.dropped_by.values())
+    n = len(off) // 2
+    assert max(off[:20]) > 0.39 and max(map(abs, off[80:n])) < 0.006
+    assert max(map(abs, off[200:n])) < 1e-5 and max(map(abs, off[n:])) < 1e-5
+    assert said == []
+    late, plain = states
+    assert np.abs(late.C_nb - plain.C_nb).max() < 1e-6
+    assert np.abs(late.v_n - plain.v_n).max() < 1e-3
+
+
+def test_that_times_were_late_is_said(tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    port, said, now = free_port(), [], [0.0]
+    monkeypatch.setattr(program, "time_of_arrival", lambda *_: 1.7e9 + now[0])
+    monkeypatch.setattr(program, "LOOK", 0.0)
+    part = {"port": f"udp:{port}", "clock": "arrival"}
+    with (
+        sd.Live(config(tmp_path, part), on_event=lambda t, text: said.append(text)) as live,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        live.turn()
+        for k in range(300):
+            now[0] = 0.01 * k + (0.4 if k < 150 else 0.002)
+            table = {"t": 0.01 * k, "dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, -0.098]}
+            sender.sendto(json.dumps(table).encode(), ("127.0.0.1", port))
+            live.turn()
+    assert [text for text in said if "a message came 398 ms earlier than all before" in text]
+
+
+def test_delays_that_are_longer_for_long_move_nothing():
+    """For 100 s, soon after the start."""
+    clock = ArrivalClock()
+    stamps, arrived, best = stamped(200.0, drift=0.0)
+    behind = stamps - stamps[0]
+    found = mapped(clock, stamps, arrived + 0.4 * ((behind > 10.0) & (behind < 110.0)))
+    assert np.nanmax(np.abs(found - best)) < 2e-3
 
 
 def test_a_device_that_restarts_is_another_clock():

@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from contextlib import ExitStack, contextmanager, suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from recordings import events_of, flight
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.cli.live import dashboard, page_server
+from strapdown.cli.live import dashboard, page_server, terminal
+from strapdown.core.loop.contract import Status
 from strapdown.core.mathematics.rotation import matrix_to_euler
 from strapdown.engine import verdict_process
 from strapdown.geometry.geodesy import displacement
@@ -53,6 +55,7 @@ def feed(live, events):
     """Give events to the filter, with a look after every tenth."""
     for k, event in enumerate(events):
         live.stream.step(event)
+        live._hear_samples()
         if k % 10 == 0:
             live.turn()
     live.turn()
@@ -186,6 +189,20 @@ def test_before_the_start_the_page_says_what_is_missing(idle):
     assert shown["status"] == "invalid" and shown["reason"] == "waits for the first IMU sample"
     assert shown["whole"] and shown["t"] is None and "lat_lon" not in shown
     assert shown["track"] == [] and [each["used"] for each in shown["sources"]] == [0, 0]
+
+
+def test_a_state_without_samples_is_invalid(started, monkeypatch):
+    """After as long as a filter bridges, in the line of a terminal and for those who ask, too."""
+    for since, expected in ((0.9, "valid"), (1.1, "invalid"), (24.2, "invalid")):
+        monkeypatch.setattr(sd.Live, "since_sample", since)
+        started.turn()
+        _, shown = started.watch().since(0)
+        assert shown["status"] == expected == Status(started.status).name.lower()
+        if since > 1:
+            assert shown["reason"] == f"no sample for {since:.0f} s"
+            line = terminal.one_line_view(shown)
+            assert f"20.00 s ({shown['utc']}): invalid, no sample for {since:.0f} s; " in line
+    assert Status(started.stream.status).name == "VALID"  # at its own time
 
 
 def test_events_are_the_numbers_of_the_filter(started):
@@ -473,6 +490,32 @@ def test_a_fault_of_the_page_never_ends_the_filter(started, monkeypatch):
     assert said == ["page: ZeroDivisionError: division by zero; it shows nothing more"]
 
 
+@pytest.mark.parametrize("speed", [20.0, np.inf])
+def test_a_replay_at_a_high_speed_has_a_round_track(speed, tmp_path):
+    """Between two looks, 0.1 s apart, it goes far."""
+    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": speed}
+    live = sd.Live({"imu": "tactical", "input": [part], "lag": 0.0})
+    watched = live.watch()
+    live.run()
+    _, shown = watched.since(0)
+    track = np.array(shown["track"])
+    steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
+    # at 30 m/s a point in 0.2 s; without those between looks 60 m
+    assert len(track) > 5
+    assert speed == np.inf or (len(track) > 150 and np.median(steps) < 8.0)
+    assert shown["ports"] == {f"recording:{tmp_path / 'flight.nc'}": ""}
+
+
+def test_places_between_looks_are_bounded_and_even(idle):
+    watched, belief = idle.watch(), SimpleNamespace(lla=np.zeros(3))
+    for k in range(10_000):
+        watched.pass_by(SimpleNamespace(t=0.01 * k, belief=belief))
+    times = [t for t, _ in watched._passed]
+    assert 10 <= len(times) <= dashboard.MAX_PASSED and times[0] == 0.0 and times[-1] > 90.0
+    assert np.diff(times) == pytest.approx(6.4, abs=0.2)
+
+
 def test_a_long_track_keeps_its_beginning_and_end(monkeypatch):
     monkeypatch.setattr(dashboard, "MAX_TRACK", 100)
     track = dashboard.ThinnedTrack()
@@ -503,6 +546,7 @@ def test_a_browser_shows_numbers_that_change_until_the_program_ends(tmp_path):
     def go_on():
         for event in events[-100:]:
             live.stream.step(event)
+            live._hear_samples()
             live.turn()
             time.sleep(0.02)
         while not over.is_set():
@@ -519,6 +563,11 @@ def test_a_browser_shows_numbers_that_change_until_the_program_ends(tmp_path):
         page.until(f"at('t').textContent !== '{first}'")
         assert not page.run("document.body.classList.contains('lost')")
         page.until("at('t').textContent === '20.00 s'")
+        # the samples have ended
+        page.until("at('word').textContent === 'invalid'")
+        page.until("document.title === 'invalid – strapdown live'")
+        assert page.run("at('status').className") == "verdict wrong"
+        assert page.run("/^no sample for [0-9]+ s$/.test(at('reason').textContent)")
         for name, unit in {"height": "m", "speed": "km/h)", "lat": "°", "heading": "°"}.items():
             assert page.run(f"at('{name}').textContent").endswith(unit), name
         sources = page.run("at('sources').textContent")

@@ -974,6 +974,45 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     live.close()
 
 
+def test_a_state_of_before_the_first_sample_goes_on(tmp_path):
+    state, said = tmp_path / "state", []
+    asked = config(tmp_path, {"port": f"udp:{free_port()}"}, state=str(state))
+    sd.Live(asked).close()
+    sd.Live(asked, on_event=lambda t, text: said.append(text)).close()
+    assert said == [f"{state}: goes on before its first state"]
+
+
+def test_the_command_says_clocks_as_the_page_does(tmp_path, command):
+    (tmp_path / "lines").write_bytes(
+        b"".join(line for line in json_lines(flight(3.0)) if b"velocity" not in line)
+    )
+    (tmp_path / "live.toml").write_text(
+        'imu = "tactical"\n[[source]]\nkind = "position"\nname = "GNSS position"\n[[input]]\n'
+        f'port = "file:{tmp_path}/lines"\nclock = "arrival"\n'
+    )
+    code, said, _ = command("live", tmp_path / "live.toml", "--seconds", 0.2)
+    assert code == 0 and " ppm, delays beyond" in said
+    assert f"file:{tmp_path}/lines: clock: offset " in said
+    _, said, _ = command("live", tmp_path / "live.toml", "--seconds", 0.2, "--json")
+    told = json.loads(said)
+    assert {*told["clocks"][f"file:{tmp_path}/lines"]} >= {"offset", "drift", "delay"}
+
+
+def test_it_says_once_which_ports_are_open(tmp_path):
+    """From then on no datagram is lost."""
+    ports, said = [f"udp:127.0.0.1:{free_port()}" for _ in range(2)], []
+    inputs = [{"port": port} for port in (*ports, f"file:{tmp_path}/none")]
+    live = sd.Live(config(tmp_path, *inputs), on_event=lambda t, text: said.append(text))
+    assert said == []
+    live.turn()
+    assert said[0] == f"ports open: {', '.join(ports)}"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(json_lines(flight())[0], ("127.0.0.1", int(ports[0].split(":")[2])))
+    turn_until(live, lambda: live.stream.stream.newest > 0)
+    live.close()
+    assert sum("open" in text for text in said) == 1
+
+
 def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
     """Its folder vanishes at first, then the disk is full within a line."""
     from strapdown.cli.live import program, sinks
@@ -1167,25 +1206,90 @@ def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
     again.close()
 
 
-def test_told_to_end_it_saves_its_state_and_says_its_counts(tmp_path):
-    """SIGTERM of the command long before the state is due."""
-    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
-    (tmp_path / "live.toml").write_text(
-        'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
-        '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n'
-    )
-    words = [sys.executable, "-m", "strapdown", "live", "live.toml", "--json"]
-    process = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
-    while not (log.exists() and log.stat().st_size > 40_000):
-        assert time.monotonic() < end and process.poll() is None
-        time.sleep(0.05)
-    process.terminate()
+@pytest.fixture
+def replays(tmp_path):
+    """Function that starts the command on a replayed flight with a log and a state that is due late, and
+    returns it once the filter runs."""
+    started = []
+
+    def start(*words, more="", before=(), **streams):
+        sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+        (tmp_path / "live.toml").write_text(
+            'log = "log.jsonl"\nstate = "state"\nsave_every = 600.0\nlag = 0.5\n'
+            '[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = 10.0\n' + more
+        )
+        run = [*before, sys.executable, "-m", "strapdown", "live", "live.toml", *words]
+        started.append(subprocess.Popen(run, cwd=tmp_path, **streams))
+        end, log = time.monotonic() + 60.0, tmp_path / "log.jsonl"
+        while not (log.exists() and log.stat().st_size > 40_000):
+            assert time.monotonic() < end and started[-1].poll() is None
+            time.sleep(0.05)
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.kill()
+        each.communicate()
+
+
+@pytest.mark.parametrize("name, code", [("SIGTERM", 0), ("SIGHUP", 0), ("SIGINT", 130)])
+def test_told_to_end_it_saves_its_state_and_says_its_counts(name, code, replays, tmp_path):
+    process = replays("--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.send_signal(getattr(signal, name))
+    if name != "SIGINT":  # a second one, as of a service, spoils nothing
+        process.send_signal(signal.SIGTERM)
     told, said = process.communicate(timeout=30.0)
-    assert process.returncode == 130 and b"interrupted; files written so far are whole" in said
+    assert process.returncode == code
+    assert (b"interrupted; files written so far are whole" in said) == (name == "SIGINT")
     assert (tmp_path / "state").stat().st_size > 1000
     (used, _), *_ = json.loads(told)["counts"].values()
     assert used > 5
+
+
+def test_a_terminal_that_goes_ends_it_in_order(replays, tmp_path):
+    """Neither its events nor its counts can be said any more."""
+    ours, theirs = os.openpty()
+    process = replays("--terminal", stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    os.close(ours)
+    time.sleep(1.2)
+    assert process.poll() is None
+    process.send_signal(signal.SIGHUP)
+    assert process.wait(30.0) == 0
+    assert (tmp_path / "state").stat().st_size > 1000
+
+
+def test_a_signal_that_is_ignored_stays_so(replays):
+    """As with nohup."""
+    process = replays(before=["sh", "-c", 'trap "" HUP; exec "$@"', "sh"], stderr=subprocess.PIPE)
+    process.send_signal(signal.SIGHUP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(1.0)
+
+
+@pytest.mark.parametrize("more", ["", '[[output]]\nport = "-"\n'])
+@pytest.mark.parametrize("numbers", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_standard_streams_that_are_closed_are_no_failure(numbers, more, replays, tmp_path):
+    before = ["sh", "-c", f'exec "$@" {numbers}', "sh"]
+    process = replays(more=more, before=before, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.terminate()
+    _, said = process.communicate(timeout=30.0)
+    assert process.returncode == 0 and b"Traceback" not in said
+    assert (b"-: it is closed" in said) == (bool(more) and numbers == ">&-")
+    assert (tmp_path / "state").stat().st_size > 1000
+
+
+def test_standard_output_whose_reader_goes_is_no_failure(replays, tmp_path):
+    process = replays(
+        more='[[output]]\nport = "-"\n', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.stdout.readline()
+    process.stdout.close()
+    time.sleep(0.5)
+    process.terminate()
+    said = process.stderr.read()
+    assert process.wait(30.0) == 0 and b"-: Broken pipe" in said and b"Traceback" not in said
+    assert (tmp_path / "state").stat().st_size > 1000
 
 
 def test_after_a_step_back_of_the_clock_an_output_keeps_its_rate(tmp_path):
@@ -1333,12 +1437,34 @@ def test_what_was_not_measured_is_kept():
             "has lever_arm and parameters",
         ),
         ({"filter": "none"}, "none"),
+        (
+            {"source": [{"kind": "position"}, {"kind": "altitude"}, {"kind": "position"}]},
+            "source.. 1 and 3 are both named 'position'; give each a `name`",
+        ),
+        (
+            {"source": [{"kind": "position", "name": "a"}, {"kind": "altitude", "name": "a"}]},
+            "source.. 1 and 2 are both named 'a'",
+        ),
+        (
+            {"input": [{"port": "serial:/dev/x:123"}]},
+            "1: port 'serial:/dev/x:123': 123 bit/s is no rate of this system; the nearest are 1",
+        ),
+        ({"output": [{"port": "serial:/dev/x:9601"}]}, "9601 bit/s is no rate .* 9600"),
     ],
 )
 def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, change, said):
     with pytest.raises(DataError, match=said) as error:
         sd.Live(config(tmp_path, {"port": "udp:7001"}) | change)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan")])
+def test_a_wrong_time_to_run_is_refused(tmp_path, seconds, command):
+    (tmp_path / "live.toml").write_text('imu = "tactical"\n[[input]]\nport = "udp:7001"\n')
+    code, _, err = command("live", tmp_path / "live.toml", "--seconds", seconds)
+    assert code == 2 and len(err) == 1 and "--seconds is" in err[0]
+    with sd.Live(tmp_path / "live.toml") as live, pytest.raises(DataError, match="^seconds is"):
+        live.run(seconds)
 
 
 @pytest.mark.parametrize("given", [5, None, ["live.toml"], "a\0b.toml", b"live.toml"])

@@ -44,6 +44,7 @@ def watched():
             for event in events_of(flight()):
                 if isinstance(event, sd.Sample) or event.source == 0:
                     live.stream.step(event)
+                    live._hear_samples()
                     live.turn()
             live._tell("something happened")
             live.turn()

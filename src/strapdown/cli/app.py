@@ -2,7 +2,6 @@
 wrong by `inspect`, or is not trusted with --strict, in 3; Ctrl-C in one line and 130; nothing is left
 half-written."""
 
-import os
 import signal
 import sys
 import threading
@@ -62,7 +61,18 @@ from .console import (
 )
 from .help import Command, Commands, ResultCommand
 from .live.command import live
-from .output import INTERRUPTED, complain, note, record, say, say_verdict, spell_for, wrote
+from .output import (
+    INTERRUPTED,
+    complain,
+    give_up_output,
+    note,
+    open_standard_streams,
+    record,
+    say,
+    say_verdict,
+    spell_for,
+    wrote,
+)
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
@@ -83,6 +93,7 @@ def main() -> None:
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     sys.unraisablehook = _again
+    open_standard_streams()
     for stream in (sys.stdout, sys.stderr):
         spell_for(stream)
     warnings.showwarning = _warn
@@ -120,8 +131,7 @@ def main() -> None:
 def _refuse_system(error: OSError) -> NoReturn:
     """End with what the system refuses: a file of a name, or else standard output."""
     what = "standard output" if error.filename is None else brief(str(error.filename))
-    with suppress(OSError, ValueError):  # what is left to print goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    give_up_output()
     _stop(
         f"{what}: cannot be used ({error.strerror or error}); make room there, or choose another place"
     )

@@ -7,12 +7,13 @@ that is shown. Light, since every start loads it.
 """
 
 import codecs
+import errno
 import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout
-from io import StringIO, TextIOWrapper
+from io import StringIO, TextIOBase, TextIOWrapper
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
@@ -194,6 +195,41 @@ def spell_for(stream: TextIO) -> None:
     codecs.register_error("strapdown", _spell)
     if isinstance(stream, TextIOWrapper):
         stream.reconfigure(errors="strapdown")
+
+
+class ClosedOutput(TextIOBase):
+    """Standard output of a process that was started without it."""
+
+    def write(self, text: str) -> int:
+        """As of a stream that takes nothing."""
+        raise OSError(errno.EBADF, "it is closed")
+
+
+def open_standard_streams() -> None:
+    """Put streams where a process was started without them, and let no file that it opens have their
+    numbers, since processes that it starts write there."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the first number that is free
+    if sys.stdout is None:
+        sys.stdout = ClosedOutput()
+    if sys.stderr is None:
+        sys.stderr = _nowhere()
+
+
+def give_up_output() -> None:
+    """Let all that is still to be printed go nowhere: standard output takes no more."""
+    nowhere = _nowhere()
+    try:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    except (OSError, ValueError):
+        sys.stdout = nowhere
+
+
+def _nowhere() -> TextIO:
+    return os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
 
 
 def text_width() -> int:

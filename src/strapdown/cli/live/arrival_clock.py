@@ -20,7 +20,15 @@ SPAN = 300
 MIN_BINS = 30
 """Number of bins from which on a drift is estimated."""
 MAX_DRIFT = 1e-3
-"""Largest drift of a clock, and largest rate at which the mapping follows its estimate."""
+"""Largest drift of a clock, and rate at which the times of samples follow its estimate."""
+SMALLER = 0.005
+"""s by which a delay is below all others, so that these tell no offset any more."""
+TOLD = 0.1
+"""s of that from which on it is an event."""
+CATCH_UP = 0.2
+"""Share of their intervals by which times of samples that are late by more than SMALLER catch up. The
+filter integrates each sample over its own length as long as it overlaps by less than half, and beside
+a lost one still sees a gap."""
 RESTARTED = 1.0
 """s by which a stamp may be off before the clock counts as another one."""
 DELAYS = 1000
@@ -33,7 +41,8 @@ class ClockEstimate(NamedTuple):
     Attributes
     ----------
     offset : float
-        Time of this machine less that of the device at its newest stamp, with the smallest delay, s.
+        Time of this machine less that of the device, with the smallest delay, as it is in use at the newest
+        stamp, s.
     drift : float
         Change of the offset, s per s.
     delay : float
@@ -100,10 +109,11 @@ class Arrivals:
 class ArrivalClock:
     """Maps stamps of a device to the time of this machine at which its fastest message would have
     arrived, less `latency` s. `span` is the number of bins that count, and `min_bins` that from which
-    on they tell a drift. `restarts` counts how often the clock of the device began anew."""
+    on they tell a drift. `restarts` counts how often the clock of the device began anew; `news` has texts
+    of events."""
 
     def __init__(self, latency: float = 0.0, span: int = SPAN, min_bins: int = MIN_BINS) -> None:
-        self.latency, self.restarts = latency, -1
+        self.latency, self.restarts, self.news = latency, -1, list[str]()
         self._span, self._min_bins = span, min_bins
         self._begin()
 
@@ -115,7 +125,7 @@ class ArrivalClock:
         self._open: tuple[float, float] | None = None
         self._opened = 0.0  # stamp with which the open bin began
         self._line: tuple[float, float, float] | None = None  # (stamp, offset, drift)
-        self._shown: tuple[float, float] | None = None  # (stamp, offset) of the mapping
+        self._steady: tuple[float, float] | None = None  # (stamp, offset) of the newest sample
         self._delays: deque[float] = deque(maxlen=DELAYS)
         self._other = nan  # offset of the last message, where that was of another clock
 
@@ -144,7 +154,10 @@ class ArrivalClock:
 
     def _count(self, stamp: float, offset: float) -> None:
         if self._line is not None:
-            self._delays.append(max(offset - self.offset_at(stamp), 0.0))
+            late = offset - self.offset_at(stamp)
+            if late < -SMALLER:
+                self._forget_delays(stamp, offset, -late)
+            self._delays.append(max(late, 0.0))
         if self._open is None:
             self._opened = stamp
         if self._open is None or offset < self._open[1]:
@@ -154,22 +167,40 @@ class ArrivalClock:
             self._open = None
             self._fit()
 
+    def _forget_delays(self, stamp: float, offset: float, by: float) -> None:
+        """Count from a message on that is earlier than all others, with the drift that they showed."""
+        assert self._line is not None  # it was late by that
+        self._line = stamp, offset, self._line[2]
+        self._open = None
+        self._bins.clear()
+        self._delays.clear()
+        if by > TOLD:
+            self.news.append(
+                f"a message came {1e3 * by:.0f} ms earlier than all before, whose delays were longer; its "
+                "delay counts as the smallest"
+            )
+
     @property
     def ready(self) -> bool:
         """True once the first bin is complete."""
         return self._line is not None
 
-    def time(self, stamp: float) -> float:
-        """Return the time of a stamp, s, once `ready`. The mapping follows the estimate by at most
-        MAX_DRIFT, so that intervals keep their length."""
-        wanted = self.offset_at(stamp)
-        if self._shown is not None and stamp > self._shown[0]:
-            last, offset = self._shown
-            most = MAX_DRIFT * (stamp - last)
-            wanted = min(max(wanted, offset - most), offset + most)
-        if self._shown is None or stamp > self._shown[0]:
-            self._shown = stamp, wanted
-        return stamp + wanted - self.latency
+    def time(self, stamp: float, steady: bool = False) -> float:
+        """Return the time of a stamp, s, once `ready`. With `steady` it follows the estimate by at most
+        MAX_DRIFT, or CATCH_UP where it is late, so that intervals of samples stay sound."""
+        offset = self.offset_at(stamp)
+        if steady:
+            offset = self._steady_offset(stamp, offset)
+        return stamp + offset - self.latency
+
+    def _steady_offset(self, stamp: float, wanted: float) -> float:
+        last, offset = self._steady or (stamp, wanted)
+        since = max(stamp - last, 0.0)
+        back = CATCH_UP if offset - wanted > SMALLER else MAX_DRIFT
+        offset = min(max(wanted, offset - back * since), offset + MAX_DRIFT * since)
+        if stamp >= last:
+            self._steady = stamp, offset
+        return offset
 
     @property
     def estimate(self) -> ClockEstimate | None:
@@ -178,7 +209,8 @@ class ArrivalClock:
             return None
         delays = np.array(self._delays or [0.0])
         median, worst = np.quantile(delays, [0.5, 0.99]).tolist()
-        return ClockEstimate(self._line[1], self._line[2], median, worst)
+        offset = self._steady[1] if self._steady else self._line[1]
+        return ClockEstimate(offset, self._line[2], median, worst)
 
     def offset_at(self, stamp: float) -> float:
         """Return the time of this machine less that of the device at a stamp, s, with the smallest
@@ -197,25 +229,44 @@ class ArrivalClock:
 
     def _fit(self) -> None:
         """Set the line to the edge of the lower hull over the mean of the stamps."""
-        hull: list[tuple[float, float]] = []
-        for point in sorted(self._bins):
-            if hull and point[0] == hull[-1][0]:  # position and velocity of an epoch in two bins
-                continue
-            while len(hull) > 1 and _is_above(hull[-2], hull[-1], point):
-                hull.pop()
-            hull.append(point)
-        mean = sum(stamp for stamp, _ in self._bins) / len(self._bins)
-        newest = max(self._bins)[0]
-        (s, offset), drift = hull[0], 0.0
-        for (s0, o0), (s1, o1) in zip(hull, hull[1:]):
-            if s0 <= mean <= s1 or s1 == newest:
-                s, offset, drift = s0, o0, (o1 - o0) / (s1 - s0)
-                break
-        # few bins tell no drift: the smallest delays differ by more than a clock drifts meanwhile
-        if len(self._bins) < self._min_bins:
-            drift, (s, offset) = 0.0, min(self._bins, key=lambda point: point[1])
-        drift = float(np.clip(drift, -MAX_DRIFT, MAX_DRIFT))
+        points, newest = _possible(sorted(self._bins)), max(self._bins)[0]
+        if len(points) < self._min_bins:
+            # few bins tell no drift: the smallest delays differ by more than a clock drifts meanwhile
+            drift = 0.0 if self._line is None else self._line[2]
+            s, offset = min(points, key=lambda point: point[1] - drift * point[0])
+        else:
+            s, offset, drift = _hull_edge(points)
         self._line = newest, offset + drift * (newest - s), drift
+
+
+def _possible(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points (stamp, offset) without those that are later than any drift would bring them."""
+    found = points[:1]
+    most, last = found[0][1], found[0][0]
+    for s, offset in points[1:]:
+        most, last = most + MAX_DRIFT * (s - last), s
+        if offset <= most:
+            found.append((s, offset))
+            most = offset
+    return found
+
+
+def _hull_edge(points: list[tuple[float, float]]) -> tuple[float, float, float]:
+    """Return (stamp, offset, drift) of the edge of the lower hull over the mean of the stamps."""
+    hull: list[tuple[float, float]] = []
+    for point in points:
+        if hull and point[0] == hull[-1][0]:  # position and velocity of an epoch in two bins
+            continue
+        while len(hull) > 1 and _is_above(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    mean = sum(stamp for stamp, _ in points) / len(points)
+    (s, offset), drift = hull[0], 0.0
+    for (s0, o0), (s1, o1) in zip(hull, hull[1:]):
+        if s0 <= mean <= s1 or s1 == hull[-1][0]:
+            s, offset, drift = s0, o0, (o1 - o0) / (s1 - s0)
+            break
+    return s, offset, float(np.clip(drift, -MAX_DRIFT, MAX_DRIFT))
 
 
 def _is_above(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:

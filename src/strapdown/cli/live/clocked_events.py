@@ -35,8 +35,9 @@ class ClockedEvents:
         if not self.arrivals.ready:
             return []
         ready, self._held = self._held, []
-        return [each._replace(t=self.time(self.arrivals.time(each.t))) for each in ready]
+        return [each._replace(t=self._time(each)) for each in ready]
 
-    def time(self, unix: float) -> float:
-        """Return the time of the stream at a time of this machine, UNIX s."""
+    def _time(self, event: Sample | Measurement) -> float:
+        """Return the time of an event in that of the stream; intervals of samples stay sound."""
+        unix = self.arrivals.time(event.t, steady=type(event) is Sample)
         return self._clock.of_gps(float(gps_from_unix(unix)))

@@ -3,7 +3,8 @@
 import gc
 import signal
 import sys
-from contextlib import nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,8 @@ import typer
 
 import strapdown as sd
 
-from ..output import INTERRUPTED, complain, is_shown, record, say, wrote
+from ...checks import check_number
+from ..output import INTERRUPTED, complain, give_up_output, is_shown, record, say, wrote
 
 if TYPE_CHECKING:
     from .program import Live
@@ -30,14 +32,17 @@ def live(
     ] = False,
 ) -> None:
     """Run a filter on what sensors send now: from UDP, TCP, serial lines, growing files or a recording,
-    to ports, a log and a state on disk. Ctrl-C or SIGTERM ends it."""
+    to ports, a log and a state on disk. It ends after --seconds, at the end of its inputs, and by SIGTERM,
+    SIGHUP or Ctrl-C, always with its log and state written."""
     from .terminal import TerminalView, is_in_place
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if seconds is not None:
+        check_number(seconds, "--seconds", "s", least=0, infinite=True)
+    _set_signals(ENDS, _leave)
     # events stand in the view, which lines on the same terminal would break
     seen = terminal and is_in_place() and sys.stderr.isatty()
     program = sd.Live(config, on_event=None if seen else _complain, page=page)
-    is_told = _end_by_signals(program)
+    told = _end_by_signals(program)
     uses_output = any(part.address.kind == "-" for part in program.config.outputs)
     # a collection of all that was loaded until now would keep samples waiting
     gc.freeze()
@@ -45,14 +50,18 @@ def live(
         _check_standard_output(terminal, uses_output)
         try:
             if program.page:
-                complain(f"page: {program.page}")
+                _say_error(f"page: {program.page}")
             with TerminalView(program.watch()) if terminal else nullcontext():
                 program.run(inf if seconds is None else seconds)
         finally:
             program.close()
-            _summarise(program, not uses_output)
-    if is_told:
+            _end_output(program, not uses_output)
+    if signal.SIGINT in told:
         raise typer.Exit(INTERRUPTED)
+
+
+ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""Signals that end a program in order; Ctrl-C does so, too, with a code of its own."""
 
 
 def _check_standard_output(terminal: bool, uses_output: bool) -> None:
@@ -68,7 +77,24 @@ def _check_standard_output(terminal: bool, uses_output: bool) -> None:
 
 
 def _complain(t: float, text: str) -> None:
-    complain(f"{t:.2f} s: {text}")
+    _say_error(f"{t:.2f} s: {text}")
+
+
+def _say_error(text: str) -> None:
+    # where the terminal has gone the filter goes on
+    with suppress(OSError):
+        complain(text)
+
+
+def _end_output(program: "Live", says: bool) -> None:
+    """Say what there was; a standard output that has gone is no failure of the program."""
+    try:
+        _summarise(program, says)
+        sys.stdout.flush()
+    except OSError:
+        give_up_output()
+    if any(each.sink.error for each in program.outputs if each.sink.address.kind == "-"):
+        give_up_output()
 
 
 def _summarise(program: "Live", says: bool) -> None:
@@ -79,10 +105,10 @@ def _summarise(program: "Live", says: bool) -> None:
     rows, lost = source_rows(program), losses(program)
     record(t=program.stream.t)
     record(counts={each["name"]: (each["used"], each["rejected"]) for each in rows})
-    record(**lost)
+    clocks = {port: clock._asdict() for port, clock in program.clocks.items()}
+    record(**lost | {"clocks": clocks})
     record(cut_logs=program.cut_logs)
-    record(clocks={port: clock._asdict() for port, clock in program.clocks.items()})
-    tell = say if says else complain
+    tell = say if says else _say_error
     for each in rows:
         tell(f"{each['name']}: {uses_text(each)}")
     for line in loss_lines(lost):
@@ -95,16 +121,28 @@ def _summarise(program: "Live", says: bool) -> None:
         tell(f"wrote {', '.join(map(str, program.logs))}")
 
 
+def _set_signals(numbers: Sequence[int], handler: Callable[[int, object], None]) -> None:
+    """Handle signals, but for those that the process was started to ignore, as `nohup` does."""
+    for number in numbers:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def _leave(number: int, _: object) -> None:
+    """End while there is nothing yet to be saved."""
+    raise SystemExit(0)
+
+
 def _end_by_signals(program: "Live") -> list[int]:
-    """Let Ctrl-C and SIGTERM end a program after its present turn, so that no sample is used by half, and a
-    second one at once. Return the list to which a signal is added that came."""
+    """Let signals end a program after its present turn, so that no sample is used by half, and a second
+    Ctrl-C at once. Return the list to which a signal is added that came."""
     told: list[int] = []
 
     def end(number: int, _: object) -> None:
         told.append(number)
         program.end()
-        signal.signal(number, signal.default_int_handler)
+        if number == signal.SIGINT:
+            signal.signal(number, signal.default_int_handler)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
+    _set_signals([*ENDS, signal.SIGINT], end)
     return told

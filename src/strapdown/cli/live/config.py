@@ -1,7 +1,7 @@
 """The configuration of `strapdown live`: a TOML file, or a table of the same keys."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -107,6 +107,7 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
     sources = tuple(
         _source(part, f"{name}: [[source]] {k}") for k, part in _parts(table, "source", name)
     )
+    _check_names(sources, name)
     recorded = [part.recording for part in inputs if part.recording]
     imu, vehicle = table.get("imu"), table.get("vehicle")
     if recorded and not sources:
@@ -140,6 +141,18 @@ def config_of(given: str | Path | Mapping[str, Any]) -> Config:
     )
     _check_files(found)
     return found
+
+
+def _check_names(sources: Sequence[Source], name: str) -> None:
+    """Refuse two sources of one name, which counts, events and lines could not tell apart. Raises
+    DataError."""
+    names = [a.name or a.kind for a in sources]
+    for k, each in enumerate(names):
+        if each in names[:k]:
+            raise DataError(
+                f"{name}: [[source]] {names.index(each) + 1} and {k + 1} are both named {each!r}; give each "
+                "a `name` of its own"
+            )
 
 
 def _check_files(config: Config) -> None:

@@ -15,6 +15,7 @@ from ... import aiding, filters
 from ...core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Filter, Status
 from ...core.mathematics.belief import ATT, POS, VEL
 from ...engine.live_run import TestedMeasurement
+from ...engine.live_stream import LiveStream
 from ...engine.verdict_process import SpanVerdict, VerdictProcess
 from ...geometry.geodesy import displacement
 from ...pages.verdict_block import verdict_block
@@ -33,6 +34,8 @@ SLOW_PERIOD = 1.0
 """s between two looks at losses, ports and clocks."""
 TRACK_STEP = 0.2
 """s between two points of a track, which doubles whenever it is full."""
+MAX_PASSED = 20
+"""Places between two looks, at most; the time between them doubles whenever they are full."""
 MAX_TRACK, MAX_FIXES, MAX_EVENTS = 4000, 1000, 200
 MAX_TESTS = 300
 """Newest tests of each source."""
@@ -118,6 +121,8 @@ class Dashboard:
         )
         self._ratios: dict[int, NumberedEntries] = {}
         self._origin: Array | None = None
+        self._passed: list[tuple[float, Array]] = []  # (t, lla) since the last look
+        self._passed_step = TRACK_STEP
         self._due = self._slow_due = -inf
         self._tested_until, self._alignments = -inf, 0
         self._newest_event = ""
@@ -131,6 +136,18 @@ class Dashboard:
         with self.changed:
             self._newest_event = text
             self._events.add(self.number + 1, t, text)
+
+    def pass_by(self, stream: LiveStream) -> None:
+        """Take the place of a state for the track, since samples may come faster than looks."""
+        t, passed = stream.t, self._passed
+        if not self._fixed["has_position"] or (
+            passed and 0 <= t - passed[-1][0] < self._passed_step
+        ):
+            return
+        if len(passed) == MAX_PASSED:
+            self._passed_step *= 2
+            del passed[1::2]
+        passed.append((t, stream.belief.lla.copy()))
 
     def look(self, live: "Live") -> None:
         """Take the numbers of a program, at most once in PERIOD."""
@@ -161,28 +178,40 @@ class Dashboard:
         stream = live.stream
         t = stream.t if stream.started else stream.stream.newest
         epoch = live.clock.epoch if isfinite(t) else None
-        it = state_at(t, epoch, stream.status, stream.belief, stream.alignments)
-        waits = stream.waits_for
-        reason = f"waits for {waits}" if waits else REASONS[it.status]
-        if it.status == DOUBTFUL and self._newest_event:
-            reason += f"; the newest event: {self._newest_event}"
+        it = state_at(t, epoch, live.status, stream.belief, stream.alignments)
         self._state = {
             "t": it.t,
             "utc": it.moment and it.moment.isoformat(timespec="milliseconds"),
             "status": Status(it.status).name.lower(),
-            "reason": reason,
+            "reason": self._reason(live),
             "alignments": it.alignments,
         }
         if not stream.started:
             return
         self._state |= _motion(it, self._filter)
-        if not self._fixed["has_position"] or not np.isfinite(it.state.lla).all():
+        passed, self._passed, self._passed_step = self._passed, [], TRACK_STEP
+        if not self._fixed["has_position"]:
             return
+        for t, lla in [*passed, (it.t, it.state.lla.copy())]:
+            if np.isfinite(lla).all():
+                self._state["place"] = self._add_place(t, lla)
+
+    def _add_place(self, t: float, lla: Array) -> list[float]:
+        """Add a place to the track, and return it in m east and north of the first one."""
         if self._origin is None:
-            self._origin = it.state.lla.copy()
-        north, east, _ = displacement(it.state.lla, self._origin).tolist()
-        self._state["place"] = [east, north]
-        self._track.add_point(self.number + 1, it.t, east, north)
+            self._origin = lla
+        north, east, _ = displacement(lla, self._origin).tolist()
+        self._track.add_point(self.number + 1, t, east, north)
+        return [east, north]
+
+    def _reason(self, live: "Live") -> str:
+        """Say why the status is what it is."""
+        if live.is_stale:
+            return f"no sample for {live.since_sample:.0f} s"
+        if waits := live.stream.waits_for:
+            return f"waits for {waits}"
+        event = live.status == DOUBTFUL and self._newest_event
+        return REASONS[live.status] + (f"; the newest event: {event}" if event else "")
 
     def _look_at_tests(self, live: "Live") -> None:
         if live.stream.alignments != self._alignments:

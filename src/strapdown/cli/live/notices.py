@@ -76,6 +76,10 @@ class Notices:
             first, second = (":".join(map(str, each)) for each in senders.two)
             self._once(port, "senders", f"samples come from {first} and from {second}; stop one")
 
+    def of_clock(self, port: Port, news: list[str]) -> None:
+        """Tell the news of the clock of an input."""
+        self._all(port, news)
+
     def of_pulses(self, file: PulseFile, clock: PulseClock) -> None:
         """Tell of the pulses of a receiver."""
         self.of_port(file, "")

@@ -9,10 +9,11 @@ import time
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
+from math import log
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from ...checks import DataError, check_number
+from ...checks import DataError, check_number, locate_errors
 from ...fileio.file_access import open_file
 
 RETRY = 1.0
@@ -58,6 +59,9 @@ def address_of(text: object, where: str) -> Address:
     most = 65535 if kind != "serial" else 10_000_000
     what = f"{where}: port {text!r}: its number"
     check_number(int(number), what, least=1, most=most, whole=True)
+    if kind == "serial":
+        with locate_errors(f"{where}: port {text!r}"):
+            check_rate(int(number))
     return Address(kind, place or "127.0.0.1", int(number))
 
 
@@ -265,6 +269,28 @@ def tcp_socket(address: Address) -> socket.socket:
     return tcp
 
 
+def check_rate(number: int) -> int | None:
+    """Return the system's number of a rate of serial lines in bit/s; None where it has no such lines.
+    Raises DataError for a rate that it does not have."""
+    if sys.platform == "win32":
+        return None
+    else:
+        import termios
+
+        known = {
+            int(name[1:]): value
+            for name, value in vars(termios).items()
+            if name[0] == "B" and name[1:].isdecimal() and name != "B0"
+        }
+        if number not in known:
+            near = sorted(sorted(known, key=lambda rate: abs(log(rate / number)))[:3])
+            raise DataError(
+                f"{number} bit/s is no rate of this system; the nearest are "
+                f"{', '.join(map(str, near))}"
+            )
+        return known[number]
+
+
 def serial_line(address: Address) -> int:
     """Return the descriptor of a serial line that passes bytes on as they are. Raises OSError."""
     if sys.platform == "win32":
@@ -273,9 +299,7 @@ def serial_line(address: Address) -> int:
         import termios
         import tty
 
-        speed = getattr(termios, f"B{address.number}", None)
-        if speed is None:
-            raise OSError(f"{address.number} bit/s is no rate of this system")
+        speed = check_rate(address.number)
         line = os.open(address.place, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             tty.setraw(line)

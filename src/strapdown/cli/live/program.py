@@ -10,8 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from ...checks import DataError, locate_errors
-from ...core.loop.contract import Imu
+from ...checks import DataError, check_number, locate_errors
+from ...core.loop.contract import INVALID, Imu
+from ...core.loop.gaps import BRIDGE
 from ...data.solution import Source
 from ...engine.live_stream import LiveStream
 from ...engine.notifier import OnEvent
@@ -184,6 +185,7 @@ class _Replayed:
                 tell(f"{part.recording}: {a.name or a.kind} is no [[source]]; it is left out")
             else:
                 fixes.append(_fix_rows(place, a))
+        self.name = f"recording:{part.recording}"
         rows = heapq.merge(_sample_rows(recording.imu), *fixes, key=lambda row: row[:3])
         self._events: Iterator[_Row] = iter(rows)
         self._next = next(self._events, None)
@@ -452,7 +454,8 @@ class Live:
             for each in self._growing_files():
                 if str(each.port.address) == name:
                     each.resume(mark)
-        self._tell(f"{path}: goes on from {self.stream.t:.2f} s")
+        where = f"from {self.stream.t:.2f} s" if self.stream.started else "before its first state"
+        self._tell(f"{path}: goes on {where}")
 
     # ---- the loop
 
@@ -473,6 +476,8 @@ class Live:
             if self.stream.started:
                 for output in self.outputs:
                     output.show(self.stream, self.clock.epoch)
+                if self._dashboard is not None:
+                    self._dashboard.pass_by(self.stream)
 
     def _hear_samples(self) -> None:
         self._heard = time.monotonic()
@@ -490,6 +495,8 @@ class Live:
             self._saved = now
             self._save()
         if now >= self._looked + LOOK:
+            if self._looked == -inf:
+                self._tell_open_ports()
             self._looked = now
             self._look_at_ports()
         if now > self._heard + IMU_SILENT and not self._is_silent:
@@ -522,6 +529,12 @@ class Live:
         found = [each for each in self.inputs if isinstance(each, _Bytes)]
         return [each for each in found if each.port.address.kind == "file"]
 
+    def _tell_open_ports(self) -> None:
+        """Report that what is sent from now on is read."""
+        inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
+        if names := [str(port.address) for port in inputs if not port.error]:
+            self._tell(f"ports open: {', '.join(names)}")
+
     def _look_at_ports(self) -> None:
         """Report ports that fail or go on again, and inputs that cannot be read."""
         for each in self.inputs:
@@ -530,6 +543,8 @@ class Live:
                 self._notices.of_input(each.port, each.decoder, each.bad, each.senders)
                 if each.pulses is not None and each.pulse_clock is not None:
                     self._notices.of_pulses(each.pulses, each.pulse_clock)
+                for clocked in filter(None, (each.clocked, each.clocked_imu)):
+                    self._notices.of_clock(each.port, clocked.arrivals.news)
         for output in self.outputs:
             lost = f"; lost: {output.sink.dropped} states"
             self._notices.of_port(output.sink, lost)
@@ -554,7 +569,13 @@ class Live:
         ----------
         seconds : float
             Longest time, s.
+
+        Raises
+        ------
+        DataError
+            If `seconds` is negative or NaN.
         """
+        check_number(seconds, "seconds", "s", least=0, infinite=True)
         end = time.monotonic() + seconds
         try:
             while time.monotonic() < end and not self._ends:
@@ -664,16 +685,27 @@ class Live:
     @property
     def ports(self) -> dict[str, str]:
         """{port: why it cannot be used now, empty where it can} of inputs, pulses and outputs."""
+        replayed = [each.name for each in self.inputs if isinstance(each, _Replayed)]
         inputs = [each for each in self.inputs if isinstance(each, _Bytes)]
         places: list[Port | PulseFile | Sink] = [each.port for each in inputs]
         places += [each.pulses for each in inputs if each.pulses is not None]
         places += [each.sink for each in self.outputs]
-        return {str(each.address): each.error for each in places}
+        return dict.fromkeys(replayed, "") | {str(each.address): each.error for each in places}
 
     @property
     def since_sample(self) -> float:
         """s since the newest sample came, or the program began."""
         return time.monotonic() - self._heard
+
+    @property
+    def is_stale(self) -> bool:
+        """True where no sample came for so long that a filter would not bridge it."""
+        return self.stream.stream.newest > -inf and self.since_sample > BRIDGE
+
+    @property
+    def status(self) -> int:
+        """Status of the state now: that of the stream, INVALID where it `is_stale`."""
+        return INVALID if self.is_stale else self.stream.status
 
     @property
     def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:

@@ -187,9 +187,9 @@ class PulseClock:
         """True once times are known, by pulses if they come."""
         return self._messages.ready and not self._waits
 
-    def time(self, stamp: float) -> float:
-        """Return the time of a stamp, s, once `ready`."""
-        return (self._pulses if self.counts else self._messages).time(stamp)
+    def time(self, stamp: float, steady: bool = False) -> float:
+        """Return the time of a stamp, s, once `ready`, as `ArrivalClock` does."""
+        return (self._pulses if self.counts else self._messages).time(stamp, steady)
 
     @property
     def estimate(self) -> ClockEstimate | PulseEstimate | None:
