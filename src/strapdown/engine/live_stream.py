@@ -93,7 +93,7 @@ class Watchdog:
             (k, t - self._since(heard)) for k, heard in enumerate(self._heard) if self._is(t, heard)
         ]
 
-    def lost(self, source: int) -> dict[str, int]:
+    def losses(self, source: int) -> dict[str, int]:
         """{reason: number} of the measurements of a source since the last one that could be used."""
         return dict(self._heard[source].lost)
 
@@ -402,7 +402,7 @@ class LiveStream:
         silent = dict(self._watchdog.silent(now := self._stream.newest))
         for source, seconds in silent.items():
             name = self._names[source]
-            if lost := self._watchdog.lost(source):
+            if lost := self._watchdog.losses(source):
                 if not abs(now - self._said.get(about := f"lost {source}", -inf)) < AGAIN:
                     self._say(about, f"{name}: {self._lost_text(source, lost, seconds)}", now)
             else:
@@ -438,7 +438,7 @@ class LiveStream:
         lost = [
             f"{name} {count} {reason}"
             for source, name in enumerate(self._names)
-            for reason, count in self._watchdog.lost(source).items()
+            for reason, count in self._watchdog.losses(source).items()
         ]
         return f"{text} (dropped: {', '.join(lost)})" if text and lost else text
 

@@ -108,13 +108,13 @@ class _Bytes:
             found += self.decoder.idle()
         if self.ended or self.port.lost > lost:
             found += self.decoder.end()
-        return self._timed(found)
+        return self._with_times(found)
 
     def rest(self) -> list[Sample | Measurement]:
         """Return what is complete because the program ends, and count what is not."""
-        return self._timed(self.decoder.end())
+        return self._with_times(self.decoder.end())
 
-    def _timed(self, found: list[Sample | Measurement]) -> list[Sample | Measurement]:
+    def _with_times(self, found: list[Sample | Measurement]) -> list[Sample | Measurement]:
         """Return events with times by their arrival where that counts."""
         if self.unstamped is not None:
             return self._at_arrival(self.unstamped, found)
