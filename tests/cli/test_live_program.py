@@ -1,6 +1,7 @@
 """`strapdown live` and `sd.Live`: what is replayed, sent or written to it gives the states of `fuse`, and its log
 read back gives them bit for bit; faults on the wire are counted."""
 
+import errno
 import json
 import os
 import signal
@@ -154,6 +155,55 @@ def test_a_connection_that_breaks_is_made_again(tmp_path):
     live.close()
     assert live.inputs[0].port.lost >= 1
     assert np.array_equal(live.stream.belief.P, expected(recording).P)
+
+
+@pytest.mark.parametrize("kind", ["file", "tcp", "-"])
+@pytest.mark.parametrize("cut", [1, 9])
+def test_a_last_line_without_its_end_is_used_where_it_is_whole(kind, cut, tmp_path, monkeypatch):
+    """At the end of the input, or of the program where a file grows."""
+    text, path = b"".join(json_lines(flight())[:50])[:-cut], tmp_path / "lines"
+    path.write_bytes(text)
+    address, server = f"file:{path}" if kind == "file" else "-", None
+    if kind == "tcp":
+        server = socket.create_server(("127.0.0.1", 0))
+        address = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+    with path.open("rb") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        live = sd.Live(config(tmp_path, {"port": address}))
+        live.turn()
+        if server is not None:
+            connection, _ = server.accept()
+            connection.sendall(text)
+            connection.close()
+            turn_until(live, lambda: live.inputs[0].port.lost == 1)
+        turn_until(live, lambda: not live.turn())
+        live.close()
+    if server is not None:
+        server.close()
+    assert live.bad == (cut > 1)
+    assert sum(live.stream.dropped_by.values()) == 50 - (cut > 1)
+
+
+def test_a_last_line_of_csv_without_its_end_is_counted():
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("csv", "own", input_formats.Clock(), [], "", CSV)
+    assert len(reader.feed(b"1,0.1,0,0,0,0,0,-0.98\n1.1,0.1,0,0,0,0,0,-0.9")) == 1
+    assert reader.end() == [] and reader.bad == 1 and "has no end" in reader.why
+    assert reader.end() == [] and reader.bad == 1
+
+
+def test_a_restart_reads_the_line_that_was_cut(tmp_path):
+    lines, path = json_lines(flight()), tmp_path / "lines"
+    path.write_bytes(b"".join(lines[:300])[:-9])
+    asked = config(tmp_path, {"port": f"file:{path}"}, state=str(tmp_path / "state"))
+    for text in (None, b"".join(lines)):
+        if text:
+            path.write_bytes(text)
+        with sd.Live(asked) as live:
+            turn_until(live, lambda: not live.turn())
+        assert live.bad == 0
+    assert np.allclose(live.stream.now.lla, expected(flight()).lla, rtol=0, atol=1e-9)
 
 
 def test_a_serial_line_passes_bytes_on_as_they_are(tmp_path):
@@ -439,10 +489,11 @@ def test_mavlink_is_read_in_si(tmp_path):
     reader.feed(bytes_of(common.MAVLink_system_time_message(round(unix * 1e6), 0)))
     assert reader.feed(bytes_of(late))[0].t == pytest.approx(1.5, abs=1e-5)
     assert clock.epoch == pytest.approx(unix - 315964800 + 18)
+    assert reader.bad == 1 and reader.why == "GPS_RAW_INT has UNIX time, and no SYSTEM_TIME came"
     # what cannot be used
-    assert reader.bad == 0
+    reader.bad, reader.why = 0, ""
     assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), (0, 0, 0)))) == []
-    assert reader.bad == 1
+    assert reader.bad == 1 and reader.why == "GPS_RAW_INT has no accuracies; send MAVLink 2"
     assert reader.feed(bytes_of(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0), fix_type=1))) == []
     _, of_another = mavlink(system=9)
     assert reader.feed(of_another(gps_raw(common, 2.0, (0.8, 0.2, 9.0), (1, 0, 0)))) == []
@@ -458,6 +509,9 @@ def test_mavlink_is_read_in_si(tmp_path):
     (sample,) = reader.feed(b"".join(map(bytes_of, high)))
     assert sample.dv == pytest.approx((0.005, 0.01, -0.049)) and sample.dt == pytest.approx(0.005)
     assert reader.feed(bytes_of(scaled[1])) == []
+    reader.bad, reader.why = 0, ""
+    assert reader.feed(bytes_of(high[1])) == [] and reader.bad == 1
+    assert reader.why.startswith("HIGHRES_IMU 0 s after the one before")
 
 
 def test_an_autopilot_by_datagrams(tmp_path):
@@ -720,6 +774,46 @@ def test_rates_that_come_late_are_counted_until_their_clock_has_stepped_back():
     assert [t for t, _ in taken(*back)] == back[6:] and reader.bad == 9
 
 
+@pytest.mark.parametrize("format", ["json", "csv"])
+@pytest.mark.parametrize("unit, factor", [("ms", 1e3), ("us", 1e6)])
+def test_rates_with_stamps_in_another_unit_are_counted_and_said(format, unit, factor):
+    from strapdown.cli.live import decoders, input_formats
+
+    names = ["t", *(f"{name}_{axis}" for name in ("gyro", "accel") for axis in "xyz")]
+    reader = decoders.decoder(format, "own", input_formats.Clock(), [], "", names)
+    for k in range(20):
+        t, rates = factor * (5.0 + 0.01 * k), [0.0, 0.0, 0.0, 0.0, 0.0, -9.8]
+        line = ",".join(map(repr, [t, *rates]))
+        if format == "json":
+            line = json.dumps({"t": t, "gyro": rates[:3], "accel": rates[3:]})
+        assert reader.feed(line.encode() + b"\n") == []
+    assert reader.bad == 19 and "s apart, so this one's length is unknown" in reader.why
+    (text,) = reader.news
+    assert text.endswith(f"are their stamps in {unit}?")
+
+
+def test_rates_without_a_time_are_counted_and_a_dt_in_ms_is_refused_by_the_filter():
+    from strapdown.cli.live import decoders, input_formats
+
+    reader = decoders.decoder("json", "own", input_formats.Clock(), [], "")
+    rates = '"gyro": [0, 0, 0], "accel": [0, 0, -9.8]}\n'
+    for t in (1.0, 1.01, "NaN", 1.02):
+        found = reader.feed(f'{{"t": {t}, {rates}'.encode())
+    assert reader.bad == 1 and found[0].dt == pytest.approx(0.01)
+    live = sd.LiveStream("closed-loop", imu="tactical")
+    for each in reader.feed(f'{{"t": 2.0, "dt": 10.0, {rates}'.encode()):
+        live.step(each)
+    assert live.dropped_by["invalid"] == 1 and "is it in ms?" in live.events[-1][1]
+
+
+def test_increments_with_stamps_in_ms_are_said():
+    live = sd.LiveStream("closed-loop", imu="tactical")
+    for k in range(20):
+        live.step(Sample(10.0 * k, 0.01, (0.0, 0.0, 0.0), (0.0, 0.0, -0.098)))
+    (text,) = [text for _, text in live.events]
+    assert live.dropped_by["at another time"] == 18 and text.endswith("are stamps in ms?")
+
+
 def test_two_senders_of_samples_are_said_but_not_one_that_begins_again(tmp_path, monkeypatch):
     from strapdown.cli.live import program
 
@@ -920,7 +1014,7 @@ def test_it_says_once_which_ports_are_open(tmp_path):
 
 
 def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
-    """Its folder is missing at first, then the disk is full within a line."""
+    """Its folder vanishes at first, then the disk is full within a line."""
     from strapdown.cli.live import program, sinks
 
     monkeypatch.setattr(program, "LOOK", 0.0)
@@ -928,21 +1022,29 @@ def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
     sd.write_recording(flight(), tmp_path / "flight.nc")
     part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
     path, said = tmp_path / "late" / "out", []
+    path.parent.mkdir()
     live = sd.Live(
         config(tmp_path, part, output=[{"port": f"file:{path}"}]),
         on_event=lambda t, text: said.append(text),
     )
+    path.parent.rmdir()
     monkeypatch.setattr(program, "BATCH", 1)
-    written, full = os.write, [False]
+    written, full = os.write, [""]
 
     def write(file, data):
-        return written(file, data[: len(data) // 3] if full[0] and len(data) > 99 else data)
+        if full[0] == "cut" and len(data) > 99:
+            full[0] = "no more"
+            return written(file, data[: len(data) // 3])
+        if full[0] == "no more" and len(data) > 99:
+            full[0] = "cut"
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+        return written(file, data)
 
     monkeypatch.setattr(os, "write", write)
     turn_until(live, lambda: live.unsent[f"file:{path}"] > 5)
     path.parent.mkdir()
     path.write_bytes(b'{"half": 1')  # by one that was killed
-    for full[0] in (False, True, False):
+    for full[0] in ("", "cut", ""):
         before = live.stream.t
         turn_until(live, lambda: live.stream.t > before + 2.0)
     live.close()
@@ -950,7 +1052,7 @@ def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):
     lost = live.unsent[f"file:{path}"]
     assert about[0] == "No such file or directory; it is tried again each 1 s"
     assert about[1].startswith("goes on; lost: ")
-    assert about[2].startswith("No space left on device") and len(about) == 4
+    assert about[2].startswith(f"{os.strerror(errno.EFBIG)}; it is") and len(about) == 4
     assert about[3] == f"goes on; lost: {lost} states" and lost > 40
     half, *lines = path.read_bytes().splitlines()
     assert half == b'{"half": 1' and len([json.loads(line) for line in lines]) > 80
@@ -980,7 +1082,9 @@ def test_standard_output_that_nobody_reads_keeps_nothing_waiting(tmp_path):
     assert process.returncode == 0, said
     assert "-: its reader is too slow" in said
     assert len(sd.read(tmp_path / "log.jsonl").imu.t) > 500
-    assert [json.loads(line) for line in lines[:-1]]
+    assert "-: " in said and " states not written" in said
+    assert said.splitlines()[-1] == "wrote log.jsonl"
+    assert [json.loads(line) for line in lines]
 
 
 def test_standard_streams_that_are_closed_fail_as_other_ports(tmp_path, monkeypatch):
@@ -1011,15 +1115,69 @@ def test_standard_input_at_its_end_is_not_waited_for(tmp_path, monkeypatch):
         live.close()
 
 
-def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(tmp_path):
-    recording, said = flight(), []
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full device")
+@pytest.mark.parametrize("at", [0, 1])
+def test_a_log_that_cannot_be_written_ends_and_the_stream_goes_on(at, tmp_path, monkeypatch):
+    """Its folder vanishes before it begins, or the disk fills later."""
+    from pathlib import Path
+
+    recording, said = flight(40.0), []
     sd.write_recording(recording, tmp_path / "flight.nc")
     part = {"format": "recording", "path": str(tmp_path / "flight.nc"), "speed": np.inf}
-    asked = config(tmp_path, part) | {"log": str(tmp_path / "none" / "log.jsonl")}
-    live = sd.Live(asked, on_event=lambda t, text: said.append(text))
+    path = tmp_path / "logs" / "log.jsonl"
+    path.parent.mkdir()
+    live = sd.Live(
+        config(tmp_path, part) | {"log": str(path)}, on_event=lambda t, text: said.append(text)
+    )
+    if at:
+        opened, full = Path.open, Path("/dev/full")
+
+        def opens(of, mode="r", **more):
+            return opened(full, "wb") if mode == "xb" else opened(of, mode, **more)
+
+        monkeypatch.setattr(Path, "open", opens)
+    else:
+        path.parent.rmdir()
     live.run()
-    assert [text for text in said if text.startswith("log: cannot be written")]
+    why = "No space left on device" if at else "No such file or directory"
+    cut = [text for text in said if text.startswith("log: ")]
+    assert cut == [f"log: {path}: cannot be written ({why}); it ends here"]
+    assert live.cut_logs == {str(path): why} and live.logs == [path] * at
     assert np.array_equal(live.stream.belief.P, expected(recording).P)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs ulimit")
+def test_the_end_says_which_log_is_cut(tmp_path):
+    """Log and output say the same where the system lets a file grow no further."""
+    sd.write_recording(flight(60.0), tmp_path / "flight.nc")
+    (tmp_path / "live.toml").write_text(
+        'log = "log.jsonl"\n[[input]]\nformat = "recording"\npath = "flight.nc"\nspeed = inf\n'
+        '[[output]]\nport = "file:states"\n'
+    )
+    words = f"ulimit -f 64; exec {sys.executable} -m strapdown live live.toml"
+    done = subprocess.run(["bash", "-c", words], cwd=tmp_path, capture_output=True, text=True)
+    *_, cut, wrote = done.stdout.splitlines()
+    assert cut == "log.jsonl: ends too early: File too large" and wrote == "wrote log.jsonl"
+    said = done.stderr.splitlines()
+    assert [line for line in said if "file:states: File too large; it is tried" in line]
+    assert done.returncode == 0 and done.stderr.count("log: log.jsonl: cannot be written") == 1
+
+
+@pytest.mark.parametrize("key", ["log", "state", "output"])
+@pytest.mark.parametrize("fault", ["missing", "read-only"])
+def test_a_folder_that_cannot_be_written_is_refused_at_the_start(key, fault, tmp_path, monkeypatch):
+    folder = tmp_path / "there"
+    if fault == "read-only":
+        folder.mkdir()
+        monkeypatch.setattr(os, "access", lambda path, mode: False)
+    path = str(folder / "file")
+    with pytest.raises(DataError, match="there is no folder|cannot be written there") as error:
+        sd.Live(
+            config(tmp_path, {"port": "-"})
+            | {"log": ""}
+            | {key: [{"port": f"file:{path}"}] if key == "output" else path}
+        )
+    assert path in str(error.value) and "\n" not in str(error.value)
 
 
 def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):
@@ -1411,9 +1569,10 @@ def test_a_restart_goes_on_where_the_file_was_read_up_to(tmp_path):
 
 @pytest.mark.parametrize("format, made", [("ubx", ubx_bytes), ("nmea", nmea_bytes)])
 def test_a_restart_uses_each_epoch_of_a_receiver_once(tmp_path, format, made, monkeypatch):
-    from strapdown.cli.live import input_formats
+    from strapdown.cli.live import input_formats, program
 
-    monkeypatch.setattr(input_formats, "QUIET", 0.0)
+    for module in (input_formats, program):
+        monkeypatch.setattr(module, "QUIET", 0.0)
     path, data, times = tmp_path / "log", made(200), []
     part = {"port": f"file:{path}", "format": format}
     asked = config(tmp_path, part, state=str(tmp_path / "state"))

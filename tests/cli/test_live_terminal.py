@@ -148,15 +148,22 @@ def test_the_command_shows_lines(command, tmp_path, monkeypatch):
     assert out.splitlines()[-1].startswith("position: 0 used, 0 rejected")
 
 
+DASH = '[[output]]\nport = "-"\n'
+
+
 @pytest.mark.parametrize(
-    "more, words, name",
-    [('[[output]]\nport = "-"\n', [], "the output `-`"), ("", ["--json"], "--json")],
+    "more, words, names",
+    [
+        (DASH, ["--terminal"], "--terminal and the output `-`"),
+        ("", ["--terminal", "--json"], "--terminal and --json"),
+        (DASH, ["--json"], "the output `-` and --json"),
+    ],
 )
-def test_standard_output_is_for_one_of_them(more, words, name, command, tmp_path):
+def test_standard_output_is_for_one_of_them(more, words, names, command, tmp_path):
     (tmp_path / "live.toml").write_text(TEXT + more)
-    code, out, err = command("live", tmp_path / "live.toml", "--terminal", *words)
+    code, out, err = command("live", tmp_path / "live.toml", *words)
     assert (code, out) == (2, "")
-    assert err == [f"strapdown: --terminal and {name} both need standard output; leave out one"]
+    assert err == [f"strapdown: {names} both need standard output; leave out one"]
 
 
 def test_a_reader_that_goes_ends_the_view_alone(watched, monkeypatch):

@@ -58,8 +58,21 @@ def test_it_says_what_it_waits_for():
     assert "5 s of samples" in asked and asked[-1] == "" and live.started
     without = live_of(replace(recording, sources=()), lag=0.0)
     play(without, events_of(replace(recording, sources=())))
-    assert without.waits_for.startswith("no position fix to start from")
+    assert without.waits_for.startswith("a position fix to start from: add a source of positions")
     assert without.waits_for.endswith("; the next attempt is in 10 s of samples")
+    refused = live_of(recording, lag=0.0)
+    for event in events_of(recording)[:260]:
+        refused.step(event._replace(std=(0.0,) * 3) if type(event) is Measurement else event)
+    assert refused.waits_for.startswith(
+        "a position fix to start from: none that can be used came from GNSS position; the next"
+    )
+    count = refused.dropped_by["invalid"] // 2
+    assert refused.waits_for.endswith(
+        f"(dropped: GNSS position {count} invalid, GNSS velocity {count} invalid)"
+    )
+    ((_, text),) = [event for event in refused.events if "GNSS position" in event[1]]
+    assert text.startswith("GNSS position: none of the measurements of the last 10.")
+    assert text.endswith(" s could be used: 10 invalid")
     still = live_of(at_rest(), lag=0.0)
     play(still, events_of(at_rest())[:500])
     assert still.waits_for.startswith("a better start than this one: ")
@@ -249,6 +262,26 @@ def test_a_filter_that_stops_aligns_anew():
     assert np.abs(off[:2] * 6.4e6).max() < 10.0
 
 
+@pytest.mark.parametrize("spikes", [1, 4])
+def test_samples_that_were_bridged_do_not_count_where_samples_are_compared_with_gravity(spikes):
+    recording = flight(75.0)
+    live, wild = live_of(recording), {30.0 + 5.0 * k for k in range(spikes)}
+    for event in events_of(recording):
+        if type(event) is Sample and round(event.t, 3) in wild:
+            event = event._replace(dtheta=(150.0, 0.0, 0.0))
+        live.step(event)
+    assert live.alignments == 0 and [text for text in texts(live, "out of range")]
+    assert np.abs(live.belief.v_n - live_of_all(recording).belief.v_n).max() < 1.0
+
+
+def live_of_all(recording):
+    """The stream after all events."""
+    live = live_of(recording)
+    for event in events_of(recording):
+        live.step(event)
+    return live
+
+
 def test_samples_that_contradict_gravity_are_said_until_they_do_not():
     recording = flight(60.0)
     wrong = [
@@ -376,6 +409,32 @@ def test_a_source_that_falls_silent_is_said_once_and_that_it_is_back():
     assert again == "GNSS velocity: its measurements come again" and 45.0 < back < 46.3
     assert 30.0 < t < 31.2  # ten intervals of 1 s
     assert text.startswith("GNSS velocity: silent for ") and text.endswith("check its connection")
+
+
+def test_a_source_that_always_comes_too_late_is_said_again_and_when_that_ends():
+    recording, told = flight(120.0), []
+    live = live_of(
+        recording, lag=0.5, on_event=lambda t, text: told.append((t, text)), start=start(flight())
+    )
+
+    def arrival(event):
+        late = type(event) is Measurement and event.source == 0 and 20.0 < event.t < 100.0
+        return event.t + 2.0 * late
+
+    for event in sorted(events_of(recording), key=arrival):
+        live.step(event)
+        if 33.0 < event.t < 95.0:
+            assert [*live.silent] == ["GNSS position"]
+    first, again = [(t, text) for t, text in told if "too late" in text]
+    assert 30.0 < first[0] < 33.0 and again[0] == pytest.approx(first[0] + 60.0, abs=1.5)
+    seconds = first[0] - 20.0
+    assert first[1] == (
+        f"GNSS position: all measurements of the last {seconds:.1f} s came too late, by up to 1.45 s "
+        "more than the lag of 0.5 s: raise lag"
+    )
+    ((back, text),) = [(t, text) for t, text in told if "used again" in text]
+    assert text == "GNSS position: its measurements are used again" and 100.0 <= back < 103.0
+    assert not texts(live, "check its connection")
 
 
 def test_a_source_that_never_comes_is_said():
@@ -510,6 +569,23 @@ def test_all_that_came_is_used_or_counted(lag):
     live.finish()
     assert sum(used) + sum(live.dropped_by.values()) == given
     assert live.dropped_by["before a new alignment"] > 100
+
+
+@pytest.mark.parametrize("change", ["g", "ms", "no fixes"])
+def test_what_waits_for_a_start_in_vain_is_counted(change):
+    live, given = live_of(flight()), 0
+    for event in events_of(flight()):
+        if change == "g" and type(event) is Sample:
+            event = event._replace(dv=tuple(v / 9.81 for v in event.dv))
+        elif change == "ms":
+            event = event._replace(t=1e3 * event.t)
+        elif change == "no fixes" and type(event) is Measurement:
+            continue
+        live.step(event)
+        given += 1
+    assert sum(live.dropped_by.values()) < given
+    live.leave()
+    assert sum(live.dropped_by.values()) == given and not live.started
 
 
 def test_copies_are_its_own_or_refused():

@@ -146,6 +146,13 @@ def test_a_hand_held_imu_in_deg_per_second_is_refused_though_it_is_never_steady(
         Recording.from_arrays(t, np.degrees(gyro), accel)
 
 
+@pytest.mark.parametrize("rows", [[200], [100, 200, 300, 400]])
+def test_single_rates_that_no_gyro_measures_are_no_mistake_of_units(rows):
+    t, gyro, accel = level(500)
+    gyro[rows, 0] = 3000.0
+    assert np.abs(Recording.from_arrays(t, gyro, accel).imu.dtheta).max() == pytest.approx(30.0)
+
+
 def test_rates_given_as_increments_are_refused():
     with pytest.raises(DataError, match="are these rates, not increments"):
         imu_from_arrays(*level(200), kind="increment")

@@ -130,9 +130,12 @@ def align(
         return _attitude_start(recording, spec, given, recording.span[0] if at is None else at)
     fixes, velocity = position_and_velocity(recording)
     if fixes is None:
+        names = [a.name or a.kind for a in recording.sources if a.kind == "position"]
         raise DataError(
-            "no position fix to start from: add a source of positions, or give start= (in Python), "
-            "or choose an attitude filter (attitude-mekf, mahony, vru)"
+            f"no position fix to start from: none that can be used came from {', '.join(names)}"
+            if names
+            else "no position fix to start from: add a source of positions, or give start= (in "
+            "Python), or choose an attitude filter (attitude-mekf, mahony, vru)"
         )
     if at is None:
         first = _first_felt(recording, fixes.t)

@@ -134,6 +134,11 @@ def refuse_sample(sample: Sample) -> NoReturn:
     )
 
 
+def unit_of_stamps(apart: float) -> str:
+    """Return the unit in which stamps of an IMU may be that are so many s apart, taken as s."""
+    return "ms" if apart < 1e3 else "us" if apart < 1e6 else "ns"
+
+
 def _is_time(value: object) -> bool:
     """True for a number up to MAX_TIME, and for NaN and inf, which are dropped."""
     return is_number(value) and (abs(value) <= MAX_TIME or value != value or abs(value) == inf)

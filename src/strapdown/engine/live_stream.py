@@ -16,7 +16,7 @@ from ..data.solution import Solution, Source
 from ..data.verdict import Verdict
 from ..plugins import one_line
 from ..typing import File
-from .arrivals import Measurement, Sample, measurement_of, sample_of
+from .arrivals import Measurement, Sample, measurement_of, sample_of, unit_of_stamps
 from .notifier import OnEvent
 from .options import RunOptions, takes
 from .saved_state import contradiction, read_state, write_state
@@ -41,43 +41,68 @@ MEAN_OF = 20
 """Number of intervals of which the mean counts."""
 NEVER_HEARD = 30.0
 """s of samples after which a source without a measurement is silent."""
+AGAIN = 60.0
+"""s after which it is said again that no measurement of a source can be used."""
 MAX_EVENTS = 1000
 """Largest number of events that are kept of alignments before the present one."""
 INVALID_DATA, OTHER_TIME, LEFT = "invalid", "at another time", "before a new alignment"
 """Reasons why data are dropped, beside those of a Stream."""
 
 
+LATE = "too late"
+"""Reason, beside INVALID_DATA, why a measurement of a source is not used."""
+
+
 class _Heard(NamedTuple):
     """The measurements of a source so far."""
 
-    number: int
-    t: float  # s, of the samples when the last one came
-    interval: float  # s, mean of the last ones
+    number: int = 0
+    t: float = nan  # s, of the samples when the last one came
+    interval: float = 0.0  # s, mean of the last ones
+    used: float = nan  # s, when the last one came that could be used
+    lost: tuple[tuple[str, int], ...] = ()  # (reason, number) of those since that could not
+    behind: float = 0.0  # s by which they were too late, at most
 
 
 class Watchdog:
     """Tells which sources are silent, by the time of the samples."""
 
     def __init__(self, sources: int) -> None:
-        self._heard = [_Heard(0, nan, 0.0)] * sources
+        self._heard = [_Heard()] * sources
         self._due = -inf
         self._first = inf
 
-    def hear(self, source: int, t: float) -> None:
-        """Take the time of the samples when a measurement comes, s."""
-        number, last, interval = self._heard[source]
+    def hear(self, source: int, t: float, lost: str = "", behind: float = 0.0) -> None:
+        """Take the time of the samples when a measurement comes, s; `lost` is the reason why it cannot
+        be used, `behind` the s by which it is too late."""
+        before = self._heard[source]
+        number, last, interval = before[:3]
         if number:
             interval += (t - last - interval) / min(number, MEAN_OF)
-        self._heard[source] = _Heard(number + 1, t, interval)
+        if lost:
+            counts = dict(before.lost)
+            counts[lost] = counts.get(lost, 0) + 1
+            left = before.used, tuple(counts.items()), max(behind, before.behind)
+        else:
+            left = t, (), 0.0
+        self._heard[source] = _Heard(number + 1, t, interval, *left)
 
     def silent(self, t: float) -> list[tuple[int, float]]:
-        """[(source, s since its last measurement)] of the silent ones at `t` s."""
+        """[(source, s since its last measurement that could be used)] of the silent ones at `t` s."""
         return [
             (k, t - self._since(heard)) for k, heard in enumerate(self._heard) if self._is(t, heard)
         ]
 
+    def lost(self, source: int) -> dict[str, int]:
+        """{reason: number} of the measurements of a source since the last one that could be used."""
+        return dict(self._heard[source].lost)
+
+    def behind(self, source: int) -> float:
+        """s by which these were too late, at most."""
+        return self._heard[source].behind
+
     def _since(self, heard: _Heard) -> float:
-        return heard.t if heard.number else self._first
+        return heard.used if heard.used == heard.used else self._first
 
     def _is(self, t: float, heard: _Heard) -> bool:
         limit = max(SILENT, SILENT_INTERVALS * heard.interval) if heard.number else NEVER_HEARD
@@ -102,8 +127,8 @@ class LiveStream:
       stops, the stream aligns anew from the samples and measurements since.
     - Where the time of a sample steps ahead by more than 1 s, or back to times that have samples,
       the stream goes on there once samples have done so for 1 s, or 0.5 s, and drops it otherwise.
-    - A source that falls silent for 5 s, and ten of its intervals, is reported, and that it
-      came back, too.
+    - A source that falls silent for 5 s, and ten of its intervals, or of which nothing can be
+      used for so long, is reported, and that it came back, too.
 
     Parameters
     ----------
@@ -219,8 +244,19 @@ class LiveStream:
 
     def _use_fix(self, fix: Measurement) -> None:
         """Give a measurement to the stream."""
-        if self._pass_on(fix) and self._stream.newest > -inf:
-            self._watchdog.hear(self._stream.source_index(fix.source), self._stream.newest)
+        before = self._stream.dropped_by["late"]
+        passed, newest = self._pass_on(fix), self._stream.newest
+        if newest == -inf:
+            return
+        with suppress(DataError):  # of no source
+            source = self._stream.source_index(fix.source)
+            if not passed:
+                self._watchdog.hear(source, newest, INVALID_DATA)
+            elif self._stream.dropped_by["late"] > before:
+                behind = newest - self._stream.lag - fix.t
+                self._watchdog.hear(source, newest, LATE, behind)
+            else:
+                self._watchdog.hear(source, newest)
 
     def _use_sample(self, sample: Sample) -> bool:
         """Give a sample to the stream; return False where it is refused."""
@@ -273,8 +309,9 @@ class LiveStream:
     def _suspect(self, sample: Sample) -> None:
         """Take a sample of which the time jumps; go on there once others have confirmed it."""
         suspects = self._suspects
-        if suspects and abs(sample.t - suspects[-1].t) > max(MAX_STEP, self._stream.lag):
-            self._drop_suspects()
+        apart = sample.t - suspects[-1].t if suspects else 0.0
+        if abs(apart) > max(MAX_STEP, self._stream.lag):
+            self._drop_suspects(apart)
         elif len(suspects) == MAX_SUSPECTS:
             self._drop_suspects()
         self._suspects.append(sample)
@@ -299,8 +336,9 @@ class LiveStream:
         for sample in suspects:
             self._use_sample(sample)
 
-    def _drop_suspects(self) -> None:
-        """Count the suspects; the stream uses or counts those of the last minute, which are late."""
+    def _drop_suspects(self, apart: float = 0.0) -> None:
+        """Count the suspects; the stream uses or counts those of the last minute, which are late. The
+        next sample is `apart` s after them."""
         suspects, fixes = self._suspects, self._suspect_fixes
         self._forget_suspects()
         for fix in fixes:
@@ -313,6 +351,8 @@ class LiveStream:
         if others:
             self._dropped[OTHER_TIME] += len(others)
             off = f"{others[0].t - self._stream.newest:+.6g} s away"
+            if apart > MAX_STEP and others[-1].t > self._stream.newest:
+                off += f", the next {apart:.4g} s after it: are stamps in {unit_of_stamps(apart)}?"
             self._say(OTHER_TIME, f"IMU samples at another time dropped, the first {off}")
 
     def _align_anew(self, reason: str, t: float) -> None:
@@ -359,26 +399,48 @@ class LiveStream:
 
     def _tell_silence(self) -> None:
         """Report sources that have fallen silent since the last look, and those that came back."""
-        silent = dict(self._watchdog.silent(self._stream.newest))
+        silent = dict(self._watchdog.silent(now := self._stream.newest))
         for source, seconds in silent.items():
             name = self._names[source]
-            self._say(
-                f"silent {source}", f"{name}: silent for {seconds:.1f} s: check its connection"
-            )
+            if lost := self._watchdog.lost(source):
+                if not abs(now - self._said.get(about := f"lost {source}", -inf)) < AGAIN:
+                    self._say(about, f"{name}: {self._lost_text(source, lost, seconds)}", now)
+            else:
+                text = f"{name}: silent for {seconds:.1f} s: check its connection"
+                self._say(f"silent {source}", text)
         for source in self._silent - silent.keys():
-            self._say(f"back {source}", f"{self._names[source]}: its measurements come again")
+            was_lost = self._said.pop(f"lost {source}", None) is not None
+            how = "are used again" if was_lost else "come again"
+            self._say(f"back {source}", f"{self._names[source]}: its measurements {how}")
         self._silent = set(silent)
+
+    def _lost_text(self, source: int, lost: Mapping[str, int], seconds: float) -> str:
+        """Say why measurements came and none could be used."""
+        if set(lost) == {LATE}:
+            return (
+                f"all measurements of the last {seconds:.1f} s came too late, by up to "
+                f"{self._watchdog.behind(source):.3g} s more than the lag of {self._stream.lag:g} s: "
+                "raise lag"
+            )
+        counts = ", ".join(f"{count} {reason}" for reason, count in lost.items())
+        return f"none of the measurements of the last {seconds:.1f} s could be used: {counts}"
 
     @property
     def silent(self) -> dict[str, float]:
-        """{name: s since its last measurement} of the sources that are silent."""
+        """{name: s since its last measurement that could be used} of the sources that are silent."""
         found = self._watchdog.silent(self._stream.newest)
         return {self._names[source]: seconds for source, seconds in found}
 
     @property
     def waits_for(self) -> str:
         """Data that are needed before the state is valid, as text; empty where it is."""
-        return self._stream.waits_for
+        text = self._stream.waits_for
+        lost = [
+            f"{name} {count} {reason}"
+            for source, name in enumerate(self._names)
+            for reason, count in self._watchdog.lost(source).items()
+        ]
+        return f"{text} (dropped: {', '.join(lost)})" if text and lost else text
 
     @property
     def stream(self) -> Stream:
@@ -450,6 +512,15 @@ class LiveStream:
         if self._suspects:
             self._drop_suspects()
         return self._stream.finish()
+
+    def leave(self) -> None:
+        """Count the data that wait for a start, where it ends without one."""
+        if self._suspects:
+            self._drop_suspects()
+        if not self._stream.started:
+            reason = "before the start"
+            count = self._dropped_before.get(reason, 0) + self._stream.unused
+            self._dropped_before[reason] = count
 
     # ---- copies, save and restore
 

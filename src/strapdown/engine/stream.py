@@ -446,7 +446,8 @@ class Stream:
         try:
             start = self._find_start()
         except DataError as error:
-            gathered.found = str(error)
+            text = str(error)
+            gathered.found = f"a{text[2:]}" if text.startswith("no ") else f"a start: {text}"
             if gathered.late:
                 self._notifier.note(words.Said.NO_START, 0, sample[0], because=str(error))
             return

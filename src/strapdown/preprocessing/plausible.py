@@ -31,6 +31,9 @@ ACCEL_SLIPS = (
 )
 """Factors of mistaken units in gravity, and their messages."""
 NO_GRAVITY = "gravity was taken out of them; record the raw accelerometer"
+SPIKES = 0.01
+"""Share of samples with rates beyond the range of gyros that may be spikes; of values in deg/s that
+were read as rad/s it is larger wherever their rms is so."""
 UNEVEN = 2.0
 """Ratio of the 90th to the 10th percentile of a force that is not mostly gravity."""
 
@@ -51,6 +54,7 @@ def mistakes(
 ) -> list[tuple[str, str]]:
     """Return [(field, text)] of impossible values; the field is the key of [imu] that is probably
     incorrect, `kind` the given kind of the samples, `vehicle` the carrier of the IMU."""
+    imu = _without_spikes(imu)
     rate, force = half_seconds(imu)
     found = _unit_of_accel(force, float(np.median(imu.dt)), kind)
     if not found:
@@ -65,6 +69,14 @@ def refuse_mistakes(
     """Raise DataError, which begins with `where`, with the first of the `mistakes`."""
     for _, text in mistakes(imu, kind, vehicle):
         raise DataError(f"{where}: {text}")
+
+
+def _without_spikes(imu: Imu) -> Imu:
+    """Return the samples without single rates that no gyro measures, which filters bridge; where there
+    are many, all of them."""
+    beyond = np.abs(imu.dtheta).max(axis=1) > COMMON_GYRO_RANGE * imu.dt
+    few = 0 < np.count_nonzero(beyond) <= SPIKES * len(imu.t)
+    return Imu(*(column[~beyond] for column in imu)) if few else imu
 
 
 def half_seconds(imu: Imu) -> tuple[Array, Array]:

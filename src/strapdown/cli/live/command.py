@@ -46,23 +46,34 @@ def live(
     uses_output = any(part.address.kind == "-" for part in program.config.outputs)
     # a collection of all that was loaded until now would keep samples waiting
     gc.freeze()
-    try:
-        if terminal and (uses_output or not is_shown()):
-            other = "the output `-`" if uses_output else "--json"
-            raise sd.DataError(f"--terminal and {other} both need standard output; leave out one")
-        if program.page:
-            _say_error(f"page: {program.page}")
-        with TerminalView(program.watch()) if terminal else nullcontext():
-            program.run(inf if seconds is None else seconds)
-    finally:
-        program.close()
-        _end_output(program, not uses_output)
+    with program:
+        _check_standard_output(terminal, uses_output)
+        try:
+            if program.page:
+                _say_error(f"page: {program.page}")
+            with TerminalView(program.watch()) if terminal else nullcontext():
+                program.run(inf if seconds is None else seconds)
+        finally:
+            program.close()
+            _end_output(program, not uses_output)
     if signal.SIGINT in told:
         raise typer.Exit(INTERRUPTED)
 
 
 ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 """Signals that end a program in order; Ctrl-C does so, too, with a code of its own."""
+
+
+def _check_standard_output(terminal: bool, uses_output: bool) -> None:
+    """Refuse two that both need standard output. Raises DataError."""
+    needed = {
+        "--terminal": terminal,
+        "the output `-`": uses_output,
+        "--json": not is_shown(),
+    }
+    names = [name for name, needs in needed.items() if needs]
+    if len(names) > 1:
+        raise sd.DataError(f"{names[0]} and {names[1]} both need standard output; leave out one")
 
 
 def _complain(t: float, text: str) -> None:
@@ -87,7 +98,7 @@ def _end_output(program: "Live", says: bool) -> None:
 
 
 def _summarise(program: "Live", says: bool) -> None:
-    """Record counts and clocks, and say them."""
+    """Record counts and clocks, and say them: on standard error where states go to standard output."""
     from .dashboard import losses, source_rows
     from .terminal import loss_lines, uses_text
 
@@ -96,12 +107,18 @@ def _summarise(program: "Live", says: bool) -> None:
     record(counts={each["name"]: (each["used"], each["rejected"]) for each in rows})
     clocks = {port: clock._asdict() for port, clock in program.clocks.items()}
     record(**lost | {"clocks": clocks})
+    record(cut_logs=program.cut_logs)
+    tell = say if says else _say_error
+    for each in rows:
+        tell(f"{each['name']}: {uses_text(each)}")
+    for line in loss_lines(lost):
+        tell(line)
+    for path, why in program.cut_logs.items():
+        tell(f"{path}: ends too early: {why}")
     if says:
-        for each in rows:
-            say(f"{each['name']}: {uses_text(each)}")
-        for line in loss_lines(lost):
-            say(line)
-    wrote(*program.logs)
+        wrote(*program.logs)
+    elif program.logs:
+        tell(f"wrote {', '.join(map(str, program.logs))}")
 
 
 def _set_signals(numbers: Sequence[int], handler: Callable[[int, object], None]) -> None:

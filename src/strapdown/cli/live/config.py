@@ -1,5 +1,6 @@
 """The configuration of `strapdown live`: a TOML file, or a table of the same keys."""
 
+import os
 from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
@@ -155,7 +156,7 @@ def _check_names(sources: Sequence[Source], name: str) -> None:
 
 
 def _check_files(config: Config) -> None:
-    """Refuse a file that is written twice, or read and written. Raises DataError."""
+    """Refuse a file that is written twice, or read and written, or cannot be. Raises DataError."""
     reads = [part.recording or _file_of(part.address) for part in config.inputs]
     outputs = [_file_of(part.address) for part in config.outputs]
     writes = [each for each in (config.log, config.state, *outputs) if each]
@@ -165,6 +166,19 @@ def _check_files(config: Config) -> None:
                 f"{config.name}: {path} is named twice among log, state, inputs and outputs; write to a "
                 "file of its own"
             )
+        _check_writable(path, config.name)
+
+
+def _check_writable(path: str, name: str) -> None:
+    """Refuse a file that is not there and cannot be made, or cannot be written. Raises DataError."""
+    folder, file = Path(path).parent, Path(path)
+    if not folder.is_dir():
+        raise DataError(
+            f"{name}: {path}: there is no folder {folder}; make it, or name another one"
+        )
+    # an output is appended to, and the others are made in the folder
+    if not os.access(file if file.exists() and not file.is_file() else folder, os.W_OK):
+        raise DataError(f"{name}: {path} cannot be written there; name another folder")
 
 
 def _file_of(address: Address | None) -> str:

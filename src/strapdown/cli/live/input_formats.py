@@ -65,6 +65,10 @@ class Decoder(ABC):
         """Return the events that are complete because nothing came for QUIET s."""
         return []
 
+    def end(self) -> list[Sample | Measurement]:
+        """Return the events that are complete because the input ended, and count what is not."""
+        return []
+
     @property
     def unused(self) -> int:
         """Number of the last bytes that a decoder needs again to go on after a restart."""
@@ -142,6 +146,10 @@ class Receiver(Decoder):
         if not self._waits or time.monotonic() < (self.last or 0.0) + QUIET:
             return []
         return self._new(True)
+
+    def end(self) -> list[Sample | Measurement]:
+        """As of Decoder."""
+        return self._new(True) if self._waits else []
 
     def _new(self, whole: bool) -> list[Sample | Measurement]:
         """Return the measurements that were not there before; `whole`: also of the last epoch."""

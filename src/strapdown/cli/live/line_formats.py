@@ -6,6 +6,7 @@ from math import nan
 from typing import Any
 
 from ...checks import DataError, brief
+from ...engine.arrivals import unit_of_stamps
 from ...engine.stream import Measurement, Sample
 from ...fileio.file_access import json_of
 from ...plugins import one_line
@@ -16,6 +17,8 @@ MAX_LINE = 1 << 16
 """Bytes of a line, at most."""
 MAX_GAP = 1.0
 """s between two rates, at most, over which the first one gives the length of the sample."""
+MANY_APART = 3
+"""Number of rates in a row over MAX_GAP after which their stamps may have another unit."""
 STEPPED = 0.5
 """s for which rates must come late in a row before their clock counts as one that stepped back."""
 NO_CLOCK = "none"
@@ -30,6 +33,7 @@ class _Lines(Decoder):
         self._clock, self._scale, self._rest = clock, scale, b""
         # s, of rates: the newest sample, and the first of those that came late in a row
         self._last = self._behind = nan
+        self._apart = 0  # number of rates in a row that are too far from the ones before
 
     @property
     def unused(self) -> int:
@@ -51,6 +55,10 @@ class _Lines(Decoder):
                     self.bad += 1
                     self.why = self.why or f"{brief(line)}: {_reason(error)}"
         return found
+
+    def end(self) -> list[Sample | Measurement]:
+        """As of Decoder: an object of JSON shows whether it is whole."""
+        return self.feed(b"\n") if self._rest else []
 
     @abstractmethod
     def _table(self, line: bytes) -> dict[str, Any]:
@@ -75,23 +83,36 @@ class _Lines(Decoder):
             return Sample(
                 t, _plain_number(table["dt"]), _three(table["dtheta"]), _three(table["dv"])
             )
+        rates = [_three(table[key]) for key in ("gyro", "accel")]
         dt = _plain_number(table["dt"]) if "dt" in table else self._interval(t)
-        rates = (_three(table[key]) for key in ("gyro", "accel"))
-        if not 0 < dt <= MAX_GAP:  # the first one, or one after a gap
+        if dt is None:  # the first one
             return None
         dtheta, dv = ((x * dt, y * dt, z * dt) for x, y, z in rates)
         return Sample(t, dt, dtheta, dv)
 
-    def _interval(self, t: float) -> float:
-        """Return s since the sample before. Raises DataError for one that comes late, since the one
-        after it was integrated over its time, unless the clock stepped back."""
+    def _interval(self, t: float) -> float | None:
+        """Return s since the sample before, None for the first one of its clock. Raises DataError for
+        one that comes late, since the one after it was integrated over its time, unless the clock
+        stepped back, and for one that comes long after, whose length is unknown."""
+        if t != t:
+            raise DataError("a sample has no time")
         if t <= self._last:
             if not t >= self._behind:
                 self._behind = t
             if t - self._behind < STEPPED:
                 raise DataError("a sample of rates without dt came late")
         last, self._last, self._behind = self._last, t, nan
-        return t - last
+        if not t > last:
+            return None
+        if t - last <= MAX_GAP:
+            self._apart = 0
+            return t - last
+        self._apart += 1
+        text = f"{t - last:.4g} s apart"
+        if self._apart == MANY_APART:
+            unit = unit_of_stamps(t - last)
+            self.news.append(f"samples are {text} and dropped: are their stamps in {unit}?")
+        raise DataError(f"samples of rates without dt are {text}, so this one's length is unknown")
 
 
 class JsonLines(_Lines):
@@ -121,6 +142,14 @@ class CsvLines(_Lines):
     def resume(self, memory: Any) -> None:
         """As of Decoder."""
         self._names = [*map(str, memory)]
+
+    def end(self) -> list[Sample | Measurement]:
+        """As of Decoder: of a line without its end the last number may be cut."""
+        if self._rest.strip():
+            self.bad += 1
+            self.why = self.why or f"{brief(self._rest)}: the last line has no end"
+        self._rest = b""
+        return []
 
     def _table(self, line: bytes) -> dict[str, Any]:
         cells = [cell.strip().strip('"') for cell in line.decode().split(",")]

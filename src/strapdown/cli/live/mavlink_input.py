@@ -45,11 +45,11 @@ class MavLink(Decoder):
         for message in self._parser.parse_buffer(piece) or ():
             name = message.get_type()
             if name == "BAD_DATA":
-                self.bad += 1
+                self._refuse("bytes that are no message")
             elif name in ("HIGHRES_IMU", "SCALED_IMU", "GPS_RAW_INT", "SYSTEM_TIME"):
                 self._system = self._system or message.get_srcSystem()
                 if message.get_srcSystem() != self._system:
-                    self.bad += 1
+                    self._refuse(f"system {message.get_srcSystem()} sends, too")
                 elif name == "SYSTEM_TIME":
                     self._set_clock(message)
                 elif name == "GPS_RAW_INT":
@@ -58,14 +58,17 @@ class MavLink(Decoder):
                     found += self._sample(name, message)
         return found
 
+    def _refuse(self, why: str) -> None:
+        self.bad, self.why = self.bad + 1, self.why or why
+
     def _set_clock(self, message: Any) -> None:
         if message.time_unix_usec <= UNIX:
             return
         ahead = message.time_unix_usec / 1e6 - message.time_boot_ms / 1e3
         try:
             check_moment(start := float(gps_from_unix(ahead)))
-        except DataError:
-            self.bad += 1
+        except DataError as error:
+            self._refuse(f"SYSTEM_TIME: {error}")
             return
         self._ahead = ahead
         if self._clock.epoch is None:
@@ -86,6 +89,8 @@ class MavLink(Decoder):
         last, self._last = self._last, t
         dt = t - last
         if not 0 < dt <= MAX_GAP:
+            if dt == dt:  # the first one has none before
+                self._refuse(f"{name} {dt:.4g} s after the one before, so its length is unknown")
             return []
         gyro = (message.xgyro, message.ygyro, message.zgyro)
         accel = (message.xacc, message.yacc, message.zacc)
@@ -98,10 +103,13 @@ class MavLink(Decoder):
         t = message.time_usec / 1e6
         if message.time_usec > UNIX:
             t -= self._ahead
-        if message.fix_type < THREE_DIMENSIONS or t != t:
+        if message.fix_type < THREE_DIMENSIONS:
+            return []
+        if t != t:
+            self._refuse("GPS_RAW_INT has UNIX time, and no SYSTEM_TIME came")
             return []
         if not (message.h_acc and message.v_acc):
-            self.bad += 1
+            self._refuse("GPS_RAW_INT has no accuracies; send MAVLink 2")
             return []
         lat, lon = radians(message.lat / 1e7), radians(message.lon / 1e7)
         height = message.alt_ellipsoid / 1e3

@@ -98,6 +98,7 @@ class _Bytes:
                 self.pulse_clock.take_pulse(time_of_arrival(came))
             self.pulse_clock.look(time_of_arrival())
         found: list[Sample | Measurement] = []
+        lost = self.port.lost
         for k, piece in enumerate(self.port.read()):
             events = self.decoder.feed(piece + b"\n" if self.ends_lines else piece)
             found += events
@@ -105,6 +106,16 @@ class _Bytes:
                 self.senders.take(self.port.senders[k])
         if has_time:
             found += self.decoder.idle()
+        if self.ended or self.port.lost > lost:
+            found += self.decoder.end()
+        return self._timed(found)
+
+    def rest(self) -> list[Sample | Measurement]:
+        """Return what is complete because the program ends, and count what is not."""
+        return self._timed(self.decoder.end())
+
+    def _timed(self, found: list[Sample | Measurement]) -> list[Sample | Measurement]:
+        """Return events with times by their arrival where that counts."""
         if self.unstamped is not None:
             return self._at_arrival(self.unstamped, found)
         return found if self.clocked is None else self._by_arrival(self.clocked, found)
@@ -198,6 +209,10 @@ class _Replayed:
             self._next = next(self._events, None)
         return found
 
+    def rest(self) -> list[Sample | Measurement]:
+        """Return nothing: events of a recording are whole."""
+        return []
+
     def close(self) -> None:
         """Take nothing more."""
         self._next = None
@@ -262,6 +277,7 @@ class _Log:
 
     def __init__(self, path: str, tell: Callable[[str], None]) -> None:
         self._path, self._tell, self.written = Path(path), tell, list[Path]()
+        self._now, self.cut = self._path, dict[Path, str]()  # why a file ends too early
         self._file: BinaryIO | None = None
         self._start: object = None
         self._forced, self._forcing = time.monotonic(), DiskJob(self._fail)
@@ -283,6 +299,7 @@ class _Log:
         assert stream.start is not None  # it has used a sample
         setup = (stream.start, config.imu, config.vehicle, stream.estimated)
         line = head_line(config.filter, stream.used, *setup)
+        self._now = path
         self._file = path.open("xb")
         self.written.append(path)
         self._file.write(line.encode())
@@ -308,8 +325,10 @@ class _Log:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        why = getattr(error, "strerror", "") or error
-        self._tell(f"log: cannot be written ({why}); it ends here")
+        if self._now in self.cut:  # as when what was left over is written
+            return
+        self.cut[self._now] = why = getattr(error, "strerror", "") or str(error)
+        self._tell(f"log: {self._now}: cannot be written ({why}); it ends here")
         self.close()
 
     def close(self) -> None:
@@ -446,16 +465,19 @@ class Live:
         for each in self.inputs:
             for event in each.events(not CALM < self.since_sample < QUIET):
                 count += 1
-                self.stream.step(event)
-                if isinstance(event, Sample):
-                    self._hear_samples()
-                    if self.stream.started:
-                        for output in self.outputs:
-                            output.show(self.stream, self.clock.epoch)
-                        if self._dashboard is not None:
-                            self._dashboard.pass_by(self.stream)
+                self._step(event)
         self._look_after()
         return count > 0
+
+    def _step(self, event: Sample | Measurement) -> None:
+        self.stream.step(event)
+        if isinstance(event, Sample):
+            self._hear_samples()
+            if self.stream.started:
+                for output in self.outputs:
+                    output.show(self.stream, self.clock.epoch)
+                if self._dashboard is not None:
+                    self._dashboard.pass_by(self.stream)
 
     def _hear_samples(self) -> None:
         self._heard = time.monotonic()
@@ -578,14 +600,15 @@ class Live:
         if self._closed:
             return
         self._closed = True
+        # what a restart reads again is left to it
+        left = self._growing_files() if self.config.state else []
+        for each in self.inputs:
+            for event in each.rest() if each not in left else []:
+                self._step(event)
         if self.config.state:
             self._save()
         self._saving.end()
-        try:
-            if self.stream.started:
-                self.stream.finish()
-        except DataError as error:
-            self._tell(str(error))
+        self._finish()
         self.verdicts.close()
         for each in self.inputs:
             each.close()
@@ -598,6 +621,16 @@ class Live:
             self._dashboard.close()
         if self._server is not None:
             self._server.close()
+
+    def _finish(self) -> None:
+        """Use what waits, or count it where there was no start; a state on disk keeps that."""
+        try:
+            if self.stream.started:
+                self.stream.finish()
+            elif not self.config.state:
+                self.stream.leave()
+        except DataError as error:
+            self._tell(str(error))
 
     def __enter__(self) -> "Live":
         return self
@@ -687,3 +720,8 @@ class Live:
     def logs(self) -> list[Path]:
         """Files of the log, one for each start."""
         return [*self._log.written] if self._log else []
+
+    @property
+    def cut_logs(self) -> dict[str, str]:
+        """{file of the log: why it ends too early}."""
+        return {str(path): why for path, why in self._log.cut.items()} if self._log else {}

@@ -274,6 +274,12 @@ class ReceiverWithImu(Decoder):
         self._count()
         return found
 
+    def end(self) -> list[Sample | Measurement]:
+        """As of Decoder."""
+        found = self._gnss.end()
+        self._count()
+        return found
+
     def _count(self) -> None:
         for each in (self._gnss, self._imu):
             self.bad, each.bad = self.bad + each.bad, 0

@@ -1,7 +1,6 @@
 """Places where states go to, none of which ever waits: those of `ports`. What cannot be written is
 dropped and counted, and half a message never stays."""
 
-import errno
 import os
 import select
 import socket
@@ -121,11 +120,14 @@ class Sink:
 
 def _write_whole(file: int, data: bytes) -> int:
     """Append to a file, whole or not at all: of a full disk it may take a part. Raises OSError."""
-    count = os.write(file, data)
-    if count < len(data):
-        os.ftruncate(file, os.fstat(file).st_size - count)
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    return count
+    done = os.write(file, data)
+    try:
+        while done < len(data):  # the next call says why it takes no more
+            done += os.write(file, data[done:])
+    except OSError:
+        os.ftruncate(file, os.fstat(file).st_size - done)
+        raise
+    return done
 
 
 def _end_line(path: Path, file: int) -> None:
