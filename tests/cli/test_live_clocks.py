@@ -86,13 +86,14 @@ def test_a_smaller_delay_counts_at_once(late, first, drift):
     stamps, arrived, best = stamped(200.0, drift=drift)
     behind = stamps - stamps[0]
     found = []
-    for stamp, at in zip(stamps.tolist(), (arrived + first * (behind < late)).tolist()):
+    delayed = np.maximum.accumulate(arrived + first * (behind < late))
+    for stamp, at in zip(stamps.tolist(), delayed.tolist()):
         assert clock.take(stamp, at)
         found.append(clock.time(stamp) if clock.ready else np.nan)
         if clock.ready:
             assert clock.estimate.offset == pytest.approx(found[-1] - stamp, abs=1e-3)
     off = np.abs(np.array(found) - best)
-    assert np.nanmax(off[behind > late + 0.2]) < 5e-3
+    assert np.nanmax(off[behind > late + first + 0.2]) < 6e-3
     assert np.nanmax(off[behind > late + 60.0]) < 1.5e-3
     assert len(clock.news) == (first > 0.1)
 
@@ -143,11 +144,14 @@ def test_that_times_were_late_is_said(tmp_path, monkeypatch):
     ):
         live.turn()
         for k in range(300):
-            now[0] = 0.01 * k + (0.4 if k < 150 else 0.002)
+            now[0] = max(0.01 * k + (0.4 if k < 150 else 0.002), now[0])
             table = {"t": 0.01 * k, "dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, -0.098]}
             sender.sendto(json.dumps(table).encode(), ("127.0.0.1", port))
             live.turn()
-    assert [text for text in said if "a message came 398 ms earlier than all before" in text]
+    assert [text for text in said if " ms earlier than all before" in text] == [
+        f"udp:127.0.0.1:{port}: messages come 398 ms earlier than all before, whose delays were longer; the "
+        "smallest delay is that of these"
+    ]
 
 
 def test_delays_that_are_longer_for_long_move_nothing():

@@ -127,6 +127,7 @@ class ArrivalClock:
         self._line: tuple[float, float, float] | None = None  # (stamp, offset, drift)
         self._steady: tuple[float, float] | None = None  # (stamp, offset) of the newest sample
         self._delays: deque[float] = deque(maxlen=DELAYS)
+        self._earlier = 0.0  # s by which messages of the open bin came earlier than all before
         self._other = nan  # offset of the last message, where that was of another clock
 
     def take(self, stamp: float, arrived: float) -> bool:
@@ -174,11 +175,7 @@ class ArrivalClock:
         self._open = None
         self._bins.clear()
         self._delays.clear()
-        if by > TOLD:
-            self.news.append(
-                f"a message came {1e3 * by:.0f} ms earlier than all before, whose delays were longer; its "
-                "delay counts as the smallest"
-            )
+        self._earlier += by
 
     @property
     def ready(self) -> bool:
@@ -229,6 +226,13 @@ class ArrivalClock:
 
     def _fit(self) -> None:
         """Set the line to the edge of the lower hull over the mean of the stamps."""
+        # a queue that empties brings one message after the other a little earlier
+        if self._earlier > TOLD:
+            self.news.append(
+                f"messages come {1e3 * self._earlier:.0f} ms earlier than all before, whose delays were "
+                "longer; the smallest delay is that of these"
+            )
+        self._earlier = 0.0
         points, newest = _possible(sorted(self._bins)), max(self._bins)[0]
         if len(points) < self._min_bins:
             # few bins tell no drift: the smallest delays differ by more than a clock drifts meanwhile
