@@ -182,7 +182,7 @@ def test_fences_are_of_a_known_kind(page):
         f"{page.name}: a block is not closed"
     )
     for block in blocks(page):
-        assert block.language in ("python", "sh", "toml", "text"), (
+        assert block.language in ("python", "sh", "toml", "text", "c"), (
             f"{page.name}:{block.line}: {block.language!r}"
         )
         assert set(block.flags) <= {"needs-data", f"file={block.file}"}, (

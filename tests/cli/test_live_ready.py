@@ -86,7 +86,8 @@ def test_a_disk_that_fails_ends_the_log_and_is_said_once(replayed, tmp_path, mon
             pass
         assert live.stream.started
     wrong = [text for text in said if text.startswith("log: ")]
-    assert wrong == ["log: cannot be written (No space left on device); it ends here"]
+    path = tmp_path / "log.jsonl"
+    assert wrong == [f"log: {path}: cannot be written (No space left on device); it ends here"]
 
 
 def test_calls_of_a_disk_job_follow_each_other_and_pass_their_errors_on():

@@ -147,7 +147,7 @@ def test_the_wind_walks_once_past_readings_that_are_left_out(simulator):
     """As above of a reading that is frozen from 40 s on, which no filter is asked of."""
     recording, start = simulator.run("industrial", 1)
     (airspeed,), _ = air_sources(recording.reference, np.random.default_rng(1), ("true-airspeed",))
-    still = replace(frozen(airspeed), std=np.full_like(airspeed.std, 1e9))
+    still = replace(frozen(airspeed), std=np.full_like(airspeed.std, 1e9), gate=None)
     expected = np.sqrt(WIND["state_std"] ** 2 + WIND["state_walk"] ** 2 * airspeed.t[-1])
     solution = sd.fuse(replace(recording, sources=(*recording.sources, still)), start=start)
     assert any("frozen at one value" in text for _, text in solution.events)
