@@ -967,10 +967,36 @@ def test_silence_and_a_port_that_is_not_there_are_said(tmp_path, monkeypatch):
     assert said == [
         "serial:/dev/none:9600: No such file or directory; it is tried again each 1 s",
         f"file:{path}: No such file or directory; it is tried again each 1 s",
-        "IMU: no sample for 0.2 s",
+        "IMU: no sample of use for 0.2 s",
         "IMU: samples come again",
         f"file:{path}: goes on",
     ]
+    live.close()
+
+
+@pytest.mark.parametrize("change", ["frozen", "NaN"])
+def test_samples_that_are_dropped_keep_no_state_valid(change, tmp_path, monkeypatch):
+    from strapdown.cli.live import program
+
+    monkeypatch.setattr(program, "IMU_SILENT", 0.2)
+    path, out, said = tmp_path / "lines", tmp_path / "out", []
+    asked = config(tmp_path, {"port": f"file:{path}"}, output=[{"port": f"file:{out}"}])
+    path.write_bytes(b"".join(json_lines(flight())))
+    live = sd.Live(asked, on_event=lambda t, text: said.append(text))
+    turn_until(live, lambda: live.stream.stream.newest > 19.99 and not live.turn())
+    t, count = live.stream.stream.newest, len(out.read_bytes().splitlines())
+    end = time.monotonic() + program.BRIDGE + 0.2
+    while time.monotonic() < end:
+        wrong = {"t": t, "dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, -0.098]}
+        if change == "NaN":
+            wrong |= {"t": (t := t + 0.01), "dv": [0, None, -0.098]}
+        with path.open("a") as file:
+            file.write(json.dumps(wrong) + "\n")
+        live.turn()
+        time.sleep(0.01)
+    assert live.is_stale and live.status == program.INVALID
+    assert "IMU: no sample of use for 0.2 s" in said
+    assert len(out.read_bytes().splitlines()) == count
     live.close()
 
 

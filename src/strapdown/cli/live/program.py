@@ -48,7 +48,7 @@ FLUSH = 1.0
 LOOK = 1.0
 """s between two looks at ports for what is to be reported."""
 IMU_SILENT = 5.0
-"""s without a sample after which that is reported."""
+"""s without a sample of use after which that is reported."""
 CALM = 0.001
 """s after a sample in which an epoch of a receiver is decoded, which takes longer than a sample: the
 next one comes later."""
@@ -470,8 +470,11 @@ class Live:
         return count > 0
 
     def _step(self, event: Sample | Measurement) -> None:
+        newest = self.stream.stream.newest
         self.stream.step(event)
-        if isinstance(event, Sample):
+        # a sample that is dropped, or waits to be confirmed, renews nothing; a new alignment may begin
+        # at an earlier time
+        if isinstance(event, Sample) and self.stream.stream.newest != newest:
             self._hear_samples()
             if self.stream.started:
                 for output in self.outputs:
@@ -501,7 +504,7 @@ class Live:
             self._look_at_ports()
         if now > self._heard + IMU_SILENT and not self._is_silent:
             self._is_silent = True
-            self._tell(f"IMU: no sample for {IMU_SILENT:g} s")
+            self._tell(f"IMU: no sample of use for {IMU_SILENT:g} s")
         self._judge()
         self._show()
 
@@ -694,12 +697,12 @@ class Live:
 
     @property
     def since_sample(self) -> float:
-        """s since the newest sample came, or the program began."""
+        """s since the last sample came that the stream took, or the program began."""
         return time.monotonic() - self._heard
 
     @property
     def is_stale(self) -> bool:
-        """True where no sample came for so long that a filter would not bridge it."""
+        """True where no sample that the stream took came for so long that a filter would not bridge it."""
         return self.stream.stream.newest > -inf and self.since_sample > BRIDGE
 
     @property
