@@ -430,11 +430,25 @@ def test_a_source_that_always_comes_too_late_is_said_again_and_when_that_ends():
     seconds = first[0] - 20.0
     assert first[1] == (
         f"GNSS position: all measurements of the last {seconds:.1f} s came too late, by up to 1.45 s "
-        "more than the lag of 0.5 s: raise lag"
+        "more than the lag of 0.5 s: set a longer lag"
     )
     ((back, text),) = [(t, text) for t, text in told if "used again" in text]
     assert text == "GNSS position: its measurements are used again" and 100.0 <= back < 103.0
     assert not texts(live, "check its connection")
+
+
+@pytest.mark.parametrize("cause", ["not finite", "twice"])
+def test_a_source_of_which_all_is_dropped_is_silent(cause):
+    recording, kept = flight(60.0), None
+    live = live_of(recording, start=start(flight()))
+    for event in events_of(recording):
+        if type(event) is Measurement and event.source == 0 and event.t > 20.0:
+            kept = kept or event
+            event = kept if cause == "twice" else event._replace(y=(np.nan,) * 3)
+        live.step(event)
+    assert [*live.silent] == ["GNSS position"] and live.dropped_by[cause] > 30
+    (text,) = texts(live, "could be used")
+    assert text.startswith("GNSS position: none of the") and text.endswith(f" {cause}")
 
 
 def test_a_source_that_never_comes_is_said():

@@ -49,8 +49,8 @@ INVALID_DATA, OTHER_TIME, LEFT = "invalid", "at another time", "before a new ali
 """Reasons why data are dropped, beside those of a Stream."""
 
 
-LATE = "too late"
-"""Reason, beside INVALID_DATA, why a measurement of a source is not used."""
+LATE = "late"
+"""The reason of a Stream that names by how much."""
 
 
 class _Heard(NamedTuple):
@@ -244,7 +244,7 @@ class LiveStream:
 
     def _use_fix(self, fix: Measurement) -> None:
         """Give a measurement to the stream."""
-        before = self._stream.dropped_by["late"]
+        before = self._stream.dropped_by
         passed, newest = self._pass_on(fix), self._stream.newest
         if newest == -inf:
             return
@@ -252,11 +252,11 @@ class LiveStream:
             source = self._stream.source_index(fix.source)
             if not passed:
                 self._watchdog.hear(source, newest, INVALID_DATA)
-            elif self._stream.dropped_by["late"] > before:
-                behind = newest - self._stream.lag - fix.t
-                self._watchdog.hear(source, newest, LATE, behind)
-            else:
-                self._watchdog.hear(source, newest)
+                return
+            after = self._stream.dropped_by
+            lost = next((cause for cause, count in after.items() if count > before[cause]), "")
+            behind = newest - self._stream.lag - fix.t if lost == LATE else 0.0
+            self._watchdog.hear(source, newest, lost, behind)
 
     def _use_sample(self, sample: Sample) -> bool:
         """Give a sample to the stream; return False where it is refused."""
@@ -420,7 +420,7 @@ class LiveStream:
             return (
                 f"all measurements of the last {seconds:.1f} s came too late, by up to "
                 f"{self._watchdog.behind(source):.3g} s more than the lag of {self._stream.lag:g} s: "
-                "raise lag"
+                "set a longer lag"
             )
         counts = ", ".join(f"{count} {reason}" for reason, count in lost.items())
         return f"none of the measurements of the last {seconds:.1f} s could be used: {counts}"
