@@ -24,6 +24,7 @@ from strapdown.checks import DataError
 from strapdown.cli.live.config import OutputPart
 from strapdown.cli.live.ports import address_of
 from strapdown.cli.live.program import _StatePort
+from strapdown.data.solution import INVALID
 from strapdown.data.vehicle import find as find_vehicle
 from strapdown.engine.stream import Sample
 from strapdown.geometry.geodesy import displacement
@@ -994,7 +995,7 @@ def test_samples_that_are_dropped_keep_no_state_valid(change, tmp_path, monkeypa
             file.write(json.dumps(wrong) + "\n")
         live.turn()
         time.sleep(0.01)
-    assert live.is_stale and live.status == program.INVALID
+    assert live.is_stale and live.status == INVALID
     assert "IMU: no sample of use for 0.2 s" in said
     assert len(out.read_bytes().splitlines()) == count
     live.close()
@@ -1570,6 +1571,22 @@ def test_a_state_of_another_configuration_is_kept(tmp_path, change, monkeypatch)
         sd.Live(asked)
     (tmp_path / "state").write_bytes(before[:-9])  # of no use to anyone
     sd.Live(asked).close()
+
+
+def test_a_restored_state_is_stale_until_a_sample_comes(tmp_path):
+    asked, path = growing(tmp_path)
+    lines = by_unix(flight(), 1_700_006_400.0)
+    path.write_bytes(b"".join(lines[:-100]))
+    with sd.Live(asked) as live:
+        turn_until(live, lambda: live.stream.started and not live.turn())
+        assert live.status == live.stream.status != INVALID
+    with sd.Live(asked) as again:
+        again.turn()
+        assert again.stream.started and again.is_stale and again.status == INVALID
+        with path.open("ab") as file:
+            file.write(b"".join(lines[-100:]))
+        turn_until(again, lambda: not again.is_stale)
+        assert again.status == again.stream.status != INVALID
 
 
 def test_a_restart_goes_on_where_the_file_was_read_up_to(tmp_path):

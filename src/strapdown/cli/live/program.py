@@ -423,6 +423,7 @@ class Live:
         self._saving = DiskJob(lambda error: self._tell(str(error)))
         self._notices, self._looked = Notices(self._tell), -inf
         self._is_silent, self._closed, self._ends = False, False, False
+        self._is_restored = False  # and no sample of use came since
         if own.state and Path(own.state).exists():
             self._restore()
         self._server = None if page is None else PageServer(self.watch(), page)
@@ -448,6 +449,7 @@ class Live:
         saved = self.stream.epoch
         if own is not None and saved != own:
             raise _not_replaced(f"{path}: was saved with another epoch")
+        self._is_restored = True
         # times go on from the same midnight, however long the program was off
         self.clock.epoch = saved
         for name, mark in self.stream.carried.items():
@@ -483,7 +485,7 @@ class Live:
                     self._dashboard.pass_by(self.stream)
 
     def _hear_samples(self) -> None:
-        self._heard = time.monotonic()
+        self._heard, self._is_restored = time.monotonic(), False
         if self._is_silent:
             self._is_silent = False
             self._tell("IMU: samples come again")
@@ -702,8 +704,10 @@ class Live:
 
     @property
     def is_stale(self) -> bool:
-        """True where no sample that the stream took came for so long that a filter would not bridge it."""
-        return self.stream.stream.newest > -inf and self.since_sample > BRIDGE
+        """True where no sample that the stream took came for so long that a filter would not bridge it,
+        or since a restart from a state on disk."""
+        is_old = self._is_restored or self.since_sample > BRIDGE
+        return self.stream.stream.newest > -inf and is_old
 
     @property
     def status(self) -> int:
