@@ -17,7 +17,7 @@ from recordings import events_of, flight
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.cli.live import dashboard, page_server, terminal
-from strapdown.core.loop.contract import Status
+from strapdown.core.loop.contract import DOUBTFUL, Status
 from strapdown.core.mathematics.rotation import matrix_to_euler
 from strapdown.engine import verdict_process
 from strapdown.geometry.geodesy import displacement
@@ -203,6 +203,18 @@ def test_a_state_without_samples_is_invalid(started, monkeypatch):
             line = terminal.one_line_view(shown)
             assert f"20.00 s ({shown['utc']}): invalid, no sample for {since:.0f} s; " in line
     assert Status(started.stream.status).name == "VALID"  # at its own time
+
+
+def test_a_doubtful_state_names_an_event_of_the_filter(started, monkeypatch):
+    monkeypatch.setattr(sd.Live, "status", DOUBTFUL)
+    monkeypatch.setattr(sd.Live, "since_sample", 0.0)
+    event = (1.0, "GNSS position: rejected")
+    monkeypatch.setattr(type(started.stream), "events", [event])
+    started.watch().hear(2.0, "ports open: udp:1")
+    monkeypatch.setattr(started.watch(), "_due", 0.0)
+    started.turn()
+    reason = started.watch().since(0)[1]["reason"]
+    assert reason == f"something contradicts the state; the newest event: {event[1]}"
 
 
 def test_events_are_the_numbers_of_the_filter(started):

@@ -125,7 +125,6 @@ class Dashboard:
         self._passed_step = TRACK_STEP
         self._due = self._slow_due = -inf
         self._tested_until, self._alignments = -inf, 0
-        self._newest_event = ""
         self._verdict: SpanVerdict | None = None
         self._verdicts = NumberedEntries(1)
 
@@ -134,7 +133,6 @@ class Dashboard:
     def hear(self, t: float, text: str) -> None:
         """Take an event."""
         with self.changed:
-            self._newest_event = text
             self._events.add(self.number + 1, t, text)
 
     def pass_by(self, stream: LiveStream) -> None:
@@ -210,8 +208,8 @@ class Dashboard:
             return f"no sample for {live.since_sample:.0f} s"
         if waits := live.stream.waits_for:
             return f"waits for {waits}"
-        event = live.status == DOUBTFUL and self._newest_event
-        return REASONS[live.status] + (f"; the newest event: {event}" if event else "")
+        events = live.stream.events if live.status == DOUBTFUL else []
+        return REASONS[live.status] + (f"; the newest event: {events[-1][1]}" if events else "")
 
     def _look_at_tests(self, live: "Live") -> None:
         if live.stream.alignments != self._alignments:
