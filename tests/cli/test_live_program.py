@@ -1001,6 +1001,22 @@ def test_samples_that_are_dropped_keep_no_state_valid(change, tmp_path, monkeypa
     live.close()
 
 
+def test_a_callback_that_raises_ends_nothing(tmp_path):
+    calls = []
+
+    def callback(t, text):
+        calls.append(text)
+        raise RuntimeError("no disk")
+
+    with sd.Live(config(tmp_path, {"port": "serial:/dev/none:9600"}), on_event=callback) as live:
+        shown = live.watch()
+        live.turn()
+        live.turn()
+    said = "on_event raised RuntimeError: no disk; the callback is not called again"
+    assert len(calls) == 1 and [text for _, text in live.stream.events] == [said]
+    assert said in [text for _, text in shown.since(0)[1]["events"]]
+
+
 def test_a_state_of_before_the_first_sample_goes_on(tmp_path):
     state, said = tmp_path / "state", []
     asked = config(tmp_path, {"port": f"udp:{free_port()}"}, state=str(state))

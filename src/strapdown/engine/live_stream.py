@@ -394,8 +394,13 @@ class LiveStream:
             self._on_event(t, text)
         except Exception as error:
             self._is_deaf = True
-            said = f"on_event raised {one_line(error)}; the callback is not called again"
-            self._past.append((t, said))
+            self.note_deaf(t, error)
+
+    def note_deaf(self, t: float, error: Exception) -> str:
+        """Add to the `events` that a callback raised an exception, and return the text."""
+        said = f"on_event raised {one_line(error)}; the callback is not called again"
+        self._past.append((t, said))
+        return said
 
     def _tell_silence(self) -> None:
         """Report sources that have fallen silent since the last look, and those that came back."""

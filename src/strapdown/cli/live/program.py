@@ -661,8 +661,13 @@ class Live:
     def _hear(self, t: float, text: str) -> None:
         if self._dashboard is not None:
             self._dashboard.hear(t, text)
-        if self._on_event is not None:
+        if self._on_event is None:
+            return
+        try:
             self._on_event(t, text)
+        except Exception as error:
+            self._on_event = None
+            self._hear(t, self.stream.note_deaf(t, error))
 
     @property
     def verdict(self) -> SpanVerdict | None:
