@@ -1044,7 +1044,8 @@ def test_the_command_says_clocks_as_the_page_does(tmp_path, command):
 def test_it_says_once_which_ports_are_open(tmp_path):
     """From then on no datagram is lost."""
     ports, said = [f"udp:127.0.0.1:{free_port()}" for _ in range(2)], []
-    inputs = [{"port": port} for port in (*ports, f"file:{tmp_path}/none")]
+    pending = "tcp:10.255.255.1:7001"
+    inputs = [{"port": port} for port in (*ports, f"file:{tmp_path}/none", pending)]
     live = sd.Live(config(tmp_path, *inputs), on_event=lambda t, text: said.append(text))
     assert said == []
     live.turn()

@@ -535,9 +535,10 @@ class Live:
         return [each for each in found if each.port.address.kind == "file"]
 
     def _tell_open_ports(self) -> None:
-        """Report that what is sent from now on is read."""
+        """Report that what is sent from now on is read; a connection is still being made."""
         inputs = [each.port for each in self.inputs if isinstance(each, _Bytes)]
-        if names := [str(port.address) for port in inputs if not port.error]:
+        opened = [each.address for each in inputs if not each.error and each.address.kind != "tcp"]
+        if names := [str(address) for address in opened]:
             self._tell(f"ports open: {', '.join(names)}")
 
     def _look_at_ports(self) -> None:
