@@ -160,9 +160,9 @@ DASH = '[[output]]\nport = "-"\n'
     ],
 )
 def test_standard_output_is_for_one_of_them(more, words, names, command, tmp_path):
-    (tmp_path / "live.toml").write_text(TEXT + more)
+    (tmp_path / "live.toml").write_text('state = "state"\n' + TEXT + more)
     code, out, err = command("live", tmp_path / "live.toml", *words)
-    assert (code, out) == (2, "")
+    assert (code, out) == (2, "") and not (tmp_path / "state").exists()
     assert err == [f"strapdown: {names} both need standard output; leave out one"]
 
 

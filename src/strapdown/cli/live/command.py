@@ -34,6 +34,7 @@ def live(
     """Run a filter on what sensors send now: from UDP, TCP, serial lines, growing files or a recording,
     to ports, a log and a state on disk. It ends after --seconds, at the end of its inputs, and by SIGTERM,
     SIGHUP or Ctrl-C, always with its log and state written."""
+    from .config import config_of
     from .terminal import TerminalView, is_in_place
 
     if seconds is not None:
@@ -41,13 +42,15 @@ def live(
     _set_signals(ENDS, _leave)
     # events stand in the view, which lines on the same terminal would break
     seen = terminal and is_in_place() and sys.stderr.isatty()
-    program = sd.Live(config, on_event=None if seen else _complain, page=page)
+    parts = config_of(config)
+    uses_output = any(part.address.kind == "-" for part in parts.outputs)
+    # a program writes its state when it ends, even where it has done nothing
+    _check_standard_output(terminal, uses_output)
+    program = sd.Live(parts, on_event=None if seen else _complain, page=page)
     told = _end_by_signals(program)
-    uses_output = any(part.address.kind == "-" for part in program.config.outputs)
     # a collection of all that was loaded until now would keep samples waiting
     gc.freeze()
     with program:
-        _check_standard_output(terminal, uses_output)
         try:
             if program.page:
                 _say_error(f"page: {program.page}")

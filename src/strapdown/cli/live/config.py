@@ -89,8 +89,10 @@ class Config(NamedTuple):
     save_every: float  # s
 
 
-def config_of(given: str | Path | Mapping[str, Any]) -> Config:
-    """Return the Config of a file or a table. Raises DataError, which names file and key."""
+def config_of(given: str | Path | Mapping[str, Any] | Config) -> Config:
+    """Return the Config of a file or a table, or itself. Raises DataError, which names file and key."""
+    if isinstance(given, Config):
+        return given
     if isinstance(given, Mapping):
         name, folder, table = "configuration", Path("."), dict(given)
     else:

@@ -385,7 +385,7 @@ class Live:
 
     def __init__(
         self,
-        config: str | Path | Mapping[str, Any],
+        config: str | Path | Mapping[str, Any] | Config,
         on_event: OnEvent | None = None,
         page: int | None = None,
     ) -> None:
