@@ -21,7 +21,7 @@ from recordings import events_of, flight
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.cli.live.config import OutputPart
+from strapdown.cli.live.config import OutputPart, config_of
 from strapdown.cli.live.ports import address_of
 from strapdown.cli.live.program import _StatePort
 from strapdown.data.solution import INVALID
@@ -1222,6 +1222,26 @@ def test_a_folder_that_cannot_be_written_is_refused_at_the_start(key, fault, tmp
             | {key: [{"port": f"file:{path}"}] if key == "output" else path}
         )
     assert path in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("key", ["log", "state", "output"])
+def test_where_a_file_is_there_an_output_needs_that_alone(key, tmp_path, monkeypatch):
+    """The others are made anew in the folder."""
+    path, needed = tmp_path / "file", []
+    path.touch()
+    monkeypatch.setattr(os, "access", lambda place, mode: needed.append(place) or True)
+    given = [{"port": f"file:{path}"}] if key == "output" else str(path)
+    config_of(config(tmp_path, {"port": "-"}) | {"log": ""} | {key: given})
+    assert needed == [path if key == "output" else tmp_path]
+
+
+def test_sources_of_one_name_in_a_recording_are_refused(tmp_path):
+    recording = flight()
+    sources = [replace(a, name="GNSS") for a in recording.sources]
+    sd.write_recording(replace(recording, sources=sources), tmp_path / "flight.nc")
+    part = {"format": "recording", "path": str(tmp_path / "flight.nc")}
+    with pytest.raises(DataError, match="source.. 1 and 2 are both named 'GNSS'"):
+        sd.Live({"input": [part]})
 
 
 def test_killed_at_any_moment_the_log_is_whole_and_the_state_goes_on(tmp_path):

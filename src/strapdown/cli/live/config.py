@@ -109,7 +109,6 @@ def config_of(given: str | Path | Mapping[str, Any] | Config) -> Config:
     sources = tuple(
         _source(part, f"{name}: [[source]] {k}") for k, part in _parts(table, "source", name)
     )
-    _check_names(sources, name)
     recorded = [part.recording for part in inputs if part.recording]
     imu, vehicle = table.get("imu"), table.get("vehicle")
     if recorded and not sources:
@@ -117,6 +116,7 @@ def config_of(given: str | Path | Mapping[str, Any] | Config) -> Config:
         sources = tuple(a._where(np.zeros(len(a.t), bool)) for a in recording.sources)
         imu = imu if imu is not None else recording.meta.get("grade")
         vehicle = vehicle if vehicle is not None else recording.meta.get("vehicle")
+    _check_names(sources, name)
     lag = check_number(table.get("lag", 1.0), f"{name}: lag", "s", least=0)
     found = Config(
         name,
@@ -168,10 +168,10 @@ def _check_files(config: Config) -> None:
                 f"{config.name}: {path} is named twice among log, state, inputs and outputs; write to a "
                 "file of its own"
             )
-        _check_writable(path, config.name)
+        _check_writable(path, config.name, path in outputs)
 
 
-def _check_writable(path: str, name: str) -> None:
+def _check_writable(path: str, name: str, is_appended_to: bool) -> None:
     """Refuse a file that is not there and cannot be made, or cannot be written. Raises DataError."""
     folder, file = Path(path).parent, Path(path)
     if not folder.is_dir():
@@ -179,7 +179,7 @@ def _check_writable(path: str, name: str) -> None:
             f"{name}: {path}: there is no folder {folder}; make it, or name another one"
         )
     # an output is appended to, and the others are made in the folder
-    if not os.access(file if file.exists() and not file.is_file() else folder, os.W_OK):
+    if not os.access(file if is_appended_to and file.exists() else folder, os.W_OK):
         raise DataError(f"{name}: {path} cannot be written there; name another folder")
 
 
