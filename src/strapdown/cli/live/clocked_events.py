@@ -25,17 +25,26 @@ class ClockedEvents:
     ) -> list[Sample | Measurement]:
         """Take events that arrived at a time of this machine, UNIX s, and return those whose times are
         known: when the fastest message would have arrived, less its delay where that is known."""
-        restarts = self.arrivals.restarts
-        own = [event for event in events if self.arrivals.take(event.t, arrived)]
-        self.bad += len(events) - len(own)
-        if self.arrivals.restarts > restarts or len(self._held) > MAX_HELD:
-            self.bad += len(self._held)
-            self._held.clear()
-        self._held += own
+        if len(self._held) > MAX_HELD:
+            self.leave()
+        for event in events:
+            restarts = self.arrivals.restarts
+            is_own = self.arrivals.take(event.t, arrived)
+            if self.arrivals.restarts > restarts:  # what waits has stamps of the clock before
+                self.leave()
+            if is_own:
+                self._held.append(event)
+            else:
+                self.bad += 1
         if not self.arrivals.ready:
             return []
         ready, self._held = self._held, []
         return [each._replace(t=self._time(each)) for each in ready]
+
+    def leave(self) -> None:
+        """Count what waits in vain."""
+        self.bad += len(self._held)
+        self._held.clear()
 
     def _time(self, event: Sample | Measurement) -> float:
         """Return the time of an event in that of the stream; intervals of samples stay sound."""
