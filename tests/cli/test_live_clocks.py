@@ -205,6 +205,7 @@ def test_what_waits_for_a_clock_is_bounded_and_counted(tmp_path, monkeypatch):
         live.turn()
     assert len(live.inputs[0].clocked._held) <= 151 and live.bad >= 30 + 10 * 50 - 151
     live.close()
+    assert live.bad == 30 + 10 * 50
 
 
 def test_a_clock_that_restarts_within_a_batch_gets_no_stamps_of_the_one_before():

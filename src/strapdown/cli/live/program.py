@@ -168,8 +168,12 @@ class _Bytes:
         self.port.resume(Mark(*map(int, place)), lambda: self.decoder.resume(memory))
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the port, and count what waits in vain."""
         self.port.close()
+        if isinstance(self.decoder, ReceiverWithImu):
+            self.decoder.leave()
+        for clocked in filter(None, (self.clocked, self.clocked_imu)):
+            clocked.leave()
 
 
 class _Replayed:
