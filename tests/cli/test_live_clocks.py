@@ -190,6 +190,24 @@ def test_a_single_wrong_stamp_moves_nothing(wrong, first):
     assert clock.restarts == int(first and np.isfinite(wrong))
 
 
+@pytest.mark.parametrize(
+    "stamps, bad, text",
+    [
+        ([*range(300), 9e7], 1, "1 line or piece, the first: a stamp of 900000 s is of another clock"),
+        (range(50), 50, "50 lines or pieces, the first: its clock was not known in time"),
+    ],
+)
+def test_why_stamps_are_of_no_use_is_said(tmp_path, stamps, bad, text):
+    path, said = tmp_path / "lines", []
+    table = {"dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, -0.098]}
+    path.write_text("".join(json.dumps(table | {"t": 0.01 * k}) + "\n" for k in stamps))
+    part = {"port": f"file:{path}", "clock": "arrival"}
+    with sd.Live(config(tmp_path, part), on_event=lambda t, text: said.append(text)) as live:
+        for _ in range(20):
+            live.turn()
+    assert live.bad == bad and f"file:{path}: not read: {text}" in said
+
+
 def test_what_waits_for_a_clock_is_bounded_and_counted(tmp_path, monkeypatch):
     from strapdown.cli.live import clocked_events
 

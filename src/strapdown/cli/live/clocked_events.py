@@ -14,10 +14,11 @@ MAX_HELD = 20_000
 
 class ClockedEvents:
     """Gives events with stamps of a device times by its arrival, or pulses; they wait until its clock is
-    known. `bad` counts those with a stamp of another clock, and those that wait in vain."""
+    known. `bad` counts those with a stamp of another clock, and those that wait in vain; `why` says it of the
+    first."""
 
     def __init__(self, arrivals: ArrivalClock | PulseClock, clock: Clock) -> None:
-        self.arrivals, self.bad = arrivals, 0
+        self.arrivals, self.bad, self.why = arrivals, 0, ""
         self._clock, self._held = clock, list[Sample | Measurement]()
 
     def take(
@@ -36,6 +37,7 @@ class ClockedEvents:
                 self._held.append(event)
             else:
                 self.bad += 1
+                self.why = self.why or f"a stamp of {event.t:.9g} s is of another clock"
         if not self.arrivals.ready:
             return []
         ready, self._held = self._held, []
@@ -43,6 +45,8 @@ class ClockedEvents:
 
     def leave(self) -> None:
         """Count what waits in vain."""
+        if self._held:
+            self.why = self.why or "its clock was not known in time"
         self.bad += len(self._held)
         self._held.clear()
 

@@ -149,6 +149,12 @@ class _Bytes:
         return self.decoder.bad + sum(clocked)
 
     @property
+    def why(self) -> str:
+        """Why the first of these is `bad`."""
+        found = [each.why for each in (self.clocked, self.clocked_imu) if each is not None]
+        return next(filter(None, [self.decoder.why, *found]), "")
+
+    @property
     def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:
         """{port: estimate} of its clocks, that of a receiver's IMU with "IMU" behind the port."""
         own = self.unstamped if self.clocked is None else self.clocked.arrivals
@@ -544,7 +550,7 @@ class Live:
         for each in self.inputs:
             if isinstance(each, _Bytes):
                 self._notices.of_port(each.port, "")
-                self._notices.of_input(each.port, each.decoder, each.bad, each.senders)
+                self._notices.of_input(each.port, each.decoder, each.bad, each.why, each.senders)
                 if each.pulses is not None and each.pulse_clock is not None:
                     self._notices.of_pulses(each.pulses, each.pulse_clock)
                 for clocked in filter(None, (each.clocked, each.clocked_imu)):
