@@ -304,7 +304,7 @@ class _Log:
             self._fail(error)
 
     def _begin(self, stream: Any, config: Config) -> None:
-        self.close()
+        self._leave()
         self._start, path = stream, self._free_path()
         assert stream.start is not None  # it has used a sample
         setup = (stream.start, config.imu, config.vehicle, stream.estimated)
@@ -330,26 +330,37 @@ class _Log:
         self._forced = now
         try:
             self._file.flush()
-            self._forcing.begin(os.fsync, self._file.fileno())
+            self._forcing.begin(_on_disk, self._now, os.fsync, self._file.fileno())
         except OSError as error:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        if self._now in self.cut:  # as when what was left over is written
+        path = Path(getattr(error, "filename", None) or self._now)
+        if path in self.cut:  # as when what was left over is written
             return
-        self.cut[self._now] = why = getattr(error, "strerror", "") or str(error)
-        self._tell(f"log: {self._now}: cannot be written ({why}); it ends here")
-        self.close()
+        self.cut[path] = why = getattr(error, "strerror", "") or str(error)
+        self._tell(f"log: {path}: cannot be written ({why}); it ends here")
+        if path == self._now:
+            self._leave()
 
-    def close(self) -> None:
-        """Close the file."""
-        self._forcing.end()
+    def _leave(self) -> None:
+        """Have the file closed, once what was written is on the disk."""
         file, self._file = self._file, None
         if file is not None:
-            try:
-                file.close()
-            except OSError as error:
-                self._fail(error)
+            self._forcing.begin(_on_disk, self._now, file.close)
+
+    def close(self) -> None:
+        """Close the file, and wait for the disk."""
+        self._leave()
+        self._forcing.end()
+
+
+def _on_disk(path: Path, function: Callable[..., None], *arguments: object) -> None:
+    """Call a function on a file, whose errors name it: the next one may have begun."""
+    try:
+        function(*arguments)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
 def _not_replaced(text: str) -> DataError:
