@@ -174,3 +174,35 @@ def test_a_receiver_of_ten_hertz_starts_it_too(desk):
     velocity = replace(velocity, y=velocity.y * (velocity.t > 10.0)[:, None])
     data = stream(arrivals(replace(fast, sources=(position, velocity)), GPS))
     assert 80 < len(run_desk(desk, data)) < 110
+
+
+def test_a_sample_without_a_time_changes_nothing(desk, flight):
+    """Its infinite clock would keep the time of week of every later fix waiting for ever."""
+    events = arrivals(flight, GPS)
+    at = next(k for k, (t, data) in enumerate(events) if t > 50.0 and data[:1] == b"B")
+    endless = events[at][0], b"S" + struct.pack("<8d", float("inf"), 0.01, *[0.0] * 6)
+    assert run_desk(desk, stream([*events[:at], endless, *events[at:]])) == (
+        run_desk(desk, stream(events))
+    )
+
+
+def without_fix(frame):
+    """A UBX-NAV-PVT that tells the time, and that there is no fix."""
+    body = bytearray(frame[2:-2])
+    body[4 + 20] = 0
+    first = second = 0
+    for byte in body:
+        first = (first + byte) % 256
+        second = (second + first) % 256
+    return frame[:2] + bytes(body) + bytes([first, second])
+
+
+def test_nothing_is_said_after_a_restart_before_a_fix_has_told_utc(desk, flight, tmp_path):
+    messages = fixes(flight, GPS)
+    at = messages[200][0]
+    lost = [(t, without_fix(data) if at < t < at + 5.0 else data) for t, data in messages]
+    first, second, _ = restarted(arrivals(flight, GPS, lost), at)
+    run_desk(desk, stream(first), tmp_path / "state")
+    lines = run_desk(desk, stream(second), tmp_path / "state")
+    moments = [line.split(b",")[1] for line in lines if line[3:6] == b"GGA"]
+    assert moments and moments == sorted(moments)  # GPS time would be ahead by 18 s

@@ -260,7 +260,7 @@ static void keep_time(const pvt_fix *fix)
 static strapdown_delayed nav;
 static int runs;               /* 1: the filter has begun */
 static pvt_fix last;           /* of the receiver */
-static double taken;           /* s: when the last fix holds that the filter took */
+static double taken;           /* s: when the last fix holds that the filter was given */
 static double force[3], spent; /* m/s, s: specific force summed up to begin with */
 static double said;            /* when a sentence was sent last, in 1 / RATE s */
 static int place;              /* where the state is saved next */
@@ -296,7 +296,8 @@ static void send_newest(double t)
     double due = floor(t * RATE + 0.01), utc = last.utc + (t - last.t);
     int used = row[STRAPDOWN_ROW_STATUS] <= STRAPDOWN_BRIDGED;
     int quality = !used ? 0 : t - taken < 2.0 ? 1 : 6;
-    if (due == said)
+    /* after a restart UTC and the geoid are those of the next fix */
+    if (due == said || !last.fixed)
         return;
     said = due;
     send_gga(row, utc, &last, quality);
@@ -305,6 +306,8 @@ static void send_newest(double t)
 
 void loop_sample(double clock, double dt, const double dtheta[3], const double dv[3])
 {
+    if (!isfinite(clock))
+        return;
     now = clock;
     if (!runs) {
         spent += dt;
