@@ -193,7 +193,11 @@ def test_a_single_wrong_stamp_moves_nothing(wrong, first):
 @pytest.mark.parametrize(
     "stamps, bad, text",
     [
-        ([*range(300), 9e7], 1, "1 line or piece, the first: a stamp of 900000 s is of another clock"),
+        (
+            [*range(300), 9e7],
+            1,
+            "1 line or piece, the first: a stamp of 900000 s is of another clock",
+        ),
         (range(50), 50, "50 lines or pieces, the first: its clock was not known in time"),
     ],
 )

@@ -59,9 +59,7 @@ class Notices:
             self._failing.remove(id(port))
             self._tell(f"{port.address}: goes on{lost}")
 
-    def of_input(
-        self, port: Port, decoder: Decoder, bad: int, why: str, senders: Senders
-    ) -> None:
+    def of_input(self, port: Port, decoder: Decoder, bad: int, why: str, senders: Senders) -> None:
         """Tell that some of an input cannot be read or is missing, that it has two senders, and the news
         of its decoder."""
         self._all(port, decoder.news)
