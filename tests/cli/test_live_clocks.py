@@ -20,6 +20,7 @@ pytestmark = pytest.mark.short
 
 LEAST = 0.002
 """s, the smallest delay."""
+ZERO = 0.0, 0.0, 0.0
 
 
 def stamped(seconds, rate=100.0, offset=5000.0, drift=40e-6, jitter=0.004, seed=1):
@@ -189,6 +190,28 @@ def test_a_single_wrong_stamp_moves_nothing(wrong, first):
     assert clock.restarts == int(first and np.isfinite(wrong))
 
 
+@pytest.mark.parametrize(
+    "stamps, bad, text",
+    [
+        (
+            [*range(300), 9e7],
+            1,
+            "1 line or piece, the first: a stamp of 900000 s is of another clock",
+        ),
+        (range(50), 50, "50 lines or pieces, the first: its clock was not known in time"),
+    ],
+)
+def test_why_stamps_are_of_no_use_is_said(tmp_path, stamps, bad, text):
+    path, said = tmp_path / "lines", []
+    table = {"dt": 0.01, "dtheta": [0, 0, 0], "dv": [0, 0, -0.098]}
+    path.write_text("".join(json.dumps(table | {"t": 0.01 * k}) + "\n" for k in stamps))
+    part = {"port": f"file:{path}", "clock": "arrival"}
+    with sd.Live(config(tmp_path, part), on_event=lambda t, text: said.append(text)) as live:
+        for _ in range(20):
+            live.turn()
+    assert live.bad == bad and f"file:{path}: not read: {text}" in said
+
+
 def test_what_waits_for_a_clock_is_bounded_and_counted(tmp_path, monkeypatch):
     from strapdown.cli.live import clocked_events
 
@@ -204,6 +227,21 @@ def test_what_waits_for_a_clock_is_bounded_and_counted(tmp_path, monkeypatch):
         live.turn()
     assert len(live.inputs[0].clocked._held) <= 151 and live.bad >= 30 + 10 * 50 - 151
     live.close()
+    assert live.bad == 30 + 10 * 50
+
+
+def test_a_clock_that_restarts_within_a_batch_gets_no_stamps_of_the_one_before():
+    events = ClockedEvents(ArrivalClock(), Clock())
+    for k in range(200):
+        events.take([Sample(1000 + 0.01 * k, 0.01, ZERO, ZERO)], 1.7e9 + 0.01 * k)
+    stamps = [1002.0, 0.0, 0.01]
+    assert not events.take([Sample(t, 0.01, ZERO, ZERO) for t in stamps], 1.7e9 + 2.0)
+    assert events.bad == 2  # that of the clock before, and the first one of the new clock
+    found = []
+    for k in range(2, 150):
+        found += events.take([Sample(0.01 * k, 0.01, ZERO, ZERO)], 1.7e9 + 1.99 + 0.01 * k)
+    assert len(found) == 149
+    assert max(abs(np.diff([each.t for each in found]) - 0.01)) < 1e-4
 
 
 def test_a_latency_is_taken_off():

@@ -1054,7 +1054,7 @@ def test_it_says_once_which_ports_are_open(tmp_path):
         sender.sendto(json_lines(flight())[0], ("127.0.0.1", int(ports[0].split(":")[2])))
     turn_until(live, lambda: live.stream.stream.newest > 0)
     live.close()
-    assert sum("open" in text for text in said) == 1
+    assert sum(text.startswith("ports open") for text in said) == 1
 
 
 def test_an_output_that_fails_is_said_until_it_goes_on(tmp_path, monkeypatch):

@@ -339,6 +339,13 @@ def test_a_file_that_is_none_or_goes_is_tried_again(pulses, times, tmp_path):
     assert pulses(2) is None and pulses(3) is not None and not pulses.file.error
 
 
+def test_messages_that_come_earlier_are_told():
+    receiver, clock = Receiver(60.0), PulseClock(0.0, Clock(0.0))
+    arrived = receiver.arrived + 0.5 * (receiver.stamps < 430.0)
+    receiver.run(clock, pulses=np.empty(0), arrived=arrived)
+    assert sum("earlier than all before" in text for text in clock.news) == 1
+
+
 # ---- the program
 
 
@@ -427,7 +434,7 @@ def test_events_of_pulses_are_told_once(tmp_path, monkeypatch):
     assert sum("off the second are left out" in text for text in said) == 1
     assert sum("pulses came between two looks" in text for text in said) == 1
     assert sum("the system clock stepped by -5 s" in text for text in said) == 1
-    assert len(said) == 4 and sum("pulses count; messages come" in text for text in said) == 1
+    assert len(said) == 3 and sum("pulses count; messages come" in text for text in events) == 1
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,36 @@ def test_the_disk_keeps_no_sample_waiting(replayed, tmp_path, monkeypatch):
     assert sd.read(log).imu.t[-1] == live.stream.t
 
 
+@pytest.mark.parametrize("error", [None, OSError(5, "Input/output error")])
+def test_the_next_log_does_not_wait_for_the_one_before(replayed, tmp_path, monkeypatch, error):
+    """An error of the one before is told of it, and the next one goes on."""
+    free, said = threading.Event(), []
+
+    def fsync(number):
+        assert free.wait(30.0)
+        if error:
+            raise error
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(program, "FLUSH", 0.0)
+    live = replayed(said, log=str(tmp_path / "log.jsonl"), lag=0.0)
+    while live.turn():
+        pass
+    live._log._start = None  # as after a new alignment
+    live._use(sd.Sample(30.0, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, -0.49)), [])
+    assert not free.is_set()
+    free.set()
+    monkeypatch.setattr(os, "fsync", lambda number: None)
+    live.close()
+    first, second = live.logs
+    assert [sd.read(path).imu.t[-1] for path in live.logs] == [20.0, 30.0]
+    assert live.cut_logs == ({str(first): "Input/output error"} if error else {})
+    assert [text for text in said if text.startswith("log: ")] == [
+        f"log: {path}: cannot be written ({why}); it ends here"
+        for path, why in live.cut_logs.items()
+    ]
+
+
 def test_a_disk_that_fails_ends_the_log_and_is_said_once(replayed, tmp_path, monkeypatch):
     def fsync(number):
         raise OSError(28, "No space left on device")

@@ -209,6 +209,14 @@ def test_a_clock_that_begins_anew(times):
     assert np.allclose(dtheta[:, 0], 0.01 * rate) and reader.bad == 0
 
 
+def test_what_waits_for_the_rate_of_its_clock_is_counted(times):
+    data = written_ubx.esf_raw(10 * np.arange(20), *np.split(counts(20), 2, axis=1)).tobytes()
+    reader, samples, _ = sent(times, data, "ESF-RAW", 64, 0.5)
+    assert not samples and reader.bad == 0
+    reader.leave()
+    assert reader.bad == 20 * 6 and reader.why
+
+
 # ---- faults
 
 
@@ -223,6 +231,8 @@ def test_axes_that_are_missing_are_counted(times):
     assert len(samples) == 99 and reader.bad == 100
     reader, *_ = sent(times, without_z.tobytes(), "ESF-MEAS", 64, 2.0)
     assert reader.bad == 84 and len(reader._imu._gyro._open) == receiver_imu.MAX_OPEN
+    reader.leave()
+    assert reader.bad == 100 and reader.why
 
 
 def test_messages_that_come_again_or_late_are_counted(times):
@@ -239,6 +249,8 @@ def test_a_gyro_without_an_accelerometer_is_told(times):
     data = written_ubx.esf_meas(10 * np.arange(n), KINDS[:3], counts(n)[:, :3]).tobytes()
     reader, samples, _ = sent(times, data, "ESF-MEAS", 640, 10.0)
     assert not samples and reader.bad == 49 and "no accelerometer" in reader.why
+    reader.leave()
+    assert reader.bad == n - 1
 
 
 def test_an_accelerometer_with_a_gap_costs_the_samples_there(times, tmp_path):

@@ -47,6 +47,17 @@ def test_it_starts_by_itself_and_nothing_is_lost(lag):
     assert sum(stream.dropped_by.values()) == given - used
 
 
+def test_fixes_of_no_use_are_not_counted_before_the_start():
+    """An attitude filter uses no position, and a buffer of 100 samples forgets 50 at a time."""
+    recording = flight()
+    stream = sd.Stream("attitude-mekf", sources=recording.sources, imu="tactical", history=100)
+    for event in events_of(recording):
+        stream.step(event)
+    assert {why: count for why, count in stream.dropped_by.items() if count} == {
+        "before the start": 100
+    }
+
+
 def test_the_source_of_the_heading_need_not_be_one_of_the_filter():
     hand = sd.simulate("hand-held", seed=3, duration=15.0)
     stream = Stream("attitude-mekf", imu="consumer", sources=hand.sources)

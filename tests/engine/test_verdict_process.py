@@ -1,11 +1,14 @@
 """Verdicts of another process: the same as the stream's own, of the span that they name; a process that dies
 or hangs, a history that moves and a program that is killed end in a message, never in the filter."""
 
+import gc
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import weakref
 from dataclasses import replace
 from math import inf
 
@@ -140,7 +143,10 @@ def test_a_process_that_hangs_never_keeps_the_stream_waiting(code, stream, proce
     assert process.error == "its process did not answer within 0.01 s" and process._process is None
 
 
-@pytest.mark.parametrize("answer", ["", "no JSON", '{"error": "a fault"}'])
+@pytest.mark.parametrize(
+    "answer",
+    ["", "no JSON", '{"error": "a fault"}', "3", '{"verdict": {}}', '{"verdict": {"word": "x"}}'],
+)
 def test_what_is_no_verdict_is_none(answer, stream, process, monkeypatch):
     code = f"import sys; print({answer!r}, flush=True); sys.stdin.read()"
     monkeypatch.setattr(verdict_process, "start_process", lambda module: silent_process(code))
@@ -164,7 +170,7 @@ def test_a_history_that_has_moved_is_not_judged(process):
     stream = fed(flight(), history=400)
     job = verdict_process._job(stream, time.monotonic())
     assert job.is_whole()
-    process._stream, process._given = stream, job.taken
+    process._stream, process._given = (lambda: stream), job.taken
     for event in events_of(flight(30.0)):
         if event.t > 20.0:
             stream.step(event)
@@ -173,6 +179,42 @@ def test_a_history_that_has_moved_is_not_judged(process):
     assert (process.newest, process.error) == (None, "")
     assert process._due == job.taken + verdict_process.AGAIN
     assert judged(process, stream).verdict == stream.verdict
+
+
+def test_what_is_handed_over_stays_as_it_was():
+    """Steps while the thread writes it."""
+    stream = fed(flight())
+    job = verdict_process._job(stream, time.monotonic())
+    before = [bytes(part) for part in job.parts]
+    for event in events_of(flight(30.0)):
+        if event.t > 20.0:
+            stream.step(event)
+    assert job.is_whole() and [bytes(part) for part in job.parts] == before
+
+
+def test_no_stream_is_kept_while_nobody_looks(process):
+    stream = sd.Stream("closed-loop", imu="tactical")
+    process.look(stream)
+    kept = weakref.ref(stream)
+    del stream
+    gc.collect()
+    assert kept() is None
+
+
+def test_looking_does_not_wait_for_a_process_that_starts(stream, process, monkeypatch):
+    starts, goes_on = threading.Event(), threading.Event()
+
+    def start(module):
+        starts.set()
+        assert goes_on.wait(LATE)
+        raise OSError
+
+    monkeypatch.setattr(verdict_process, "start_process", start)
+    process.look(stream)
+    assert starts.wait(LATE) and process._lock.acquire(blocking=False)
+    process._lock.release()
+    goes_on.set()
+    until(lambda: process._given == inf)
 
 
 def test_the_last_byte_tells_whether_it_has_moved(stream, monkeypatch):
@@ -199,7 +241,7 @@ def test_a_verdict_on_an_earlier_stream_is_dropped(stream, process):
     process.look(other := sd.Stream("closed-loop", imu="tactical"))
     assert newest is not None and process.newest is None
     process._serve(job)  # which was on its way
-    assert process.newest is None and process._stream is other and process._due == -inf
+    assert process.newest is None and process._stream() is other and process._due == -inf
 
 
 def test_closing_ends_process_and_thread_while_they_work(stream):

@@ -47,7 +47,7 @@ class Gathering:
         self._within, self._most, self._meta = within, most, meta
         self._first = self._due = np.inf
         self.found = ""  # what the last attempt lacked
-        self.forgotten = 0  # samples and fixes that were more than it keeps
+        self.forgotten: list[Sample | UsableFix] = []  # more than it keeps
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
         """Keep one sample and the fixes up to its end; return True when it is time to try a
@@ -93,11 +93,11 @@ class Gathering:
         self.found = str(saved["found"])
 
     def _forget(self) -> None:
-        before = len(self.samples) + len(self.fixes)
-        self.samples = self.samples[len(self.samples) // 2 :]
-        begin = self.samples[0].t
+        half = len(self.samples) // 2
+        begin = self.samples[half].t
+        self.forgotten = [*self.samples[:half], *(fix for fix in self.fixes if fix.t < begin)]
+        self.samples = self.samples[half:]
         self.fixes = [fix for fix in self.fixes if fix.t >= begin]
-        self.forgotten = before - len(self.samples) - len(self.fixes)
 
     @property
     def late(self) -> bool:

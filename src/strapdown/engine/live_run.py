@@ -384,7 +384,7 @@ class LiveRun:
             self.start,
             self.noise,
             self.spec,
-            self.belief,
+            self.copy(),
             fixes,
             self.cursor,
             results,

@@ -435,8 +435,10 @@ class Stream:
         gathered = self._gathered
         self._late, self._late_fix = sample[0], sample[0] - SAME_TIME
         is_due = gathered.take(sample, fixes)
-        self._notifier.dropped_by["before the start"] += gathered.forgotten
-        gathered.forgotten = 0
+        self._notifier.dropped_by["before the start"] += sum(
+            isinstance(each, Sample) or self._is_own(each) for each in gathered.forgotten
+        )
+        gathered.forgotten = []
         if not is_due:
             return
         try:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from math import inf
@@ -31,7 +32,7 @@ AFTER_FAILURE = 120.0
 LIMIT = 300.0
 """s after which a process that does not answer is ended."""
 IDLE = 300.0
-"""s without work after which the process is ended; its modules take some 200 MB."""
+"""s without work after which the process is ended, which frees the memory of its modules."""
 NICE = 10
 """Steps by which its priority is lower, on POSIX."""
 WHOLE, TORN = b"w", b"t"
@@ -98,7 +99,8 @@ class VerdictProcess:
         self.newest: SpanVerdict | None = None
         self.error = ""
         self._every, self._due, self._given = every, -inf, inf
-        self._stream: Stream | None = None
+        # it keeps no stream alive while nobody looks
+        self._stream: Callable[[], Stream | None] = lambda: None
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._lock, self._closed = threading.Lock(), False
         self._thread: threading.Thread | None = None
@@ -109,9 +111,9 @@ class VerdictProcess:
     def look(self, stream: Stream) -> None:
         """Hand the history of a stream over where a verdict is due. It never waits and never raises."""
         now = time.monotonic()
-        if stream is not self._stream:
+        if stream is not self._stream():
             with self._lock:
-                self._stream, self.newest, self._due = stream, None, -inf
+                self._stream, self.newest, self._due = weakref.ref(stream), None, -inf
         if self._given < inf:
             if now > self._given + LIMIT:
                 self._kill()
@@ -161,29 +163,34 @@ class VerdictProcess:
 
     def _serve(self, job: _Job) -> None:
         """Have a history judged, and keep the verdict or why there is none."""
+        wait, found, failure = AFTER_FAILURE, None, ""
         try:
             answer = self._ask(job)
+            failure = answer.get("error", "")
+            if "torn" in answer:
+                wait = AGAIN
+            elif "verdict" in answer:
+                verdict, seconds = Verdict.from_dict(answer["verdict"]), float(answer["seconds"])
+                wait = max(self._every, seconds / SHARE)
+                found = SpanVerdict(verdict, job.start, job.stop, job.taken, seconds)
         except (OSError, ValueError):  # ValueError: no whole line
-            answer = {"error": self._end()}
-        wait, found = AFTER_FAILURE, None
-        if "torn" in answer:
-            wait = AGAIN
-        elif "verdict" in answer:
-            verdict, seconds = Verdict.from_dict(answer["verdict"]), float(answer["seconds"])
-            wait = max(self._every, seconds / SHARE)
-            found = SpanVerdict(verdict, job.start, job.stop, job.taken, seconds)
+            failure = self._end()
+        except Exception as error:  # what is no verdict
+            self._end()
+            failure = one_line(error)
         with self._lock:
-            if job.stream is self._stream:  # no other one has begun meanwhile
+            if job.stream is self._stream():  # no other one has begun meanwhile
                 self.newest, self._due = found or self.newest, job.taken + wait
-            self.error, self._given = answer.get("error", ""), inf
+            self.error, self._given = failure, inf
 
     def _ask(self, job: _Job) -> dict[str, Any]:
         """Return what the other process answers. Raises OSError and ValueError where it cannot be started
         or has ended."""
+        process = self._process or start_process(__name__)  # without the lock: that takes long
         with self._lock:
-            if self._closed:
-                raise OSError("closed")
-            self._process = process = self._process or start_process(__name__)
+            self._process, is_closed = process, self._closed
+        if is_closed:
+            raise OSError("closed")
         assert process.stdin and process.stdout
         pickle.dump([len(part) for part in job.parts], process.stdin)
         for part in job.parts:

@@ -59,13 +59,14 @@ class Notices:
             self._failing.remove(id(port))
             self._tell(f"{port.address}: goes on{lost}")
 
-    def of_input(self, port: Port, decoder: Decoder, bad: int, senders: Senders) -> None:
+    def of_input(self, port: Port, decoder: Decoder, bad: int, why: str, senders: Senders) -> None:
         """Tell that some of an input cannot be read or is missing, that it has two senders, and the news
         of its decoder."""
         self._all(port, decoder.news)
         if bad:
-            why = f", the first: {decoder.why}" if decoder.why else ""
-            self._once(port, "unread", f"not read: {bad} lines or pieces{why}")
+            first = f", the first: {why}" if why else ""
+            pieces = "1 line or piece" if bad == 1 else f"{bad} lines or pieces"
+            self._once(port, "unread", f"not read: {pieces}{first}")
         if port.missed:
             self._once(
                 port,
@@ -83,7 +84,6 @@ class Notices:
     def of_pulses(self, file: PulseFile, clock: PulseClock) -> None:
         """Tell of the pulses of a receiver."""
         self.of_port(file, "")
-        self._all(file, clock.news)
         if clock.left_out:
             text = f"{count_text(clock.left_out, 'pulse')} off the second are left out"
             self._once(file, "left out", text)

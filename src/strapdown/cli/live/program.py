@@ -149,6 +149,12 @@ class _Bytes:
         return self.decoder.bad + sum(clocked)
 
     @property
+    def why(self) -> str:
+        """Why the first of these is `bad`."""
+        found = [each.why for each in (self.clocked, self.clocked_imu) if each is not None]
+        return next(filter(None, [self.decoder.why, *found]), "")
+
+    @property
     def clocks(self) -> dict[str, ClockEstimate | PulseEstimate | ArrivalIntervals]:
         """{port: estimate} of its clocks, that of a receiver's IMU with "IMU" behind the port."""
         own = self.unstamped if self.clocked is None else self.clocked.arrivals
@@ -168,8 +174,12 @@ class _Bytes:
         self.port.resume(Mark(*map(int, place)), lambda: self.decoder.resume(memory))
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the port, and count what waits in vain."""
         self.port.close()
+        if isinstance(self.decoder, ReceiverWithImu):
+            self.decoder.leave()
+        for clocked in filter(None, (self.clocked, self.clocked_imu)):
+            clocked.leave()
 
 
 class _Replayed:
@@ -294,7 +304,7 @@ class _Log:
             self._fail(error)
 
     def _begin(self, stream: Any, config: Config) -> None:
-        self.close()
+        self._leave()
         self._start, path = stream, self._free_path()
         assert stream.start is not None  # it has used a sample
         setup = (stream.start, config.imu, config.vehicle, stream.estimated)
@@ -320,26 +330,37 @@ class _Log:
         self._forced = now
         try:
             self._file.flush()
-            self._forcing.begin(os.fsync, self._file.fileno())
+            self._forcing.begin(_on_disk, self._now, os.fsync, self._file.fileno())
         except OSError as error:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        if self._now in self.cut:  # as when what was left over is written
+        path = Path(getattr(error, "filename", None) or self._now)
+        if path in self.cut:  # as when what was left over is written
             return
-        self.cut[self._now] = why = getattr(error, "strerror", "") or str(error)
-        self._tell(f"log: {self._now}: cannot be written ({why}); it ends here")
-        self.close()
+        self.cut[path] = why = getattr(error, "strerror", "") or str(error)
+        self._tell(f"log: {path}: cannot be written ({why}); it ends here")
+        if path == self._now:
+            self._leave()
 
-    def close(self) -> None:
-        """Close the file."""
-        self._forcing.end()
+    def _leave(self) -> None:
+        """Have the file closed, once what was written is on the disk."""
         file, self._file = self._file, None
         if file is not None:
-            try:
-                file.close()
-            except OSError as error:
-                self._fail(error)
+            self._forcing.begin(_on_disk, self._now, file.close)
+
+    def close(self) -> None:
+        """Close the file, and wait for the disk."""
+        self._leave()
+        self._forcing.end()
+
+
+def _on_disk(path: Path, function: Callable[..., None], *arguments: object) -> None:
+    """Call a function on a file, whose errors name it: the next one may have begun."""
+    try:
+        function(*arguments)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
 def _not_replaced(text: str) -> DataError:
@@ -546,7 +567,7 @@ class Live:
         for each in self.inputs:
             if isinstance(each, _Bytes):
                 self._notices.of_port(each.port, "")
-                self._notices.of_input(each.port, each.decoder, each.bad, each.senders)
+                self._notices.of_input(each.port, each.decoder, each.bad, each.why, each.senders)
                 if each.pulses is not None and each.pulse_clock is not None:
                     self._notices.of_pulses(each.pulses, each.pulse_clock)
                 for clocked in filter(None, (each.clocked, each.clocked_imu)):

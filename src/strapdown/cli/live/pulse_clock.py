@@ -96,7 +96,10 @@ class PulseClock:
     def take(self, stamp: float, arrived: float) -> bool:
         """Take a message as `ArrivalClock` does."""
         restarts = self._messages.restarts
-        if not self._messages.take(stamp, arrived):
+        is_own = self._messages.take(stamp, arrived)
+        self.news += self._messages.news
+        self._messages.news.clear()
+        if not is_own:
             return False
         if self._messages.restarts > restarts:
             self.counts = False

@@ -92,10 +92,10 @@ class _Triad:
         self._last = -math.inf
         self.late = 0  # axes, or samples, that came late or whose others did not come
 
-    def begin(self) -> None:
-        """Take tags of a clock that began anew."""
-        self._open.clear()
-        self._last = -math.inf
+    def begin(self) -> int:
+        """Take tags of a clock that began anew, and return the number of samples that stay without axes."""
+        waited, self._open, self._last = len(self._open), {}, -math.inf
+        return waited
 
     def take(self, tag: int, kind: int, count: int, tick: float) -> _Increment | None:
         """Take a measurement, and return the increment that it completes."""
@@ -178,12 +178,19 @@ class ReceiverImu:
         whole = self._newest[1] + int(tags[1] - tags[0])
         if pieces[-1]:
             whole = tag
-            for each in (self._gyro, self._accel):
-                each.begin()
-            self._turns.clear()
-            self._forces.clear()
+            self.leave()
         self._newest = tag, whole
         return whole
+
+    def leave(self) -> None:
+        """Count what waits in vain, where the clock began anew or nothing more comes."""
+        waited = len(self._held) + len(self._turns) + self._gyro.begin() + self._accel.begin()
+        self._held.clear()
+        self._turns.clear()
+        self._forces.clear()
+        self.bad += waited
+        if waited:
+            self.why = self.why or "what belongs to it did not come any more"
 
     def _measure(self, tag: int, kind: int, count: int) -> None:
         of_gyro = kind in GYRO
@@ -279,6 +286,11 @@ class ReceiverWithImu(Decoder):
         found = self._gnss.end()
         self._count()
         return found
+
+    def leave(self) -> None:
+        """Count what waits in vain, where nothing more comes."""
+        self._imu.leave()
+        self._count()
 
     def _count(self) -> None:
         for each in (self._gnss, self._imu):
