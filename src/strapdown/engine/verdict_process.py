@@ -1,4 +1,4 @@
-"""Verdicts on a stream that goes on, made by another process: the stream loses less than a millisecond to
+"""Verdicts on a stream that goes on, made by another process: the stream loses about a millisecond to
 hand its history over, and a thread writes it to that process while the stream goes on."""
 
 import json
